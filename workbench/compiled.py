@@ -37,6 +37,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _kept(function, {"_nrt": False})
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """As `kernel`, for a function that is to become a part of those that call it.
+
+    A call hands over seven numbers for each array, and hides from the caller which of them stay.
+    """
+    return _kept(function, {"_nrt": False, "inline": "always"})
+
+
 def unchecked(function: Callable[..., Any]) -> Any:
     """As `compiled`, where a division by zero gives what it gives in NumPy, and is not looked for.
 

@@ -123,15 +123,15 @@ def alone(controller: Controller, measurements: int) -> Cascade:
 class Slots(NamedTuple):
     """Arrays of a cascade for the compiled loop, with an entry for each of `SLOTS` parts.
 
-    Entries behind the last part are idle. The states are copies.
+    Entries behind the last part are empty. The states are copies.
 
     steps       compiled steps;
     states      states, which the loop changes;
     parameters  parameters of the steps;
-    wires       for each input of a part its place in the row of signals;
-    given       space for the inputs;
-    told        space for the outputs;
-    places      place of the first output in the row of signals.
+    wires       for each input of a part its place in the row of signals; none if the inputs are
+                neighbours there;
+    given       space for the inputs, or that piece of the row;
+    told        piece of the row for the outputs.
     """
 
     steps: tuple[Any, ...]
@@ -140,13 +140,12 @@ class Slots(NamedTuple):
     wires: tuple[IntegerArray, ...]
     given: tuple[RealArray, ...]
     told: tuple[RealArray, ...]
-    places: IntegerArray
 
 
-def slots(cascade: Cascade, memory: dict[str, RealArray]) -> Slots:
+def slots(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> Slots:
     """Slots of a cascade; a part whose name is in `memory` continues from the state stored there.
 
-    Raises InputError if the numbers of states differ.
+    The parts read and write the row (S,) of a sample's signals. Raises InputError if the numbers of states differ.
     """
     names, place = cascade.signals, len(cascade.measurements) + len(cascade.previous)
     rows: list[tuple[Any, ...]] = []
@@ -163,17 +162,17 @@ def slots(cascade: Cascade, memory: dict[str, RealArray]) -> Slots:
             state[: before.size] = before
         if not law.plain:
             law.step.compile(pointer(4).signature)
-        from_where = np.array([names.index(name) for name in part.given], np.int64)
-        desk = np.zeros(len(part.given)), np.zeros(law.outputs)
-        rows.append((law.step, state, _vector(law.parameters), from_where, *desk, place))
+        wires = np.array([names.index(name) for name in part.given], np.int64)
+        given, told = np.zeros(len(wires)), row[place : place + law.outputs]
+        if len(wires) and (np.diff(wires) == 1).all():
+            given, wires = row[wires[0] : wires[-1] + 1], wires[:0]
+        rows.append((law.step, state, _vector(law.parameters), wires, given, told))
         place += law.outputs
     spare = idle(0)
     spare.step.compile(pointer(4).signature)
     none = np.zeros(0)
-    rows += [(spare.step, none, none, np.zeros(0, np.int64), none, none, 0)] * (SLOTS - len(rows))
-    columns: list[tuple[Any, ...]] = list(zip(*rows, strict=True))
-    steps, states, parameters, wires, given, told, places = columns
-    return Slots(steps, states, parameters, wires, given, told, np.array(places, np.int64))
+    rows += [(spare.step, none, none, np.zeros(0, np.int64), none, none)] * (SLOTS - len(rows))
+    return Slots(*zip(*rows, strict=True))
 
 
 def carried(part: Part) -> int:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -144,26 +145,28 @@ class SampledLoop:
         recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
         for kernel, arguments in ((self.sense, 4), (self.read, 3)):
             kernel.compile(pointer(arguments).signature)
-        n, q, s = self.plant.nstates, self.positions, self.signals
+        q, s = self.positions, self.signals
         start = np.zeros(s)
         self.sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
-        memory = np.zeros(n), start.copy(), start
-        desk = (c, self.measurements, n, q, exogenous.shape[1], s, s)
+        n = self.plant.nstates
+        desk = (c, n, exogenous.shape[1], s, s)
         rest = (
-            memory,
+            (np.zeros(n), np.zeros(q), start.copy(), start),
             tuple(np.zeros(size) for size in desk),
-            (*self._advance(), np.ascontiguousarray(self.plant.C)),
+            (*self._advance, np.ascontiguousarray(self.plant.C)),
             (self.channel_levels, self.output_levels),
             (excitation, exogenous, noise),
-            recorded[:-1],
+            (command, output, channels, position, *counts),
         )
         states: dict[str, RealArray] = {}
         for first, last, cascade in self._stages(controller, samples):
-            made = slots(cascade, states)
-            told = self._stage(cascade, made, rest, first, last, samples)
+            row = np.zeros(len(cascade.signals))
+            made = slots(cascade, states, row)
+            told = self._stage(cascade, made, row, rest, first, last, samples)
             for part, state in zip(cascade.parts, made.states, strict=False):
                 states[part.name] = state[: carried(part)]
             given = len(cascade.measurements)
+            measurement[first:last] = told[:, :given]
             for name, column in zip(cascade.signals[given:], told.T[given:], strict=True):
                 signals.setdefault(name, np.full(samples, np.nan))[first:last] = column
         return recorded
@@ -199,30 +202,27 @@ class SampledLoop:
         return list(zip(starts, [*starts[1:], samples], cascades, strict=True))
 
     def _stage(
-        self, cascade: Cascade, made: Slots, rest: Any, first: int, last: int, samples: int
+        self,
+        cascade: Cascade,
+        made: Slots,
+        row: RealArray,
+        rest: Any,
+        first: int,
+        last: int,
+        samples: int,
     ) -> RealArray:
         """Run samples first to last - 1, and return the rows (last - first, S) of their signals."""
         names = cascade.signals
-        row, rows = np.zeros(len(names)), np.zeros((last - first, len(names)))
+        rows, measured = np.zeros((last - first, len(names))), row[: self.measurements]
         ends = self.sense_parameters, self.read_parameters
         span = rows, first, last
         if cascade.plain:
             turns = list(zip(*made, strict=True))[: len(cascade.parts)]
-            stop = plain_loop(turns, self.sense, self.read, ends, row, rest, *span)
+            stop = plain_loop(turns, self.sense, self.read, ends, measured, row, rest, *span)
         else:
             loop = machine()[0]
-            *parts, places = made[1:]
-            stop = loop(
-                *made.steps,
-                self.sense,
-                self.read,
-                tuple(parts),
-                places,
-                ends,
-                row,
-                *rest,
-                *span,
-            )
+            functions = *made.steps, self.sense, self.read
+            stop = loop(*functions, tuple(made[1:]), ends, measured, row, *rest, *span)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")
@@ -232,10 +232,11 @@ class SampledLoop:
             )
         return rows
 
+    @cached_property
     def _advance(self) -> tuple[RealArray, RealArray, IntegerArray, RealArray, RealArray]:
         """Data of the H half steps of a period.
 
-        Returns the transition and input matrices (H, n, n) and (H, n, m), the age (H,) [samples] of
+        Holds the transition and input matrices (H, n, n) and (H, n, m), the age (H,) [samples] of
         the input that is held, the fraction (H,) of the period at the end of each half step, and
         the weights (H / 2, 4) of the filter for each step.
         """

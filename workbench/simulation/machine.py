@@ -1,8 +1,10 @@
 """The compiled loop of `SampledLoop`, for any cascade of parts, any sensor and any reading.
 
 A sample consists of `look`, which measures the plant, a call of every part, and `move`, which
-advances to the next sample. The code calls each of the `SLOTS` parts explicitly and makes no slices
-of arrays inside the loop: counting references to slices would cost more than the arithmetic.
+advances to the next sample. They are inlined in the loop: a call hands over seven numbers for each
+array, which takes longer than the arithmetic of a small plant. Inputs and outputs of the parts are
+pieces of one row of signals, so that few of them are copied. The sums are plain: with four side by
+side in a vector the loop is slower.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import IntegerArray, RealArray
-from workbench.compiled import kernel
+from workbench.compiled import inlined, kernel
 from workbench.simulation.converters import convert
 
 SLOTS = 8
@@ -44,23 +46,22 @@ def machine() -> tuple[Any, Any, Any]:
     each = types.UniTuple(vector, SLOTS)
     parts = types.Tuple((each, each, types.UniTuple(counts, SLOTS), each, each))
     groups = (
-        vector,
-        types.UniTuple(vector, 3),
-        types.UniTuple(vector, 7),
+        types.UniTuple(vector, 4),
+        types.UniTuple(vector, 5),
         types.Tuple((cube, cube, counts, vector, matrix, matrix)),
         types.UniTuple(matrix, 2),
         types.UniTuple(matrix, 3),
-        types.Tuple((matrix, matrix, matrix, matrix, matrix, counts, counts)),
+        types.Tuple((matrix, matrix, matrix, matrix, counts, counts)),
     )
     ends = types.UniTuple(vector, 2)
     signatures = {
         _loop: types.int64(
             *[pointer(4)] * (SLOTS + 1),
-            *(pointer(3), parts, counts, ends, *groups),
+            *(pointer(3), parts, ends, vector, vector, *groups),
             *(matrix, types.int64, types.int64),
         ),
-        look: types.void(types.int64, pointer(3), vector, *groups),
-        move: types.void(types.int64, pointer(4), vector, *groups),
+        look: types.void(types.int64, pointer(3), vector, vector, vector, *groups),
+        move: types.void(types.int64, pointer(4), vector, vector, *groups),
     }
     made = []
     for function, signature in signatures.items():
@@ -70,7 +71,7 @@ def machine() -> tuple[Any, Any, Any]:
     return made[0], made[1], made[2]
 
 
-@kernel
+@inlined
 def _turn(
     step: Any,
     state: RealArray,
@@ -79,31 +80,30 @@ def _turn(
     given: RealArray,
     told: RealArray,
     row: RealArray,
-    at: int,
 ) -> None:
-    """Call one part: collect its inputs from the row, and write its outputs there from `at` on."""
-    for i in range(len(wires)):
-        given[i] = row[wires[i]]
-    step(state, parameters, given, told)
-    for i in range(len(told)):
-        row[at + i] = told[i]
+    """Call one part, unless the slot is empty; it writes its outputs into the row."""
+    if len(told) > 0:
+        for i in range(len(wires)):
+            given[i] = row[wires[i]]
+        step(state, parameters, given, told)
 
 
 # The groups of arguments that every sample needs, as `SampledLoop` makes them:
-#   memory  state x, filters' outputs, their inputs at the start of a step
-#   desk    converted and measured values; state after a half step; what the sensor is given and
-#           what it gives at the middle and the end of a step
+#   memory  state x, positions, filters' outputs, their inputs at the start of a step
+#   desk    converted channels; state at the middle of a step; what the sensor is given from
+#           outside, and what it gives at the middle and the end of a step
 #   plant   transition, drive, age, fraction, weights (see `SampledLoop._advance`), x -> outputs
 #   levels  limits and step of every channel's converter, and of every output's
 #   played  excitation, exogenous signals, noise
-#   record  command, output, channels, measurement, position; counts of saturated samples
+#   record  command, output, channels, position; counts of saturated samples
 
 
-@kernel
+@inlined
 def look(
     k: int,
     read: Any,
     read_parameters: RealArray,
+    measured: RealArray,
     row: RealArray,
     memory: Any,
     desk: Any,
@@ -116,16 +116,12 @@ def look(
 
     Measurements and the outputs of the previous sample are written at the start of the row.
     """
-    x, filtered, _ = memory
-    converted, measured = desk[0], desk[1]
-    to_output, limits, noise = plant[5], levels[0], played[2]
-    _, output, channels, measurement, position, _, saturated = record
-    n, q, s, r = len(x), position.shape[1], len(filtered), len(measured)
+    x, at, filtered, _ = memory
+    converted, to_output, limits, noise = desk[0], plant[5], levels[0], played[2]
+    _, output, channels, position, _, saturated = record
+    n, q, s = len(x), len(at), len(filtered)
     for i in range(q):
-        total = 0.0
-        for j in range(n):
-            total += to_output[i, j] * x[j]
-        position[k, i] = total
+        position[k, i] = at[i]
     for i in range(len(converted)):
         raw = noise[k, i]
         if i < s:
@@ -137,13 +133,45 @@ def look(
         channels[k, i] = converted[i]
         saturated[i] += over
     read(converted, read_parameters, measured)
-    for i in range(r):
-        row[i] = measurement[k, i] = measured[i]
+    r = len(measured)
     for i in range(output.shape[1]):
         row[r + i] = output[k - 1, i] if k > 0 else 0.0
 
 
-@kernel
+@inlined
+def _half_step(
+    h: int,
+    k: int,
+    x: RealArray,
+    after: RealArray,
+    at: RealArray,
+    outside: RealArray,
+    plant: Any,
+    output: RealArray,
+    exogenous: RealArray,
+) -> None:
+    """Advance state x by half step h of sample k, and set what the sensor is given there."""
+    transition, drive, age, fraction, _, to_output = plant
+    n, m, held = len(x), output.shape[1], k - age[h]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += transition[h, i, j] * x[j]
+        if held >= 0:
+            for j in range(m):
+                total += drive[h, i, j] * output[held, j]
+        after[i] = total
+    for i in range(len(at)):
+        total = 0.0
+        for j in range(n):
+            total += to_output[i, j] * after[j]
+        at[i] = total
+    for i in range(len(outside)):
+        old = exogenous[k, i]
+        outside[i] = old + fraction[h] * (exogenous[k + 1, i] - old)
+
+
+@inlined
 def move(
     k: int,
     sense: Any,
@@ -157,45 +185,24 @@ def move(
     record: Any,
 ) -> None:
     """Convert the command at the end of the row, and advance plant and filters by a sample."""
-    x, filtered, start = memory
-    _, _, after, at, outside, middle, end = desk
-    transition, drive, age, fraction, weights, to_output = plant
-    limits, excitation, exogenous = levels[1], played[0], played[1]
-    command, output, saturated = record[0], record[1], record[5]
-    n, m, s = len(x), command.shape[1], len(filtered)
+    x, at, filtered, start = memory
+    _, half, outside, middle, end = desk
+    weights, limits, excitation, exogenous = plant[4], levels[1], played[0], played[1]
+    command, output, saturated = record[0], record[1], record[4]
+    m = command.shape[1]
     for i in range(m):
         command[k, i] = row[len(row) - m + i] + excitation[k, i]
         output[k, i], over = convert(command[k, i], limits[i, 0], limits[i, 1], limits[i, 2])
         saturated[i] += over
-    for h in range(len(age)):
-        held = k - age[h]
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += transition[h, i, j] * x[j]
-            if held >= 0:
-                for j in range(m):
-                    total += drive[h, i, j] * output[held, j]
-            after[i] = total
-        for i in range(n):
-            x[i] = after[i]
-        for i in range(len(at)):
-            total = 0.0
-            for j in range(n):
-                total += to_output[i, j] * x[j]
-            at[i] = total
-        for i in range(len(outside)):
-            old = exogenous[k, i]
-            outside[i] = old + fraction[h] * (exogenous[k + 1, i] - old)
-        if h % 2 == 0:
-            sense(at, outside, sense_parameters, middle)
-        else:
-            sense(at, outside, sense_parameters, end)
-            w = h // 2
-            for i in range(s):
-                inside = weights[w, 1] * start[i] + weights[w, 2] * middle[i]
-                filtered[i] = weights[w, 0] * filtered[i] + inside + weights[w, 3] * end[i]
-                start[i] = end[i]
+    for w in range(len(weights)):
+        _half_step(2 * w, k, x, half, at, outside, plant, output, exogenous)
+        sense(at, outside, sense_parameters, middle)
+        _half_step(2 * w + 1, k, half, x, at, outside, plant, output, exogenous)
+        sense(at, outside, sense_parameters, end)
+        for i in range(len(filtered)):
+            inside = weights[w, 1] * start[i] + weights[w, 2] * middle[i]
+            filtered[i] = weights[w, 0] * filtered[i] + inside + weights[w, 3] * end[i]
+            start[i] = end[i]
 
 
 @kernel
@@ -211,8 +218,8 @@ def _loop(
     sense: Any,
     read: Any,
     parts: Any,
-    places: IntegerArray,
     ends: Any,
+    measured: RealArray,
     row: RealArray,
     memory: Any,
     desk: Any,
@@ -238,15 +245,15 @@ def _loop(
     t0, t1, t2, t3, t4, t5, t6, t7 = told
     sense_parameters, read_parameters = ends
     for k in range(first, last):
-        look(k, read, read_parameters, row, memory, desk, plant, levels, played, record)
-        _turn(step0, s0, p0, w0, g0, t0, row, places[0])
-        _turn(step1, s1, p1, w1, g1, t1, row, places[1])
-        _turn(step2, s2, p2, w2, g2, t2, row, places[2])
-        _turn(step3, s3, p3, w3, g3, t3, row, places[3])
-        _turn(step4, s4, p4, w4, g4, t4, row, places[4])
-        _turn(step5, s5, p5, w5, g5, t5, row, places[5])
-        _turn(step6, s6, p6, w6, g6, t6, row, places[6])
-        _turn(step7, s7, p7, w7, g7, t7, row, places[7])
+        look(k, read, read_parameters, measured, row, memory, desk, plant, levels, played, record)
+        _turn(step0, s0, p0, w0, g0, t0, row)
+        _turn(step1, s1, p1, w1, g1, t1, row)
+        _turn(step2, s2, p2, w2, g2, t2, row)
+        _turn(step3, s3, p3, w3, g3, t3, row)
+        _turn(step4, s4, p4, w4, g4, t4, row)
+        _turn(step5, s5, p5, w5, g5, t5, row)
+        _turn(step6, s6, p6, w6, g6, t6, row)
+        _turn(step7, s7, p7, w7, g7, t7, row)
         finite = True
         for i in range(len(row)):
             signals[k - first, i] = row[i]

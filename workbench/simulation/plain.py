@@ -15,6 +15,7 @@ def plain_loop(
     sense: Any,
     read: Any,
     ends: tuple[RealArray, RealArray],
+    measured: RealArray,
     row: RealArray,
     groups: tuple[Any, ...],
     signals: RealArray,
@@ -24,16 +25,16 @@ def plain_loop(
     """Run samples first to last - 1; return the first with a signal that is not finite, or last.
 
     It does the same as the compiled loop. ``turns`` holds for each part the entries of `Slots`:
-    step, state, parameters, wires, inputs, outputs and place.
+    step, state, parameters, wires, inputs and outputs.
     """
     _, look, move = machine()
     sense_parameters, read_parameters = ends
     for k in range(first, last):
-        look(k, read, read_parameters, row, *groups)
-        for step, state, parameters, wires, given, told, place in turns:
-            given[:] = row[wires]
+        look(k, read, read_parameters, measured, row, *groups)
+        for step, state, parameters, wires, given, told in turns:
+            if len(wires):
+                given[:] = row[wires]
             step(state, parameters, given, told)
-            row[place : place + len(told)] = told
         signals[k - first] = row
         if not np.isfinite(row).all():
             return k
