@@ -17,7 +17,7 @@ import numpy as np
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, idle
-from workbench.simulation.machine import SLOTS, pointer
+from workbench.simulation.machine import SLOTS, as_pointer
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,18 +160,15 @@ def slots(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> Slo
                     f"before it left {before.size}"
                 )
             state[: before.size] = before
-        if not law.plain:
-            law.step.compile(pointer(4).signature)
+        step = law.step if law.plain else as_pointer(law.step, 4)
         wires = np.array([names.index(name) for name in part.given], np.int64)
         given, told = np.zeros(len(wires)), row[place : place + law.outputs]
         if len(wires) and (np.diff(wires) == 1).all():
             given, wires = row[wires[0] : wires[-1] + 1], wires[:0]
-        rows.append((law.step, state, _vector(law.parameters), wires, given, told))
+        rows.append((step, state, _vector(law.parameters), wires, given, told))
         place += law.outputs
-    spare = idle(0)
-    spare.step.compile(pointer(4).signature)
-    none = np.zeros(0)
-    rows += [(spare.step, none, none, np.zeros(0, np.int64), none, none)] * (SLOTS - len(rows))
+    spare, none = as_pointer(idle(0).step, 4), np.zeros(0)
+    rows += [(spare, none, none, np.zeros(0, np.int64), none, none)] * (SLOTS - len(rows))
     return Slots(*zip(*rows, strict=True))
 
 

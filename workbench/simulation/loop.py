@@ -32,7 +32,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import machine, pointer
+from workbench.simulation.machine import as_pointer, machine
 from workbench.simulation.plain import plain_loop
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
 
@@ -143,11 +143,10 @@ class SampledLoop:
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)
         signals: dict[str, RealArray] = {}
         recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
-        for kernel, arguments in ((self.sense, 4), (self.read, 3)):
-            kernel.compile(pointer(arguments).signature)
         q, s = self.positions, self.signals
         start = np.zeros(s)
-        self.sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
+        sense = as_pointer(self.sense, 4)
+        sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
         n = self.plant.nstates
         desk = (c, n, exogenous.shape[1], s, s)
         rest = (
@@ -168,7 +167,10 @@ class SampledLoop:
             given = len(cascade.measurements)
             measurement[first:last] = told[:, :given]
             for name, column in zip(cascade.signals[given:], told.T[given:], strict=True):
-                signals.setdefault(name, np.full(samples, np.nan))[first:last] = column
+                if last - first == samples:
+                    signals[name] = column
+                else:
+                    signals.setdefault(name, np.full(samples, np.nan))[first:last] = column
         return recorded
 
     def _stages(
@@ -221,7 +223,7 @@ class SampledLoop:
             stop = plain_loop(turns, self.sense, self.read, ends, measured, row, rest, *span)
         else:
             loop = machine()[0]
-            functions = *made.steps, self.sense, self.read
+            functions = *made.steps, as_pointer(self.sense, 4), as_pointer(self.read, 3)
             stop = loop(*functions, tuple(made[1:]), ends, measured, row, *rest, *span)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]

@@ -32,6 +32,16 @@ def pointer(arguments: int) -> Any:
 
 
 @cache
+def as_pointer(function: Any, arguments: int) -> Any:
+    """The compiled function itself, ready to be passed as a `pointer`.
+
+    Numba looks long for what it has compiled, so a function is asked only once.
+    """
+    function.compile(pointer(arguments).signature)
+    return function
+
+
+@cache
 def machine() -> tuple[Any, Any, Any]:
     """The compiled loop, and the first and last part of a sample, `look` and `move`.
 

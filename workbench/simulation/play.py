@@ -12,7 +12,7 @@ from workbench.arrays import RealArray
 from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import pointer
+from workbench.simulation.machine import as_pointer, pointer
 
 
 def play(controller: Controller, measurement: ArrayLike) -> RealArray:
@@ -39,10 +39,10 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
     output = np.zeros((len(record), controller.outputs))
     state = np.array(controller.state, float)
     parameters = np.array(controller.parameters, float)
-    if not controller.plain:
-        controller.step.compile(pointer(4).signature)
-    player = _play if controller.plain else _player()
-    stop = player(controller.step, state, parameters, record, output)
+    plain = controller.plain
+    player = _play if plain else _player()
+    step = controller.step if plain else as_pointer(controller.step, 4)
+    stop = player(step, state, parameters, record, output)
     if stop < len(record):
         raise InputError(f"the output is not finite at sample {stop} of {len(record)}")
     return output

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench.compiled import inlined, kernel
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.estimator import Estimator
 from workbench.diagnosis.estimators.observers import balanced_matrix
@@ -186,7 +186,7 @@ def _entries(A: RealArray) -> RealArray:
     return rows.ravel()
 
 
-@kernel
+@inlined
 def _own(p: RealArray) -> int:
     """The place where this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
@@ -211,7 +211,7 @@ def _step(
         _spread(state, parameters, gain)
 
 
-@kernel
+@inlined
 def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
     """Set the gain M for a quality, and return its largest relative change."""
     n, h, m = int(p[0]), int(p[3]), int(p[4])
@@ -235,7 +235,7 @@ def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> f
     return change
 
 
-@kernel
+@inlined
 def _spread(state: RealArray, p: RealArray, gain: RealArray) -> None:
     """Set P := A (P - M C P) A' + Q for the states that are seen; `_weigh` has left C P."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.compiled import kernel
+from workbench.compiled import inlined
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
 
 HEADER = 10
@@ -27,7 +27,7 @@ def layout(model: DisturbedPlant, gain: RealArray) -> RealArray:
     return np.concatenate([header, *(np.asarray(one, float) for one in values)])
 
 
-@kernel
+@inlined
 def surprise(state: RealArray, p: RealArray, measured: float) -> float:
     """The prediction error: the measurement less its prediction C x^."""
     n, h, seen = int(p[0]), int(p[3]), int(p[4])
@@ -37,7 +37,7 @@ def surprise(state: RealArray, p: RealArray, measured: float) -> float:
     return measured
 
 
-@kernel
+@inlined
 def correct(state: RealArray, p: RealArray, step: float, gain: RealArray) -> None:
     """Correct the state by gain times `step`, which is w (y - C x^), and follow the frequency.
 
@@ -55,7 +55,7 @@ def correct(state: RealArray, p: RealArray, step: float, gain: RealArray) -> Non
         state[i] += step * gain[i]
 
 
-@kernel
+@inlined
 def tell(state: RealArray, p: RealArray, quality: float, output: RealArray) -> None:
     """Fill the outputs from the corrected state."""
     n, z, q, h = int(p[0]), int(p[1]), int(p[2]), int(p[3])
@@ -70,7 +70,7 @@ def tell(state: RealArray, p: RealArray, quality: float, output: RealArray) -> N
         output[:] = np.nan
 
 
-@kernel
+@inlined
 def predict(state: RealArray, p: RealArray, known: float) -> None:
     """Advance the state by one sample, block by block, oscillators at the followed frequency."""
     n, z, q, h, seen = int(p[0]), int(p[1]), int(p[2]), int(p[3]), int(p[4])
@@ -95,7 +95,7 @@ def predict(state: RealArray, p: RealArray, known: float) -> None:
         state[i] = state[n + i]
 
 
-@kernel
+@inlined
 def _disturbance(state: RealArray, first: int, oscillators: int) -> float:
     total = 0.0
     for k in range(oscillators):
