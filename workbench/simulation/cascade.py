@@ -145,7 +145,8 @@ class Slots(NamedTuple):
 def slots(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> Slots:
     """Slots of a cascade; a part whose name is in `memory` continues from the state stored there.
 
-    The parts read and write the row (S,) of a sample's signals. Raises InputError if the numbers of states differ.
+    The parts read and write the row (S,) of a sample's signals. Raises InputError if the numbers of
+    states differ.
     """
     names, place = cascade.signals, len(cascade.measurements) + len(cascade.previous)
     rows: list[tuple[Any, ...]] = []

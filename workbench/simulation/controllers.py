@@ -19,7 +19,8 @@ class Controller:
     """Any sampled controller, with its logic and memory.
 
     step        compiled function (state, parameters, measurement, output) of float arrays: reads
-                the measurement, and updates the state and the output in place;
+                the measurement, and updates the state and the output in place; it must not change
+                the measurement, which other parts read as well;
     state       initial state (n,); a run works on a copy;
     parameters  all other numbers that the step needs (p,);
     outputs     number of output signals;
