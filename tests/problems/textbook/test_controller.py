@@ -55,12 +55,12 @@ def test_every_plant_has_a_problem(name):
 def test_the_column_by_dk():
     """A public package reaches 1.036 with 22 states in four iterations.
 
-    Where the alternation ends, 0.972 or 0.997, hangs on the last bits of the processor.
+    Alternation alone ends between 0.972 and 1.018, which hangs on the last bits of the processor.
     """
     solution = wb.solve(controller("distillation"), "dk")
     assert solution.certificate.holds, solution.certificate
-    assert solution.answer.upper <= 1.0
-    assert min(each.peak for each in solution.answer.history[:4]) < 1.036
+    assert solution.answer.upper <= 0.96
+    assert min(each.peak for each in solution.answer.history[:2]) < 0.975
 
 
 @pytest.mark.slow
