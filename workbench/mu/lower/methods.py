@@ -9,24 +9,27 @@ import numpy as np
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.singularity import proven_bounds, said
 from workbench.executor import Context
-from workbench.mu.lower.ascent import search_batch
 from workbench.mu.lower.attain import block_table
 from workbench.mu.lower.mixed_blocks import gain_bound, held_bound, weak_bound
 from workbench.mu.lower.nonlinear import NonlinearSearch
 from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.program import LowerBound, MuLowerBound
-from workbench.mu.lower.real_blocks import real_bound, unit_starts
+from workbench.mu.lower.real_blocks import real_bound, sign_patterns, unit_starts
 from workbench.mu.lower.scaling import scaled_matrices, unscaled
+from workbench.mu.lower.search import search_batch
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 from workbench.structure import Real, Structure
 
 POWER_STARTS = 2
 """Random starts of the power iteration, in addition to the warm start."""
-ASCENT_STARTS = 6
-"""Random starts where an ascent follows each power iteration."""
+ASCENT_STARTS = 32
+"""Starts from which ascents are made."""
 AGREEING_ASCENTS = 3
-"""Ascents that must reach the best value before a search ends early."""
+"""Fewest ascents that must reach the best value before a search ends early."""
+AGREEING_ROWS = 40
+"""This number over the rows of Delta is how many must, if more: for small matrices ascents are
+cheap, and blocks that are repeated attract many to a local maximum."""
 NONLINEAR_STARTS = 6
 """Random starts of the nonlinear program."""
 RUNNERS_UP = 2
@@ -100,16 +103,11 @@ def _best(program: MuLowerBound, context: Context) -> Claim:
 
 
 def _best_search(search: _Search) -> None:
-    """Keep the best of what ascents and, for real blocks, vertices find."""
+    """Keep the best of the local ascents from many starts."""
+    starts = search.varied_starts(ASCENT_STARTS)
+    agree = max(AGREEING_ASCENTS, AGREEING_ROWS // search.structure.rows)
     for chunk in search.chunks("ascent"):
-        search.improve(
-            chunk,
-            *search_batch(
-                search.M[chunk], search.table, *search.starts(ASCENT_STARTS), AGREEING_ASCENTS
-            ),
-        )
-    if any(isinstance(block, Real) for block in search.structure):
-        search.each("real blocks", search.from_vertices)
+        search.improve(chunk, *search_batch(search.M[chunk], search.table, *starts, agree))
 
 
 class _Search:
@@ -137,6 +135,22 @@ class _Search:
         rng = self._context.rng
         reals = rng.uniform(-1.0, 1.0, (count, len(self.structure)))
         return unit_starts(count, self.structure.rows, rng), reals
+
+    def varied_starts(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Starts with real blocks at every vertex in turn and random ones, and which of both.
+
+        The same for every matrix.
+        """
+        vectors, reals = self.starts(count)
+        real = np.array([isinstance(block, Real) for block in self.structure])
+        moving = np.ones(count, bool)
+        if real.any() and not real.all():
+            half = sign_patterns(int(real.sum()), self._context.rng)
+            vertices = np.stack([half, -half], axis=1).reshape(-1, half.shape[1])
+            moving[::2] = False
+            places = np.flatnonzero(~moving)
+            reals[np.ix_(places, real)] = np.resize(vertices, (len(places), half.shape[1]))
+        return vectors, reals, moving
 
     def improve(self, chunk: slice, values: np.ndarray, deltas: np.ndarray) -> None:
         """Keep values and Deltas of a chunk where they are better than those known."""

@@ -9,101 +9,109 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
+from workbench.mu.lower.rayleigh import inner_product, square
+from workbench.mu.lower.realise import set_block
 
 
-@compiled
-def parameters(delta, table):  # type: ignore[no-untyped-def]
-    """Real parameters of a normalised Delta: value, angle, or the top dyad of each block."""
-    count = 0
-    for kind, _, nr, _, nc in table:
-        count += 2 * (nr + nc) if kind == FULL else 1
-    p = np.empty(count)
+@unchecked_kernel
+def set_parameters(delta, table, p):  # type: ignore[no-untyped-def]
+    """Set the real parameters of a normalised Delta whose full blocks are dyads."""
     at = 0
-    for kind, r, nr, c, nc in table:
-        if kind == REAL:
+    for k in range(len(table)):
+        r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
+        if table[k, 0] == REAL:
             p[at] = min(max(delta[r, c].real, -1.0), 1.0)
             at += 1
-        elif kind == FULL:
-            U, _, Vh = np.linalg.svd(np.ascontiguousarray(delta[r : r + nr, c : c + nc]))
+        elif table[k, 0] == FULL:
+            # The largest row of u v* has the direction of v*; then u is what the dyad makes of v.
+            row, most = r, -1.0
+            for i in range(r, r + nr):
+                total = 0.0
+                for j in range(c, c + nc):
+                    total += square(delta[i, j])
+                if total > most:
+                    row, most = i, total
+            scale = 1.0 / np.sqrt(most)
             for i in range(nr):
-                p[at + 2 * i], p[at + 2 * i + 1] = U[i, 0].real, U[i, 0].imag
+                total = 0j
+                for j in range(c, c + nc):
+                    total += delta[r + i, j] * np.conj(delta[row, j])
+                p[at + 2 * i], p[at + 2 * i + 1] = scale * total.real, scale * total.imag
             at += 2 * nr
-            for i in range(nc):
-                p[at + 2 * i], p[at + 2 * i + 1] = Vh[0, i].real, -Vh[0, i].imag
+            for j in range(nc):
+                p[at + 2 * j] = scale * delta[row, c + j].real
+                p[at + 2 * j + 1] = -scale * delta[row, c + j].imag
             at += 2 * nc
         else:
-            p[at] = np.angle(delta[r, c])
+            p[at] = np.arctan2(delta[r, c].imag, delta[r, c].real)
             at += 1
-    return p
 
 
-@compiled
-def _unit(p, at, n):  # type: ignore[no-untyped-def]
-    """Unit vector of the n complex entries stored at a place, and their norm."""
-    v = np.empty(n, np.complex128)
-    for i in range(n):
-        v[i] = p[at + 2 * i] + 1j * p[at + 2 * i + 1]
-    size = np.sqrt(np.sum(v.real**2 + v.imag**2))
-    return v / size, size
+@unchecked_kernel
+def _part_length(p, at, n):  # type: ignore[no-untyped-def]
+    """Length of the n complex entries stored at a place."""
+    total = 0.0
+    for i in range(at, at + 2 * n):
+        total += p[i] * p[i]
+    return np.sqrt(total)
 
 
-@compiled
-def perturbation(p, phase, table, rows, columns):  # type: ignore[no-untyped-def]
-    """Delta (rows, columns) from its parameters, with complex blocks turned by a common phase."""
-    delta = np.zeros((rows, columns), np.complex128)
-    turn = np.exp(1j * phase)
+@unchecked_kernel
+def set_delta(p, phase, table, delta):  # type: ignore[no-untyped-def]
+    """Set Delta (rows, columns) from its parameters, with complex blocks turned by a phase."""
+    turn = complex(np.cos(phase), np.sin(phase))
     at = 0
-    for kind, r, nr, c, nc in table:
-        if kind == FULL:
-            u, _ = _unit(p, at, nr)
-            v, _ = _unit(p, at + 2 * nr, nc)
-            at += 2 * (nr + nc)
-            delta[r : r + nr, c : c + nc] = turn * u.reshape((nr, 1)) * np.conj(v)
-        else:
-            value = p[at] + 0j if kind == REAL else turn * np.exp(1j * p[at])
-            at += 1
+    for k in range(len(table)):
+        r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
+        if table[k, 0] == FULL:
+            behind = at + 2 * nr
+            scale = turn * (1.0 / (_part_length(p, at, nr) * _part_length(p, behind, nc)))
             for i in range(nr):
-                delta[r + i, c + i] = value
-    return delta
-
-
-@compiled
-def eigenvalue_gradient(p, delta, table, x, q, weight):  # type: ignore[no-untyped-def]
-    """Gradient d lambda / dp with lambda kept real: d lambda = Re(weight q* d(Delta) x)."""
-    g = np.zeros(len(p))
-    at = 0
-    for kind, r, nr, c, nc in table:
-        if kind == FULL:
-            u, size_u = _unit(p, at, nr)
-            v, size_v = _unit(p, at + 2 * nr, nc)
-            turn = np.vdot(u, np.ascontiguousarray(delta[r : r + nr, c : c + nc]) @ v)
-            forward = np.vdot(v, x[c : c + nc])
-            backward = np.vdot(q[r : r + nr], u)
-            along_u = np.conj(weight * turn * forward) * q[r : r + nr]
-            along_u = (along_u - np.vdot(u, along_u).real * u) / size_u
-            along_v = weight * turn * backward * x[c : c + nc]
-            along_v = (along_v - np.vdot(v, along_v).real * v) / size_v
-            for i in range(nr):
-                g[at + 2 * i], g[at + 2 * i + 1] = along_u[i].real, along_u[i].imag
-            at += 2 * nr
-            for i in range(nc):
-                g[at + 2 * i], g[at + 2 * i + 1] = along_v[i].real, along_v[i].imag
-            at += 2 * nc
+                u = scale * complex(p[at + 2 * i], p[at + 2 * i + 1])
+                for j in range(nc):
+                    delta[r + i, c + j] = u * complex(p[behind + 2 * j], -p[behind + 2 * j + 1])
+            at = behind + 2 * nc
         else:
-            effect = weight * np.vdot(q[r : r + nr], x[c : c + nc])
-            g[at] = effect.real if kind == REAL else (1j * delta[r, c] * effect).real
+            value = complex(np.cos(p[at]), np.sin(p[at])) * turn
+            set_block(delta, table, k, complex(p[at], 0.0) if table[k, 0] == REAL else value)
             at += 1
-    return g
 
 
-@compiled
-def bounded_parameters(table, count):  # type: ignore[no-untyped-def]
-    """Mark the parameters of real blocks, which are bounded by -1 and 1."""
-    bounded = np.zeros(count, np.bool_)
+@unchecked_kernel
+def set_gradient(p, phase, delta, table, weight, w, g):  # type: ignore[no-untyped-def]
+    """Gradient g = d lambda / dp with lambda kept real: d lambda = Re(weight q* d(Delta) x).
+
+    Delta is that of the parameters and the phase; q and x are those of the workspace.
+    """
+    turned = weight * complex(np.cos(phase), np.sin(phase))
     at = 0
-    for kind, _, nr, _, nc in table:
-        bounded[at] = kind == REAL
-        at += 2 * (nr + nc) if kind == FULL else 1
-    return bounded
+    for k in range(len(table)):
+        r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
+        if table[k, 0] == FULL:
+            behind = at + 2 * nr
+            size_u, size_v = _part_length(p, at, nr), _part_length(p, behind, nc)
+            backward, forward = 0j, 0j  # q* u and v* x
+            for i in range(nr):
+                u = complex(p[at + 2 * i], p[at + 2 * i + 1])
+                backward += np.conj(w.q[r + i]) * u
+            for j in range(nc):
+                forward += complex(p[behind + 2 * j], -p[behind + 2 * j + 1]) * w.x[c + j]
+            backward *= turned * (1.0 / size_u)
+            forward *= 1.0 / size_v
+            along = (backward * forward).real
+            factor = np.conj(turned * forward)
+            for i in range(nr):
+                one, e = factor * w.q[r + i], at + 2 * i
+                g[e] = (one.real - along * p[e] / size_u) / size_u
+                g[e + 1] = (one.imag - along * p[e + 1] / size_u) / size_u
+            for j in range(nc):
+                one, e = backward * w.x[c + j], behind + 2 * j
+                g[e] = (one.real - along * p[e] / size_v) / size_v
+                g[e + 1] = (one.imag - along * p[e + 1] / size_v) / size_v
+            at = behind + 2 * nc
+        else:
+            effect = weight * inner_product(w.q, w.x, r, c, nr)
+            g[at] = effect.real if table[k, 0] == REAL else (1j * delta[r, c] * effect).real
+            at += 1

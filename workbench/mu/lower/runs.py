@@ -1,0 +1,228 @@
+"""Runs that lead from random vectors to a Delta for which M Delta has a real eigenvalue.
+
+A power iteration aligns the complex blocks. Real blocks are held at a vertex, or moved as the
+power iteration of mixed mu does (`workbench.mu.lower.power` names the sources). With real blocks
+only, the best Delta of the linearised problem is taken again and again instead. What remains of
+the imaginary part is removed by the real blocks together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import unchecked_kernel
+from workbench.mu.lower.attain import FULL, REAL
+from workbench.mu.lower.rayleigh import inner_product, length, square
+from workbench.mu.lower.realise import (
+    SEARCH_TOLERANCE,
+    best_unknown,
+    block_effect,
+    blocks_of,
+    followed,
+    realise,
+    set_block,
+)
+
+HELD_STEPS, FREE_STEPS = 20, 60
+"""Most steps of a power iteration with held real blocks, and with moving ones."""
+SETTLED_CHANGE = 1e-3
+"""A power iteration ends when its vectors change by less; an ascent follows."""
+LINEARISED_STEPS = 6
+"""Most steps to the best Delta of the linearised problem of real blocks."""
+RESTORING_STEPS = 15
+"""Most steps that remove the imaginary part of an eigenvalue."""
+NEARLY_REAL = 1e-3
+"""Share of an eigenvalue that its imaginary part may have where Newton's method takes over."""
+
+
+@unchecked_kernel
+def realised_run(M, table, b, u, reals, moving, delta, order, w):  # type: ignore[no-untyped-def]
+    """A real eigenvalue (0: none) of the Delta at the end of one run, which is set.
+
+    ``b``, ``u`` (rows,) are vectors that the run changes, ``reals`` the values of real blocks
+    (blocks,) that it changes if ``moving``. x and y of the workspace become those of the
+    eigenvalue.
+    """
+    some_complex = blocks_of(table)[1]
+    growth = _power_run(M, table, b, u, reals, moving, delta, w)
+    if not growth > 0:
+        return 0.0
+    near, value = complex(growth, 0.0), 0.0
+    if some_complex:
+        value = realise(M, table, delta, near, -1, SEARCH_TOLERANCE, w)[0]
+    else:
+        near = _linearised(M, table, delta, near, order, w)
+    if not value > 0:
+        value = _restored(M, table, delta, near, w)
+        if value > 0:
+            free, near = best_unknown(table, delta, w), complex(value, 0.0)
+            value = realise(M, table, delta, near, free, SEARCH_TOLERANCE, w)[0]
+    return value
+
+
+@unchecked_kernel
+def _power_run(M, table, b, u, reals, moving, delta, w):  # type: ignore[no-untyped-def]
+    """Growth at the end of a power iteration (0: it vanished); sets Delta, x and y."""
+    a, z = w.x, w.y
+    growth = 0.0
+    for i in range(len(a)):
+        a[i] = 0j
+    for _ in range(FREE_STEPS if moving else HELD_STEPS):
+        change, total = 0.0, 0.0
+        for i in range(len(a)):
+            entry = 0j
+            for j in range(len(b)):
+                entry += M[i, j] * b[j]
+            z[i] = entry
+            total += square(entry)
+        if not total > 1e-280:
+            return 0.0
+        growth = np.sqrt(total)
+        for i in range(len(a)):
+            entry = z[i] * (1.0 / growth)
+            change = max(change, square(entry - a[i]))
+            a[i] = entry
+        _align(a, u, table, reals, z, b, moving, delta)
+        total = 0.0
+        for j in range(len(b)):
+            entry = 0j
+            for i in range(len(a)):
+                entry += np.conj(M[i, j]) * z[i]
+            u[j] = entry
+            total += square(entry)
+        if not total > 1e-280:
+            return 0.0
+        scale = 1.0 / np.sqrt(total)
+        for j in range(len(b)):
+            u[j] *= scale
+        _align(a, u, table, reals, z, b, moving, delta)
+        if change < SETTLED_CHANGE**2:
+            break
+    return growth
+
+
+@unchecked_kernel
+def _align(a, u, table, reals, z, b, moving, delta):  # type: ignore[no-untyped-def]
+    """Set the Delta that aligns u (rows,) with a (columns,), and z = Delta* u, b = Delta a.
+
+    Real blocks that are ``moving`` first take a step towards an end of their interval, unless a
+    and u are orthogonal.
+    """
+    for k in range(len(table)):
+        r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
+        size_a = length(a, c, nc)
+        if table[k, 0] == FULL:
+            size_u = length(u, r, nr)
+            both = size_a * size_u
+            for i in range(nr):
+                for j in range(nc):
+                    if both > 1e-200:
+                        delta[r + i, c + j] = u[r + i] * np.conj(a[c + j]) * (1.0 / both)
+                    else:
+                        delta[r + i, c + j] = 1.0 if i == 0 and j == 0 else 0.0
+            for j in range(nc):
+                z[c + j] = a[c + j] * (size_u / size_a) if size_a > 1e-200 else 0j
+            for i in range(nr):
+                b[r + i] = u[r + i] * (size_a / size_u) if size_u > 1e-200 else 0j
+        else:
+            product = inner_product(a, u, c, r, nr)
+            value = complex(reals[k], 0.0)
+            if table[k, 0] != REAL:
+                size = square(product)
+                value = product * (1.0 / np.sqrt(size)) if size > 1e-280 else 1.0 + 0j
+            elif moving:
+                old = length(b, r, nr) / size_a if size_a > 1e-200 else 1.0
+                reals[k] = min(max((-old if reals[k] < 0 else old) + product.real, -1.0), 1.0)
+                value = complex(reals[k], 0.0)
+            set_block(delta, table, k, value)
+            for i in range(nr):
+                z[c + i], b[r + i] = np.conj(value) * u[r + i], value * a[c + i]
+
+
+@unchecked_kernel
+def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def]
+    """Estimate of a real eigenvalue after steps to the best Delta of the linearised problem.
+
+    For real blocks only. lambda is near sum a_k t_k with effects a_k; the largest real value of
+    that with |t_k| <= 1 has t_k = sign Re((1 + i nu) a_k) for all but one block, a linear program
+    that sorting the ratios Re a_k / Im a_k solves. ``order`` (blocks,) is for that.
+    """
+    for _ in range(LINEARISED_STEPS):
+        value = followed(M, delta, table, near, w)
+        if not square(value) > 0:
+            break
+        balance = 0.0
+        for k in range(len(table)):
+            effect = block_effect(delta, table, k, w)
+            if effect.imag == 0:
+                effect = complex(effect.real, 1e-300)
+            w.effects[k] = effect
+            balance += abs(effect.imag)
+            j = k
+            while j > 0 and _ratio(w.effects[order[j - 1]]) > _ratio(effect):
+                order[j] = order[j - 1]
+                j -= 1
+            order[j] = k
+        # With nu below all ratios, t_k Im a_k is positive for every k. One block after the other
+        # changes its sign until the sum would be negative: that block stays between.
+        total, change, passed = 0.0, 0.0, False
+        for place in range(len(table)):
+            k = order[place]
+            imag = w.effects[k].imag
+            t = 1.0 if imag > 0 else -1.0
+            if not passed:
+                after = balance - 2 * abs(imag)
+                passed = after <= 0
+                t = t * (1 - balance / abs(imag)) if passed else -t
+                balance = after
+            change = max(change, abs(delta[table[k, 1], table[k, 3]].real - t))
+            set_block(delta, table, k, complex(t, 0.0))
+            total += w.effects[k].real * t
+        near = complex(total, 0.0)
+        if change < 1e-6:
+            break
+    return near
+
+
+@unchecked_kernel
+def _ratio(effect):  # type: ignore[no-untyped-def]
+    """Real part over imaginary part."""
+    return effect.real / effect.imag
+
+
+@unchecked_kernel
+def _restored(M, table, delta, near, w):  # type: ignore[no-untyped-def]
+    """A nearly real positive eigenvalue (0: none) after the shortest moves of the real blocks."""
+    for _ in range(RESTORING_STEPS):
+        value = followed(M, delta, table, near, w)
+        size = square(value)
+        if not size > 0:
+            break
+        if value.real < 0 and abs(value.imag) <= NEARLY_REAL * -value.real:
+            for i in range(delta.shape[0]):
+                for j in range(delta.shape[1]):
+                    delta[i, j] = -delta[i, j]
+            near = -value
+            continue
+        if abs(value.imag) <= NEARLY_REAL * value.real and square(value - near) <= 1e-4 * size:
+            return value.real
+        total = 0.0
+        for k in range(len(table)):
+            if table[k, 0] == REAL:
+                effect = block_effect(delta, table, k, w)
+                old = delta[table[k, 1], table[k, 3]].real
+                inside = abs(old) < 1 or -value.imag * effect.imag * old < 0
+                total += effect.imag**2 if inside else 0.0
+        if not total > 1e-24 * size:
+            break
+        near = value
+        for k in range(len(table)):
+            if table[k, 0] == REAL:
+                effect = block_effect(delta, table, k, w)
+                old = delta[table[k, 1], table[k, 3]].real
+                moved = min(max(old - value.imag * effect.imag / total, -1.0), 1.0)
+                near += effect * (moved - old)
+                set_block(delta, table, k, complex(moved, 0.0))
+        if near.real > 0:
+            near = complex(near.real, 0.0)
+    return 0.0

@@ -1,0 +1,127 @@
+"""The search for large lower bounds of mixed mu: local ascents from many starts, for a batch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import compiled, unchecked_kernel
+from workbench.mu.lower.ascent import climb, polished
+from workbench.mu.lower.edges import (
+    MOST_POINTS,
+    point_count,
+    set_crossings,
+    set_point,
+    set_polynomials,
+)
+from workbench.mu.lower.rayleigh import copy
+from workbench.mu.lower.realise import (
+    SEARCH_TOLERANCE,
+    blocks_of,
+    realise,
+    workspace,
+)
+from workbench.mu.lower.runs import realised_run
+
+SAME_VALUE = 1e-6
+"""Ascents whose ends differ by less than this share agree."""
+REFINED_EDGES = 12
+"""Number of the most promising edges from which ascents start."""
+
+
+@compiled
+def search_batch(Ms, table, starts, start_reals, moving, agree):  # type: ignore[no-untyped-def]
+    """For each matrix the best of local ascents.
+
+    Parameters
+    ----------
+    Ms
+        Complex (B, columns, rows), entries of order one.
+    table
+        `block_table`.
+    starts, start_reals
+        Unit vectors of the run that leads to each start, complex (S, 2, rows), and its real blocks,
+        (S, blocks).
+    moving
+        Whether a run moves the real blocks (S,).
+    agree
+        The search ends early when so many ascents have reached the best value.
+
+    Returns
+    -------
+    values, deltas
+        Real eigenvalues of M Delta (B,), 0 where none was found, and Deltas (B, rows, columns). Each
+        depends on its own matrix only.
+    """
+    batch, columns, rows = Ms.shape
+    w = workspace(table, rows, columns)
+    values, deltas = np.zeros(batch), np.zeros((batch, rows, columns), np.complex128)
+    vectors, reals = np.zeros((2, rows), np.complex128), np.zeros(len(table))
+    delta, order = np.zeros((rows, columns), np.complex128), np.zeros(len(table), np.int64)
+    edges = not blocks_of(table)[1] and point_count(table) <= MOST_POINTS
+    size = MOST_POINTS if edges else 0
+    polynomials = np.zeros((size, columns + 1), np.complex128)
+    determinants, found = np.zeros((2, size), np.complex128), np.zeros((REFINED_EDGES, 4))
+    for m in range(batch):
+        met, crossings = 0, -1
+        for s in range(len(starts) + REFINED_EDGES):
+            if s < len(starts):
+                if met >= agree:
+                    continue
+                copy(starts[s, 0], vectors[0])
+                copy(starts[s, 1], vectors[1])
+                copy(start_reals[s], reals)
+                value = realised_run(
+                    Ms[m], table, vectors[0], vectors[1], reals, moving[s], delta, order, w
+                )
+            elif edges:
+                if crossings < 0:
+                    crossings = 0
+                    _search_edges(Ms[m], table, values[m], delta, polynomials, determinants, found, w)
+                value = _edge_start(Ms[m], table, found[s - len(starts)], delta, values[m], w)
+            else:
+                break
+            if not value > 0:
+                continue
+            value = climb(Ms[m], table, delta, value, w)
+            if abs(value - values[m]) <= SAME_VALUE * value:
+                met += 1
+            elif value > values[m]:
+                met = 1
+            if value > values[m]:
+                values[m] = value
+                deltas[m] = delta
+                w.best[0], w.best[1] = w.x, w.y
+        if values[m] > 0:
+            w.x[:], w.y[:] = w.best[0], w.best[1]
+            values[m] = polished(Ms[m], table, deltas[m], values[m], w)
+    return values, deltas
+
+
+@unchecked_kernel
+def _search_edges(M, table, least, delta, polynomials, determinants, found, w):  # type: ignore[no-untyped-def]
+    """Set the crossings of edges above the level of what is known."""
+    count = point_count(table)
+    set_polynomials(M, table, count, delta, polynomials, w)
+    # The norms of M bound its spectral norm, and that bounds mu.
+    rows, columns, most = 0.0, 0.0, 0.0
+    for i in range(M.shape[0]):
+        row, column = 0.0, 0.0
+        for j in range(M.shape[1]):
+            row += abs(M[i, j])
+            column += abs(M[j, i])
+        rows, columns = max(rows, row), max(columns, column)
+    most = np.sqrt(rows * columns)
+    set_crossings(table, polynomials, count, least, most, determinants, delta, found)
+
+
+@unchecked_kernel
+def _edge_start(M, table, crossing, delta, least, w):  # type: ignore[no-untyped-def]
+    """The real eigenvalue (0: none above the least) of an edge's estimate; Delta is set."""
+    if not crossing[0] > least * (1 + SAME_VALUE):
+        return 0.0
+    block = int(crossing[2])
+    set_point(table, int(crossing[1]), block, crossing[3], delta)
+    for i in range(len(w.x)):
+        w.x[i], w.y[i] = complex(1.0, 0.5 * i), complex(1.0, -0.5 * i)
+    near = complex(crossing[0], 0.0)
+    return realise(M, table, delta, near, block, SEARCH_TOLERANCE, w)[0]
