@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
-from workbench.mu.lower.attain import FULL, eigenvectors
+from workbench.mu.lower.attain import FULL, REAL, eigenvectors
 from workbench.mu.lower.parameters import set_delta, set_gradient, set_parameters
-from workbench.mu.lower.rayleigh import copy
+from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair
 from workbench.mu.lower.realise import (
     FINAL_TOLERANCE,
     SEARCH_TOLERANCE,
@@ -27,8 +27,16 @@ BFGS_STEPS = 60
 """Most BFGS steps of one ascent."""
 STEP_LENGTHS = 8
 """Step lengths tried in one BFGS step, each 0.3 times the one before."""
+BLOCKED_LENGTHS = 3
+"""Step lengths tried before a real block that cannot keep the eigenvalue real is given up."""
 SETTLED_GAIN = 1e-9
 """An ascent ends when a step raises the eigenvalue by less than this share."""
+P, G, TRIAL, NEW, D, MOVED, CHANGE, HY, HELD, BOUNDED = range(10)
+"""Rows of the parameters and the gradient, of those that are tried, of the direction, of the last
+move, of the change of the gradient, of the inverse Hessian times that, and of marks: 1 for a
+parameter that is held at its bound, and for one that has bounds, as those of real blocks have."""
+INVERSE = 10
+"""First row of the inverse Hessian of -lambda."""
 UNKNOWN_GAIN = 1e-6
 """Another ascent with a new unknown follows one that raised the eigenvalue by this share."""
 
@@ -40,34 +48,49 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
     The start ``delta`` (rows, columns) must have the real eigenvalue ``value``, and dyads as its
     full blocks; it is changed in place.
     """
-    w = workspace(table, delta.shape[0], delta.shape[1])
-    w.x[:], w.y[:] = eigenvectors(M @ delta, value + 0j)
-    return polished(M, table, delta, climb(M, table, delta, value, w), w)
+    w, v = workspace(table, delta.shape[0], delta.shape[1])
+    x, y = eigenvectors(M @ delta, value + 0j)
+    w[X, : len(M)], w[Y, : len(M)] = x, y
+    return polished(M, table, delta, climb(M, table, delta, value, w, v), w)
+
+
+@unchecked_kernel
+def copy_delta(source, target):  # type: ignore[no-untyped-def]
+    """Copy a Delta to an array that is as large or larger, or back from there."""
+    for i in range(min(source.shape[0], target.shape[0])):
+        for j in range(min(source.shape[1], target.shape[1])):
+            target[i, j] = source[i, j]
 
 
 @unchecked_kernel
 def polished(M, table, delta, value, w):  # type: ignore[no-untyped-def]
     """Make a real eigenvalue real to rounding; Delta is kept where that does not succeed."""
     set_sensitivity(M, w)
-    _copy_matrix(delta, w.there)
+    there = w[LOOP + 2 * w.shape[1] :]
+    copy_delta(delta, there)
     free = best_unknown(table, delta, w)
     near = complex(value, 0.0)
-    reached = realise(M, table, w.there, near, free, FINAL_TOLERANCE, w)[0]
+    reached = realise(M, table, there, near, free, FINAL_TOLERANCE, w)[0]
     if reached > value * (1 - UNKNOWN_GAIN):
-        _copy_matrix(w.there, delta)
+        copy_delta(there, delta)
         return reached
     return value
 
 
 @unchecked_kernel
-def climb(M, table, delta, value, w):  # type: ignore[no-untyped-def]
+def climb(M, table, delta, value, w, v):  # type: ignore[no-untyped-def]
     """Climb from a Delta whose real eigenvalue and vectors x, y (in the workspace) are known.
 
     An ascent stops when a real block that is the unknown reaches an end of its interval; another
     ascent with a new unknown follows.
     """
+    last = len(table)
     for _ in range(len(table)):
-        reached = _climb_once(M, table, delta, value, w)
+        set_sensitivity(M, w)
+        free = best_unknown(table, delta, w)
+        if free == last:
+            break
+        last, reached = free, _climb_once(M, table, delta, value, free, w, v)
         small = reached <= value * (1 + UNKNOWN_GAIN)
         value = reached
         if small:
@@ -76,106 +99,97 @@ def climb(M, table, delta, value, w):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def _climb_once(M, table, delta, value, w):  # type: ignore[no-untyped-def]
+def _climb_once(M, table, delta, value, free, w, v):  # type: ignore[no-untyped-def]
     """One ascent with the same unknown throughout; arguments and result as `climb`."""
-    p, g, trial, new = w.vectors[0], w.vectors[1], w.vectors[2], w.vectors[3]
-    d, moved = w.vectors[4], w.vectors[5]
-    set_sensitivity(M, w)
-    free, own = best_unknown(table, delta, w), 0
-    for k in range(free):
-        own += 2 * (table[k, 2] + table[k, 4]) if table[k, 0] == FULL else 1
-    set_parameters(delta, table, p)
+    there, count = w[LOOP + 2 * w.shape[1] :], v.shape[1]
+    own, at = 0, 0
+    for k in range(len(table)):
+        v[BOUNDED, at] = 1.0 if table[k, 0] == REAL else 0.0
+        own = at if k == free else own
+        at += 2 * (table[k, 2] + table[k, 4]) if table[k, 0] == FULL else 1
+    set_parameters(delta, table, v, P)
     best, phase, expected, length, weight = value, 0.0, 0.0, 0.0, 1.0 + 0j
     tries, fresh, started = 0, True, False
     for _ in range(BFGS_STEPS * STEP_LENGTHS):
         # The first pass evaluates the start, a later one a point of the line.
-        for i in range(len(p)):
-            trial[i] = p[i] + length * d[i] if started else p[i]
-            if w.bounded[i]:
-                trial[i] = min(max(trial[i], -1.0), 1.0)
-            moved[i] = trial[i] - p[i]
+        for i in range(count):
+            v[TRIAL, i] = v[P, i] + length * v[D, i] if started else v[P, i]
+            if v[BOUNDED, i] > 0:
+                v[TRIAL, i] = min(max(v[TRIAL, i], -1.0), 1.0)
+            v[MOVED, i] = v[TRIAL, i] - v[P, i]
         expected = 0.0
         if started:
-            for i in range(len(p)):
-                expected += moved[i] * g[i]
-        copy(w.x, w.kept[0])
-        copy(w.y, w.kept[1])
-        set_delta(trial, phase, table, w.there)
+            for i in range(count):
+                expected += v[MOVED, i] * v[G, i]
+        copy_pair(w, X, KEPT)
+        set_delta(v, TRIAL, phase, table, there)
         near = complex(best + expected, 0.0)
-        found, shift, weight = realise(M, table, w.there, near, free, SEARCH_TOLERANCE, w)
+        found, shift, weight = realise(M, table, there, near, free, SEARCH_TOLERANCE, w)
         if not started:
             if not found > value * (1 - UNKNOWN_GAIN):
-                copy(w.kept[0], w.x)
-                copy(w.kept[1], w.y)
+                copy_pair(w, KEPT, X)
                 break
         elif not (found > best and found > best + 1e-4 * expected):
-            copy(w.kept[0], w.x)
-            copy(w.kept[1], w.y)
+            copy_pair(w, KEPT, X)
             length *= 0.3
             tries += 1
-            if tries < STEP_LENGTHS:
+            blocked = free >= 0 and not found > 0
+            if tries < (BLOCKED_LENGTHS if blocked else STEP_LENGTHS):
                 continue
-            if fresh:
+            if fresh or blocked:
                 break
             fresh, tries = True, 0
-            length = _set_direction(p, g, d, best, True, w)
+            length = _set_direction(v, best, True)
             if not length > 0:
                 break
             continue
         phase += shift
         if free >= 0:
-            trial[own] = w.there[table[free, 1], table[free, 3]].real
-            moved[own] = trial[own] - p[own]
-        set_gradient(trial, phase, w.there, table, weight, w, new)
+            v[TRIAL, own] = there[table[free, 1], table[free, 3]].real
+            v[MOVED, own] = v[TRIAL, own] - v[P, own]
+        set_gradient(v, TRIAL, NEW, phase, there, table, weight, w)
         small = False
         if started:
-            fresh = not _updated(g, new, moved, fresh, w) and fresh
+            fresh = not _updated(v, fresh) and fresh
             small = found - best <= SETTLED_GAIN * best
         best, started, tries = found, True, 0
-        copy(trial, p)
-        copy(new, g)
-        _copy_matrix(w.there, delta)
+        for i in range(count):
+            v[P, i], v[G, i] = v[TRIAL, i], v[NEW, i]
+        copy_delta(there, delta)
         if small:
             break
-        for i in range(len(p)):
-            now = w.bounded[i] and ((p[i] >= 1 and g[i] > 0) or (p[i] <= -1 and g[i] < 0))
-            fresh = fresh or now != w.held[i]
-            w.held[i] = now
-        length = _set_direction(p, g, d, best, fresh, w)
+        for i in range(count):
+            now = v[BOUNDED, i] > 0 and ((v[P, i] >= 1 and v[G, i] > 0) or (v[P, i] <= -1 and v[G, i] < 0))
+            fresh = fresh or now != (v[HELD, i] > 0)
+            v[HELD, i] = 1.0 if now else 0.0
+        length = _set_direction(v, best, fresh)
         if length < 0:  # no ascent direction: the Hessian is spoilt
-            fresh, length = True, _set_direction(p, g, d, best, True, w)
+            fresh, length = True, _set_direction(v, best, True)
         if not length > 0:
             break
     return best
 
 
 @unchecked_kernel
-def _copy_matrix(source, target):  # type: ignore[no-untyped-def]
-    """Copy a matrix."""
-    for i in range(source.shape[0]):
-        copy(source[i], target[i])
-
-
-@unchecked_kernel
-def _set_direction(p, g, d, best, fresh, w):  # type: ignore[no-untyped-def]
+def _set_direction(v, best, fresh):  # type: ignore[no-untyped-def]
     """Set the direction of the next step, and return its first length.
 
     0 where the gradient vanishes, -1 where the direction does not ascend. A fresh start forgets
     the Hessian.
     """
-    slope, largest = 0.0, 0.0
-    for i in range(len(p)):
-        total = 0.0 if w.held[i] else g[i]
+    count, slope, largest = v.shape[1], 0.0, 0.0
+    for i in range(count):
+        total = 0.0 if v[HELD, i] > 0 else v[G, i]
         if fresh:
-            for j in range(len(p)):
-                w.inverse[i, j] = 0.0
-            w.inverse[i, i] = 1.0
-        elif not w.held[i]:
+            for j in range(count):
+                v[INVERSE + i, j] = 0.0
+            v[INVERSE + i, i] = 1.0
+        elif not v[HELD, i] > 0:
             total = 0.0
-            for j in range(len(p)):
-                total += 0.0 if w.held[j] else w.inverse[i, j] * g[j]
-        d[i] = total
-        slope += total * g[i]
+            for j in range(count):
+                total += 0.0 if v[HELD, j] > 0 else v[INVERSE + i, j] * v[G, j]
+        v[D, i] = total
+        slope += total * v[G, i]
         largest = max(largest, abs(total))
     if not slope > (1e-13 * best) ** 2:
         return 0.0 if fresh else -1.0
@@ -183,30 +197,29 @@ def _set_direction(p, g, d, best, fresh, w):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def _updated(g, new, moved, first, w):  # type: ignore[no-untyped-def]
+def _updated(v, first):  # type: ignore[no-untyped-def]
     """Update the inverse Hessian of -lambda from a step; False where it has no curvature."""
-    change, hy = w.vectors[6], w.vectors[7]
-    sy, yy, ss = 0.0, 0.0, 0.0
-    for i in range(len(g)):
-        change[i] = 0.0 if w.held[i] else g[i] - new[i]
-        step = 0.0 if w.held[i] else moved[i]
-        sy += step * change[i]
-        yy += change[i] * change[i]
+    count, sy, yy, ss = v.shape[1], 0.0, 0.0, 0.0
+    for i in range(count):
+        v[CHANGE, i] = 0.0 if v[HELD, i] > 0 else v[G, i] - v[NEW, i]
+        step = 0.0 if v[HELD, i] > 0 else v[MOVED, i]
+        sy += step * v[CHANGE, i]
+        yy += v[CHANGE, i] * v[CHANGE, i]
         ss += step * step
     if not (sy > 0 and sy > 1e-14 * np.sqrt(ss * yy)):
         return False
     yhy = 0.0
     if first:
-        for i in range(len(g)):
-            w.inverse[i, i] = sy / yy
-    for i in range(len(g)):
+        for i in range(count):
+            v[INVERSE + i, i] = sy / yy
+    for i in range(count):
         total = 0.0
-        for j in range(len(g)):
-            total += w.inverse[i, j] * change[j]
-        hy[i] = total
-        yhy += total * change[i]
-    for i in range(len(g)):
-        for j in range(len(g)):
-            s, t = 0.0 if w.held[i] else moved[i], 0.0 if w.held[j] else moved[j]
-            w.inverse[i, j] += ((1 + yhy / sy) * s * t - hy[i] * t - s * hy[j]) / sy
+        for j in range(count):
+            total += v[INVERSE + i, j] * v[CHANGE, j]
+        v[HY, i] = total
+        yhy += total * v[CHANGE, i]
+    for i in range(count):
+        for j in range(count):
+            s, t = 0.0 if v[HELD, i] > 0 else v[MOVED, i], 0.0 if v[HELD, j] > 0 else v[MOVED, j]
+            v[INVERSE + i, j] += ((1 + yhy / sy) * s * t - v[HY, i] * t - s * v[HY, j]) / sy
     return True

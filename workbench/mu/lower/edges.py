@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import unchecked_kernel
+from workbench.mu.lower.rayleigh import LOOP, X
 from workbench.mu.lower.realise import set_block, set_loop
 
 MOST_POINTS = 64
@@ -60,31 +61,31 @@ def set_polynomials(M, table, count, delta, polynomials, w):  # type: ignore[no-
 
     By the method of Faddeev and Le Verrier.
     """
-    n = len(w.A)
+    n, L = len(M), LOOP + w.shape[1]
     for point in range(count):
         set_point(table, point, -1, 0.0, delta)
-        set_loop(M, delta, table, w.A)
+        set_loop(M, table, delta, w)
         polynomials[point, 0] = 1.0
         for i in range(n):
             for j in range(n):
-                w.L[i, j] = w.A[i, j]
+                w[L + i, j] = w[LOOP + i, j]
         for k in range(1, n + 1):
             trace = 0j
             for i in range(n):
-                trace += w.L[i, i]
+                trace += w[L + i, i]
             polynomials[point, k] = trace * (-1.0 / k)
             if k == n:
                 break
             for i in range(n):
-                w.L[i, i] += polynomials[point, k]
+                w[L + i, i] += polynomials[point, k]
             for j in range(n):
                 for i in range(n):
                     total = 0j
                     for m in range(n):
-                        total += w.A[i, m] * w.L[m, j]
-                    w.x[i] = total
+                        total += w[LOOP + i, m] * w[L + m, j]
+                    w[X, i] = total
                 for i in range(n):
-                    w.L[i, j] = w.x[i]
+                    w[L + i, j] = w[X, i]
 
 
 @unchecked_kernel

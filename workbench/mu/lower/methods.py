@@ -106,6 +106,8 @@ def _best_search(search: _Search) -> None:
     """Keep the best of the local ascents from many starts."""
     starts = search.varied_starts(ASCENT_STARTS)
     agree = max(AGREEING_ASCENTS, AGREEING_ROWS // search.structure.rows)
+    if not any(isinstance(block, Real) for block in search.structure) or all(isinstance(block, Real) for block in search.structure):
+        agree = AGREEING_ASCENTS
     for chunk in search.chunks("ascent"):
         search.improve(chunk, *search_batch(search.M[chunk], search.table, *starts, agree))
 
@@ -149,6 +151,7 @@ class _Search:
             vertices = np.stack([half, -half], axis=1).reshape(-1, half.shape[1])
             moving[::2] = False
             places = np.flatnonzero(~moving)
+            places = places[::2]
             reals[np.ix_(places, real)] = np.resize(vertices, (len(places), half.shape[1]))
         return vectors, reals, moving
 

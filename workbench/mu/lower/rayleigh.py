@@ -3,8 +3,10 @@
 An eigenvalue decomposition of a small matrix takes LAPACK many times as long as one elimination,
 and a search looks at thousands of Deltas. These functions follow one eigenvalue with its left and
 right vectors instead: each step is one elimination with the eigenvalue as the shift, and converges
-cubically (A. Ostrowski, "On the convergence of the Rayleigh quotient iteration III", 1959). They
-are plain loops that write into arrays of the caller.
+cubically (A. Ostrowski, "On the convergence of the Rayleigh quotient iteration III", 1959).
+
+All vectors and matrices of a search are rows of one complex array, the workspace ``w``, because a
+call of compiled code takes the longer the more arrays it is given. X, Y and so on number its rows.
 """
 
 from __future__ import annotations
@@ -13,6 +15,16 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 
+X, Y, Q = 0, 1, 2
+"""Rows of the right and left eigenvectors of M Delta, and of the eigenvalue's sensitivity q."""
+KEPT, BEST = 3, 5
+"""First of two rows each: eigenvectors to return to, and those of the best Delta."""
+EFFECTS, EXCHANGES = 7, 8
+"""Rows of the effects q* x of blocks, and of the row exchanges of the elimination."""
+B, U = 9, 10
+"""Rows of the two vectors of Delta's outputs in a power iteration."""
+LOOP = 11
+"""First row of M Delta. After it follow its factors, and a Delta that is tried."""
 TINY_PIVOT = 1e-15
 """A pivot below this share of the largest entry is replaced by it: the shift is an eigenvalue."""
 
@@ -24,137 +36,119 @@ def square(z):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def inner_product(a, b, start_a, start_b, count):  # type: ignore[no-untyped-def]
-    """The inner product a* b of parts of two vectors."""
+def inner_product(w, a, start_a, b, start_b, count):  # type: ignore[no-untyped-def]
+    """The inner product a* b of parts of two rows."""
     total = 0j
     for i in range(count):
-        total += np.conj(a[start_a + i]) * b[start_b + i]
+        total += np.conj(w[a, start_a + i]) * w[b, start_b + i]
     return total
 
 
 @unchecked_kernel
-def length(v, start, count):  # type: ignore[no-untyped-def]
-    """Euclidean norm of a part of a vector."""
+def length(w, row, start, count):  # type: ignore[no-untyped-def]
+    """Euclidean norm of a part of a row."""
     total = 0.0
     for i in range(start, start + count):
-        total += square(v[i])
+        total += square(w[row, i])
     return np.sqrt(total)
 
 
 @unchecked_kernel
-def copy(source, target):  # type: ignore[no-untyped-def]
-    """Copy a vector."""
-    for i in range(len(source)):
-        target[i] = source[i]
+def copy_pair(w, source, target):  # type: ignore[no-untyped-def]
+    """Copy two rows."""
+    for i in range(w.shape[1]):
+        w[target, i] = w[source, i]
+        w[target + 1, i] = w[source + 1, i]
 
 
 @unchecked_kernel
-def factor_shifted(A, shift, L, pivots):  # type: ignore[no-untyped-def]
-    """Write the factors of A - shift I to L, inverse pivots on its diagonal; rows are exchanged."""
-    n = A.shape[0]
-    largest = 0.0
+def _factor(w, n, shift):  # type: ignore[no-untyped-def]
+    """Factor M Delta - shift I with row exchanges; the diagonal holds inverse pivots."""
+    L, largest = LOOP + w.shape[1], 0.0
     for i in range(n):
         for j in range(n):
-            L[i, j] = A[i, j]
-        L[i, i] -= shift
-        for j in range(n):
-            largest = max(largest, square(L[i, j]))
-    least = TINY_PIVOT * np.sqrt(largest) + 1e-290
+            entry = w[LOOP + i, j] - (shift if i == j else 0j)
+            w[L + i, j] = entry
+            largest = max(largest, square(entry))
+    least = TINY_PIVOT * np.sqrt(largest) + 1e-140
     for k in range(n):
-        place, most = k, square(L[k, k])
+        place, most = k, square(w[L + k, k])
         for i in range(k + 1, n):
-            size = square(L[i, k])
+            size = square(w[L + i, k])
             if size > most:
                 place, most = i, size
-        pivots[k] = place
+        w[EXCHANGES, k] = complex(place, 0.0)
         if place != k:
             for j in range(n):
-                L[k, j], L[place, j] = L[place, j], L[k, j]
+                w[L + k, j], w[L + place, j] = w[L + place, j], w[L + k, j]
+        pivot = w[L + k, k]
         if not most > least * least:
-            L[k, k] = least
-            most = least * least
-        inverse = np.conj(L[k, k]) * (1.0 / most)
-        L[k, k] = inverse
+            pivot, most = complex(least, 0.0), least * least
+        inverse = np.conj(pivot) * (1.0 / most)
+        w[L + k, k] = inverse
         for i in range(k + 1, n):
-            entry = L[i, k] * inverse
-            L[i, k] = entry
+            entry = w[L + i, k] * inverse
+            w[L + i, k] = entry
             for j in range(k + 1, n):
-                L[i, j] -= entry * L[k, j]
+                w[L + i, j] -= entry * w[L + k, j]
 
 
 @unchecked_kernel
-def solve_factored(L, pivots, x):  # type: ignore[no-untyped-def]
-    """Replace x by the solution of the factored system, scaled to length 1."""
-    n = len(x)
+def _solve(w, n):  # type: ignore[no-untyped-def]
+    """Solve the factored system for x and its adjoint for y, both scaled to length 1."""
+    L = LOOP + w.shape[1]
     for k in range(n):
-        if pivots[k] != k:
-            x[k], x[pivots[k]] = x[pivots[k]], x[k]
+        place = int(w[EXCHANGES, k].real)
+        w[X, k], w[X, place] = w[X, place], w[X, k]
     for i in range(n):
-        total = x[i]
+        total = w[X, i]
         for j in range(i):
-            total -= L[i, j] * x[j]
-        x[i] = total
-    for i in range(n - 1, -1, -1):
-        total = x[i]
+            total -= w[L + i, j] * w[X, j]
+        w[X, i] = total
+        value = w[Y, i] * np.conj(w[L + i, i])
+        w[Y, i] = value
         for j in range(i + 1, n):
-            total -= L[i, j] * x[j]
-        x[i] = total * L[i, i]
-    normalise(x)
-
-
-@unchecked_kernel
-def solve_adjoint(L, pivots, y):  # type: ignore[no-untyped-def]
-    """Replace y by the solution of the adjoint of the factored system, scaled to length 1."""
-    n = len(y)
-    for i in range(n):
-        value = y[i] * np.conj(L[i, i])
-        y[i] = value
-        for j in range(i + 1, n):
-            y[j] -= np.conj(L[i, j]) * value
+            w[Y, j] -= np.conj(w[L + i, j]) * value
     for i in range(n - 1, -1, -1):
-        value = y[i]
+        total = w[X, i]
+        for j in range(i + 1, n):
+            total -= w[L + i, j] * w[X, j]
+        w[X, i] = total * w[L + i, i]
+        value = w[Y, i]
         for j in range(i):
-            y[j] -= np.conj(L[i, j]) * value
+            w[Y, j] -= np.conj(w[L + i, j]) * value
     for k in range(n - 1, -1, -1):
-        if pivots[k] != k:
-            y[k], y[pivots[k]] = y[pivots[k]], y[k]
-    normalise(y)
+        place = int(w[EXCHANGES, k].real)
+        w[Y, k], w[Y, place] = w[Y, place], w[Y, k]
+    for row in range(2):
+        largest, total = 0.0, 0.0
+        for i in range(n):
+            largest = max(largest, abs(w[row, i].real), abs(w[row, i].imag))
+        scale = 1.0 / largest
+        for i in range(n):
+            w[row, i] *= scale
+            total += square(w[row, i])
+        scale = 1.0 / np.sqrt(total)
+        for i in range(n):
+            w[row, i] *= scale
 
 
 @unchecked_kernel
-def normalise(x):  # type: ignore[no-untyped-def]
-    """Scale a vector to length 1; NaN for a vector that is zero or not finite."""
-    largest = 0.0
-    for i in range(len(x)):
-        largest = max(largest, abs(x[i].real), abs(x[i].imag))
-    scale = 1.0 / largest
-    total = 0.0
-    for i in range(len(x)):
-        x[i] *= scale
-        total += square(x[i])
-    scale = 1.0 / np.sqrt(total)
-    for i in range(len(x)):
-        x[i] *= scale
-
-
-@unchecked_kernel
-def rayleigh_step(A, shift, L, pivots, x, y):  # type: ignore[no-untyped-def]
-    """Improve the eigenvectors x, y of A at an estimate of the eigenvalue, and return the new one.
+def rayleigh_step(w, n, shift):  # type: ignore[no-untyped-def]
+    """Improve the eigenvectors of M Delta (n, n) at an estimate of the eigenvalue; the new one.
 
     NaN where the vectors have become orthogonal, as those of a defective eigenvalue are.
     """
-    n = A.shape[0]
-    factor_shifted(A, shift, L, pivots)
-    solve_factored(L, pivots, x)
-    solve_adjoint(L, pivots, y)
+    _factor(w, n, shift)
+    _solve(w, n)
     over, under = 0j, 0j
     for i in range(n):
         total = 0j
         for j in range(n):
-            total += A[i, j] * x[j]
-        over += np.conj(y[i]) * total
-        under += np.conj(y[i]) * x[i]
+            total += w[LOOP + i, j] * w[X, j]
+        over += np.conj(w[Y, i]) * total
+        under += np.conj(w[Y, i]) * w[X, i]
     size = square(under)
     if not size > 1e-26:
         return complex(np.nan, np.nan)
-    return over * np.conj(under) / size
+    return over * np.conj(under) * (1.0 / size)

@@ -7,13 +7,19 @@ all, which takes a tenth of the time.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import inner_product, rayleigh_step, square
+from workbench.mu.lower.rayleigh import (
+    LOOP,
+    Q,
+    X,
+    Y,
+    inner_product,
+    rayleigh_step,
+    square,
+)
 
 NEWTON_STEPS = 12
 """Most Newton steps towards a real eigenvalue."""
@@ -27,71 +33,22 @@ FOLLOWED_CHANGE = 1e-5
 the order of the cube."""
 
 
-class Workspace(NamedTuple):
-    """Arrays of one search; ``x``, ``y`` and ``q`` belong to the eigenvalue that is followed."""
-
-    A: np.ndarray
-    """M Delta (columns, columns)."""
-    L: np.ndarray
-    """Its factors after a shift (columns, columns)."""
-    pivots: np.ndarray
-    """Row exchanges (columns,)."""
-    x: np.ndarray
-    """Right eigenvector of M Delta (columns,)."""
-    y: np.ndarray
-    """Left eigenvector (columns,)."""
-    q: np.ndarray
-    """Sensitivity (rows,): d lambda = q* (d Delta) x."""
-    kept: np.ndarray
-    """Eigenvectors x, y to return to (2, columns)."""
-    best: np.ndarray
-    """Eigenvectors x, y of the best Delta (2, columns)."""
-    there: np.ndarray
-    """A Delta that is tried (rows, columns)."""
-    effects: np.ndarray
-    """q* x of each block (blocks,)."""
-    vectors: np.ndarray
-    """Vectors of real parameters (8, parameters)."""
-    inverse: np.ndarray
-    """Approximate inverse of the Hessian (parameters, parameters)."""
-    held: np.ndarray
-    """Parameters held at their bounds (parameters,)."""
-    bounded: np.ndarray
-    """Parameters between -1 and 1: those of real blocks (parameters,)."""
-
-
 @compiled
 def workspace(table, rows, columns):  # type: ignore[no-untyped-def]
-    """Arrays for searches with a structure of this `block_table` and size."""
-    count = 0
+    """Arrays for searches with a structure of this `block_table` and size.
+
+    The first holds vectors and matrices, complex, as `workbench.mu.lower.rayleigh` numbers them;
+    the second vectors of parameters, real, as `workbench.mu.lower.ascent` numbers them.
+    """
+    count, width = 0, max(rows, columns)
     for k in range(len(table)):
         count += 2 * (table[k, 2] + table[k, 4]) if table[k, 0] == FULL else 1
-    bounded = np.zeros(count, np.bool_)
-    at = 0
-    for k in range(len(table)):
-        bounded[at] = table[k, 0] == REAL
-        at += 2 * (table[k, 2] + table[k, 4]) if table[k, 0] == FULL else 1
-    return Workspace(
-        np.zeros((columns, columns), np.complex128),
-        np.zeros((columns, columns), np.complex128),
-        np.zeros(columns, np.int64),
-        np.zeros(columns, np.complex128),
-        np.zeros(columns, np.complex128),
-        np.zeros(rows, np.complex128),
-        np.zeros((2, columns), np.complex128),
-        np.zeros((2, columns), np.complex128),
-        np.zeros((rows, columns), np.complex128),
-        np.zeros(len(table), np.complex128),
-        np.zeros((8, count)),
-        np.zeros((count, count)),
-        np.zeros(count, np.bool_),
-        bounded,
-    )
+    return np.zeros((LOOP + 3 * width, width), np.complex128), np.zeros((10 + count, count))
 
 
 @unchecked_kernel
-def set_loop(M, delta, table, A):  # type: ignore[no-untyped-def]
-    """A = M Delta (columns, columns)."""
+def set_loop(M, table, delta, w):  # type: ignore[no-untyped-def]
+    """Set M Delta (columns, columns) of the workspace."""
     columns = M.shape[0]
     for k in range(len(table)):
         r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
@@ -101,22 +58,22 @@ def set_loop(M, delta, table, A):  # type: ignore[no-untyped-def]
                     total = 0j
                     for m in range(r, r + nr):
                         total += M[i, m] * delta[m, j]
-                    A[i, j] = total
+                    w[LOOP + i, j] = total
         else:
             value = delta[r, c]
             for i in range(columns):
                 for j in range(nc):
-                    A[i, c + j] = M[i, r + j] * value
+                    w[LOOP + i, c + j] = M[i, r + j] * value
 
 
 @unchecked_kernel
-def followed(M, delta, table, near, w):  # type: ignore[no-untyped-def]
+def followed(M, table, delta, near, w):  # type: ignore[no-untyped-def]
     """The eigenvalue of M Delta that is followed, after one more step from an estimate of it.
 
     NaN where it is 0 or cannot be followed. Sets x, y, q and M Delta of the workspace.
     """
-    set_loop(M, delta, table, w.A)
-    value = rayleigh_step(w.A, near, w.L, w.pivots, w.x, w.y)
+    set_loop(M, table, delta, w)
+    value = rayleigh_step(w, len(M), near)
     if not 1e-280 < square(value) < 1e280:
         return complex(np.nan, np.nan)
     set_sensitivity(M, w)
@@ -125,14 +82,14 @@ def followed(M, delta, table, near, w):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def set_sensitivity(M, w):  # type: ignore[no-untyped-def]
-    """Set the sensitivity q of the eigenvalue, and the effects q* x of scalar blocks."""
-    under = inner_product(w.y, w.x, 0, 0, len(w.x))
+    """Set the q with d lambda = q* (d Delta) x for the eigenvectors x, y of M Delta."""
+    under = inner_product(w, Y, 0, X, 0, len(M))
     scale = under * (1.0 / square(under))
-    for j in range(len(w.q)):
+    for j in range(M.shape[1]):
         total = 0j
-        for i in range(len(w.x)):
-            total += np.conj(M[i, j]) * w.y[i]
-        w.q[j] = total * scale
+        for i in range(len(M)):
+            total += np.conj(M[i, j]) * w[Y, i]
+        w[Q, j] = total * scale
 
 
 @unchecked_kernel
@@ -140,13 +97,13 @@ def block_effect(delta, table, k, w):  # type: ignore[no-untyped-def]
     """q* x of a scalar block, q* Delta x of a full block."""
     r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
     if table[k, 0] != FULL:
-        return inner_product(w.q, w.x, r, c, nr)
+        return inner_product(w, Q, r, X, c, nr)
     total = 0j
     for i in range(r, r + nr):
         part = 0j
         for j in range(c, c + nc):
-            part += delta[i, j] * w.x[j]
-        total += np.conj(w.q[i]) * part
+            part += delta[i, j] * w[X, j]
+        total += np.conj(w[Q, i]) * part
     return total
 
 
@@ -230,7 +187,7 @@ def realise(M, table, delta, near, free, tolerance, w):  # type: ignore[no-untyp
     phase = 0.0
     some_real, some_complex = blocks_of(table)
     for _ in range(NEWTON_STEPS):
-        value = followed(M, delta, table, near, w)
+        value = followed(M, table, delta, near, w)
         size = np.sqrt(square(value))
         if not size > 0:
             break

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import inner_product, length, square
+from workbench.mu.lower.rayleigh import EFFECTS, B, U, X, Y, inner_product, length, square
 from workbench.mu.lower.realise import (
     SEARCH_TOLERANCE,
     best_unknown,
@@ -36,15 +36,14 @@ NEARLY_REAL = 1e-3
 
 
 @unchecked_kernel
-def realised_run(M, table, b, u, reals, moving, delta, order, w):  # type: ignore[no-untyped-def]
+def realised_run(M, table, reals, moving, delta, order, w):  # type: ignore[no-untyped-def]
     """A real eigenvalue (0: none) of the Delta at the end of one run, which is set.
 
-    ``b``, ``u`` (rows,) are vectors that the run changes, ``reals`` the values of real blocks
-    (blocks,) that it changes if ``moving``. x and y of the workspace become those of the
-    eigenvalue.
+    The run starts from the rows B and U of the workspace and from values of the real blocks,
+    ``reals`` (blocks,), which it changes if ``moving``. Its eigenvectors are left in X and Y.
     """
     some_complex = blocks_of(table)[1]
-    growth = _power_run(M, table, b, u, reals, moving, delta, w)
+    growth = _power_run(M, table, reals, moving, delta, w)
     if not growth > 0:
         return 0.0
     near, value = complex(growth, 0.0), 0.0
@@ -61,82 +60,82 @@ def realised_run(M, table, b, u, reals, moving, delta, order, w):  # type: ignor
 
 
 @unchecked_kernel
-def _power_run(M, table, b, u, reals, moving, delta, w):  # type: ignore[no-untyped-def]
+def _power_run(M, table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
     """Growth at the end of a power iteration (0: it vanished); sets Delta, x and y."""
-    a, z = w.x, w.y
+    columns, rows = M.shape
     growth = 0.0
-    for i in range(len(a)):
-        a[i] = 0j
+    for i in range(columns):
+        w[X, i] = 0j
     for _ in range(FREE_STEPS if moving else HELD_STEPS):
         change, total = 0.0, 0.0
-        for i in range(len(a)):
+        for i in range(columns):
             entry = 0j
-            for j in range(len(b)):
-                entry += M[i, j] * b[j]
-            z[i] = entry
+            for j in range(rows):
+                entry += M[i, j] * w[B, j]
+            w[Y, i] = entry
             total += square(entry)
         if not total > 1e-280:
             return 0.0
         growth = np.sqrt(total)
-        for i in range(len(a)):
-            entry = z[i] * (1.0 / growth)
-            change = max(change, square(entry - a[i]))
-            a[i] = entry
-        _align(a, u, table, reals, z, b, moving, delta)
+        for i in range(columns):
+            entry = w[Y, i] * (1.0 / growth)
+            change = max(change, square(entry - w[X, i]))
+            w[X, i] = entry
+        _align(table, reals, moving, delta, w)
         total = 0.0
-        for j in range(len(b)):
+        for j in range(rows):
             entry = 0j
-            for i in range(len(a)):
-                entry += np.conj(M[i, j]) * z[i]
-            u[j] = entry
+            for i in range(columns):
+                entry += np.conj(M[i, j]) * w[Y, i]
+            w[U, j] = entry
             total += square(entry)
         if not total > 1e-280:
             return 0.0
         scale = 1.0 / np.sqrt(total)
-        for j in range(len(b)):
-            u[j] *= scale
-        _align(a, u, table, reals, z, b, moving, delta)
+        for j in range(rows):
+            w[U, j] *= scale
+        _align(table, reals, moving, delta, w)
         if change < SETTLED_CHANGE**2:
             break
     return growth
 
 
 @unchecked_kernel
-def _align(a, u, table, reals, z, b, moving, delta):  # type: ignore[no-untyped-def]
-    """Set the Delta that aligns u (rows,) with a (columns,), and z = Delta* u, b = Delta a.
+def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
+    """Set the Delta that aligns u = U (rows,) with a = X (columns,), Y = Delta* u, B = Delta a.
 
     Real blocks that are ``moving`` first take a step towards an end of their interval, unless a
     and u are orthogonal.
     """
     for k in range(len(table)):
         r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
-        size_a = length(a, c, nc)
+        size_a = length(w, X, c, nc)
         if table[k, 0] == FULL:
-            size_u = length(u, r, nr)
+            size_u = length(w, U, r, nr)
             both = size_a * size_u
             for i in range(nr):
                 for j in range(nc):
                     if both > 1e-200:
-                        delta[r + i, c + j] = u[r + i] * np.conj(a[c + j]) * (1.0 / both)
+                        delta[r + i, c + j] = w[U, r + i] * np.conj(w[X, c + j]) * (1.0 / both)
                     else:
                         delta[r + i, c + j] = 1.0 if i == 0 and j == 0 else 0.0
             for j in range(nc):
-                z[c + j] = a[c + j] * (size_u / size_a) if size_a > 1e-200 else 0j
+                w[Y, c + j] = w[X, c + j] * (size_u / size_a) if size_a > 1e-200 else 0j
             for i in range(nr):
-                b[r + i] = u[r + i] * (size_a / size_u) if size_u > 1e-200 else 0j
+                w[B, r + i] = w[U, r + i] * (size_a / size_u) if size_u > 1e-200 else 0j
         else:
-            product = inner_product(a, u, c, r, nr)
+            product = inner_product(w, X, c, U, r, nr)
             value = complex(reals[k], 0.0)
             if table[k, 0] != REAL:
                 size = square(product)
                 value = product * (1.0 / np.sqrt(size)) if size > 1e-280 else 1.0 + 0j
             elif moving:
-                old = length(b, r, nr) / size_a if size_a > 1e-200 else 1.0
+                old = length(w, B, r, nr) / size_a if size_a > 1e-200 else 1.0
                 reals[k] = min(max((-old if reals[k] < 0 else old) + product.real, -1.0), 1.0)
                 value = complex(reals[k], 0.0)
             set_block(delta, table, k, value)
             for i in range(nr):
-                z[c + i], b[r + i] = np.conj(value) * u[r + i], value * a[c + i]
+                w[Y, c + i], w[B, r + i] = np.conj(value) * w[U, r + i], value * w[X, c + i]
 
 
 @unchecked_kernel
@@ -148,7 +147,7 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
     that sorting the ratios Re a_k / Im a_k solves. ``order`` (blocks,) is for that.
     """
     for _ in range(LINEARISED_STEPS):
-        value = followed(M, delta, table, near, w)
+        value = followed(M, table, delta, near, w)
         if not square(value) > 0:
             break
         balance = 0.0
@@ -156,10 +155,10 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
             effect = block_effect(delta, table, k, w)
             if effect.imag == 0:
                 effect = complex(effect.real, 1e-300)
-            w.effects[k] = effect
+            w[EFFECTS, k] = effect
             balance += abs(effect.imag)
             j = k
-            while j > 0 and _ratio(w.effects[order[j - 1]]) > _ratio(effect):
+            while j > 0 and _ratio(w[EFFECTS, order[j - 1]]) > _ratio(effect):
                 order[j] = order[j - 1]
                 j -= 1
             order[j] = k
@@ -168,7 +167,7 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
         total, change, passed = 0.0, 0.0, False
         for place in range(len(table)):
             k = order[place]
-            imag = w.effects[k].imag
+            imag = w[EFFECTS, k].imag
             t = 1.0 if imag > 0 else -1.0
             if not passed:
                 after = balance - 2 * abs(imag)
@@ -177,7 +176,7 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
                 balance = after
             change = max(change, abs(delta[table[k, 1], table[k, 3]].real - t))
             set_block(delta, table, k, complex(t, 0.0))
-            total += w.effects[k].real * t
+            total += w[EFFECTS, k].real * t
         near = complex(total, 0.0)
         if change < 1e-6:
             break
@@ -194,7 +193,7 @@ def _ratio(effect):  # type: ignore[no-untyped-def]
 def _restored(M, table, delta, near, w):  # type: ignore[no-untyped-def]
     """A nearly real positive eigenvalue (0: none) after the shortest moves of the real blocks."""
     for _ in range(RESTORING_STEPS):
-        value = followed(M, delta, table, near, w)
+        value = followed(M, table, delta, near, w)
         size = square(value)
         if not size > 0:
             break

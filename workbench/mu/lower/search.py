@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
-from workbench.mu.lower.ascent import climb, polished
+from workbench.mu.lower.ascent import climb, copy_delta, polished
 from workbench.mu.lower.edges import (
     MOST_POINTS,
     point_count,
@@ -13,7 +13,7 @@ from workbench.mu.lower.edges import (
     set_point,
     set_polynomials,
 )
-from workbench.mu.lower.rayleigh import copy
+from workbench.mu.lower.rayleigh import BEST, B, U, X, Y, copy_pair
 from workbench.mu.lower.realise import (
     SEARCH_TOLERANCE,
     blocks_of,
@@ -53,46 +53,44 @@ def search_batch(Ms, table, starts, start_reals, moving, agree):  # type: ignore
         depends on its own matrix only.
     """
     batch, columns, rows = Ms.shape
-    w = workspace(table, rows, columns)
+    w, v = workspace(table, rows, columns)
     values, deltas = np.zeros(batch), np.zeros((batch, rows, columns), np.complex128)
-    vectors, reals = np.zeros((2, rows), np.complex128), np.zeros(len(table))
+    reals = np.zeros(len(table))
     delta, order = np.zeros((rows, columns), np.complex128), np.zeros(len(table), np.int64)
     edges = not blocks_of(table)[1] and point_count(table) <= MOST_POINTS
     size = MOST_POINTS if edges else 0
     polynomials = np.zeros((size, columns + 1), np.complex128)
     determinants, found = np.zeros((2, size), np.complex128), np.zeros((REFINED_EDGES, 4))
     for m in range(batch):
-        met, crossings = 0, -1
-        for s in range(len(starts) + REFINED_EDGES):
-            if s < len(starts):
-                if met >= agree:
-                    continue
-                copy(starts[s, 0], vectors[0])
-                copy(starts[s, 1], vectors[1])
-                copy(start_reals[s], reals)
-                value = realised_run(
-                    Ms[m], table, vectors[0], vectors[1], reals, moving[s], delta, order, w
-                )
-            elif edges:
-                if crossings < 0:
-                    crossings = 0
-                    _search_edges(Ms[m], table, values[m], delta, polynomials, determinants, found, w)
-                value = _edge_start(Ms[m], table, found[s - len(starts)], delta, values[m], w)
+        met, first = 0, 0
+        if edges:
+            _search_edges(Ms[m], table, 0.0, delta, polynomials, determinants, found, w)
+            first = -REFINED_EDGES
+        for s in range(first, len(starts)):
+            if s < 0:
+                row = found[s + REFINED_EDGES]
+                value = _edge_start(Ms[m], table, row, delta, values[m], w)
             else:
-                break
+                if met >= agree:
+                    break
+                for j in range(rows):
+                    w[B, j], w[U, j] = starts[s, 0, j], starts[s, 1, j]
+                for k in range(len(table)):
+                    reals[k] = start_reals[s, k]
+                value = realised_run(Ms[m], table, reals, moving[s], delta, order, w)
             if not value > 0:
                 continue
-            value = climb(Ms[m], table, delta, value, w)
+            value = climb(Ms[m], table, delta, value, w, v)
             if abs(value - values[m]) <= SAME_VALUE * value:
                 met += 1
             elif value > values[m]:
                 met = 1
             if value > values[m]:
                 values[m] = value
-                deltas[m] = delta
-                w.best[0], w.best[1] = w.x, w.y
+                copy_delta(delta, deltas[m])
+                copy_pair(w, X, BEST)
         if values[m] > 0:
-            w.x[:], w.y[:] = w.best[0], w.best[1]
+            copy_pair(w, BEST, X)
             values[m] = polished(Ms[m], table, deltas[m], values[m], w)
     return values, deltas
 
@@ -121,7 +119,7 @@ def _edge_start(M, table, crossing, delta, least, w):  # type: ignore[no-untyped
         return 0.0
     block = int(crossing[2])
     set_point(table, int(crossing[1]), block, crossing[3], delta)
-    for i in range(len(w.x)):
-        w.x[i], w.y[i] = complex(1.0, 0.5 * i), complex(1.0, -0.5 * i)
+    for i in range(len(M)):
+        w[X, i], w[Y, i] = complex(1.0, 0.5 * i), complex(1.0, -0.5 * i)
     near = complex(crossing[0], 0.0)
     return realise(M, table, delta, near, block, SEARCH_TOLERANCE, w)[0]
