@@ -13,7 +13,7 @@ import numpy as np
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL, eigenvectors
 from workbench.mu.lower.parameters import set_delta, set_gradient, set_parameters
-from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair
+from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair, square
 from workbench.mu.lower.realise import (
     FINAL_TOLERANCE,
     SEARCH_TOLERANCE,
@@ -31,6 +31,8 @@ BLOCKED_LENGTHS = 3
 """Step lengths tried before a real block that cannot keep the eigenvalue real is given up."""
 SETTLED_GAIN = 1e-9
 """An ascent ends when a step raises the eigenvalue by less than this share."""
+SAME_DELTA = 0.1
+"""An ascent leads to a known Delta if it comes as near to it as this."""
 P, G, TRIAL, NEW, D, MOVED, CHANGE, HY, HELD, BOUNDED = range(10)
 """Rows of the parameters and the gradient, of those that are tried, of the direction, of the last
 move, of the change of the gradient, of the inverse Hessian times that, and of marks: 1 for a
@@ -51,7 +53,7 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
     w, v = workspace(table, delta.shape[0], delta.shape[1])
     x, y = eigenvectors(M @ delta, value + 0j)
     w[X, : len(M)], w[Y, : len(M)] = x, y
-    return polished(M, table, delta, climb(M, table, delta, value, w, v), w)
+    return polished(M, table, delta, climb(M, table, delta, value, 0.0, delta, w, v), w)
 
 
 @unchecked_kernel
@@ -60,6 +62,16 @@ def copy_delta(source, target):  # type: ignore[no-untyped-def]
     for i in range(min(source.shape[0], target.shape[0])):
         for j in range(min(source.shape[1], target.shape[1])):
             target[i, j] = source[i, j]
+
+
+@unchecked_kernel
+def _distance(first, second):  # type: ignore[no-untyped-def]
+    """Largest difference between entries of two Deltas."""
+    largest = 0.0
+    for i in range(first.shape[0]):
+        for j in range(first.shape[1]):
+            largest = max(largest, square(first[i, j] - second[i, j]))
+    return np.sqrt(largest)
 
 
 @unchecked_kernel
@@ -78,11 +90,12 @@ def polished(M, table, delta, value, w):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def climb(M, table, delta, value, w, v):  # type: ignore[no-untyped-def]
+def climb(M, table, delta, value, known, known_delta, w, v):  # type: ignore[no-untyped-def]
     """Climb from a Delta whose real eigenvalue and vectors x, y (in the workspace) are known.
 
     An ascent stops when a real block that is the unknown reaches an end of its interval; another
-    ascent with a new unknown follows.
+    ascent with a new unknown follows. An ascent that comes near a Delta whose value is ``known``,
+    and larger, ends with that value.
     """
     last = len(table)
     for _ in range(len(table)):
@@ -90,8 +103,10 @@ def climb(M, table, delta, value, w, v):  # type: ignore[no-untyped-def]
         free = best_unknown(table, delta, w)
         if free == last:
             break
-        last, reached = free, _climb_once(M, table, delta, value, free, w, v)
-        small = reached <= value * (1 + UNKNOWN_GAIN)
+        last, reached = free, _climb_once(
+            M, table, delta, value, free, known, known_delta, w, v
+        )
+        small = reached <= value * (1 + UNKNOWN_GAIN) or reached == known
         value = reached
         if small:
             break
@@ -99,7 +114,7 @@ def climb(M, table, delta, value, w, v):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def _climb_once(M, table, delta, value, free, w, v):  # type: ignore[no-untyped-def]
+def _climb_once(M, table, delta, value, free, known, known_delta, w, v):  # type: ignore[no-untyped-def]
     """One ascent with the same unknown throughout; arguments and result as `climb`."""
     there, count = w[LOOP + 2 * w.shape[1] :], v.shape[1]
     own, at = 0, 0
@@ -156,6 +171,8 @@ def _climb_once(M, table, delta, value, free, w, v):  # type: ignore[no-untyped-
         for i in range(count):
             v[P, i], v[G, i] = v[TRIAL, i], v[NEW, i]
         copy_delta(there, delta)
+        if best <= known and _distance(delta, known_delta) < SAME_DELTA:
+            return known
         if small:
             break
         for i in range(count):

@@ -103,8 +103,7 @@ def set_crossings(table, polynomials, count, least, most, values, delta, found):
     """Estimates of the largest real eigenvalues on edges, between levels of lambda.
 
     Sets the rows of ``found`` (R, 4): eigenvalue, number of the point, number of the block along
-    which the edge runs, and the place on the edge from 0 to 1; the largest first, 0 for none. An
-    eigenvalue of a vertex itself has the block -1.
+    which the edge runs, and the place on the edge from 0 to 1; the largest first, 0 for none.
     """
     for i in range(len(found)):
         found[i, 0] = 0.0
@@ -116,9 +115,6 @@ def set_crossings(table, polynomials, count, least, most, values, delta, found):
             continue
         for point in range(count):
             p, old_p = now[point], before[point]
-            if p.imag == 0 and old_p.imag == 0 and p.real * old_p.real < 0:
-                share = p.real / (p.real - old_p.real)
-                _keep(found, level + share * (most - least) / LEVELS, point, -1, 0.0)
             for k in range(len(table)):
                 further = set_point(table, point, k, 0.0, delta)
                 if further == 0:

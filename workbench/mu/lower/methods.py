@@ -14,7 +14,13 @@ from workbench.mu.lower.mixed_blocks import gain_bound, held_bound, weak_bound
 from workbench.mu.lower.nonlinear import NonlinearSearch
 from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.program import LowerBound, MuLowerBound
-from workbench.mu.lower.real_blocks import real_bound, sign_patterns, unit_starts
+from workbench.mu.lower.real_blocks import (
+    MOST_VERTICES,
+    best_vertex,
+    real_bound,
+    sign_patterns,
+    unit_starts,
+)
 from workbench.mu.lower.scaling import scaled_matrices, unscaled
 from workbench.mu.lower.search import search_batch
 from workbench.program import Claim, method
@@ -25,11 +31,18 @@ POWER_STARTS = 2
 """Random starts of the power iteration, in addition to the warm start."""
 ASCENT_STARTS = 32
 """Starts from which ascents are made."""
-AGREEING_ASCENTS = 3
-"""Fewest ascents that must reach the best value before a search ends early."""
-AGREEING_ROWS = 40
-"""This number over the rows of Delta is how many must, if more: for small matrices ascents are
-cheap, and blocks that are repeated attract many to a local maximum."""
+RUN_KINDS = "MLHL"
+"""Kinds of run that lead to the starts, in turn: real blocks move in a power iteration (M), or are
+held, in a power iteration (H) or at a level (L)."""
+RUN_LEVELS = 0.8, 1.8
+"""Levels at which an eigenvalue is looked for, as multiples of the best known one."""
+AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 5}
+"""Ascents that must reach the best value before a search ends early, by the kinds of block."""
+FEWEST_AGREEING, AGREEING_ROWS = 3, 64
+"""As many ascents must agree in any case, but for large matrices no more than so many over the
+number of rows: the larger the matrix, the fewer ascents reach the same value."""
+MOST_COMPLEX_VERTICES = 8
+"""Most vertices of real blocks at which a complex matrix is looked at for real eigenvalues."""
 NONLINEAR_STARTS = 6
 """Random starts of the nonlinear program."""
 RUNNERS_UP = 2
@@ -105,11 +118,13 @@ def _best(program: MuLowerBound, context: Context) -> Claim:
 def _best_search(search: _Search) -> None:
     """Keep the best of the local ascents from many starts."""
     starts = search.varied_starts(ASCENT_STARTS)
-    agree = max(AGREEING_ASCENTS, AGREEING_ROWS // search.structure.rows)
-    if not any(isinstance(block, Real) for block in search.structure) or all(isinstance(block, Real) for block in search.structure):
-        agree = AGREEING_ASCENTS
+    real = {isinstance(block, Real) for block in search.structure}
+    agree = AGREEING_ASCENTS["mixed" if len(real) == 2 else "real" if True in real else "complex"]
+    agree = min(agree, max(FEWEST_AGREEING, AGREEING_ROWS // search.structure.rows))
     for chunk in search.chunks("ascent"):
         search.improve(chunk, *search_batch(search.M[chunk], search.table, *starts, agree))
+    if real == {True}:
+        search.each("vertices", search.from_exact_vertices())
 
 
 class _Search:
@@ -138,22 +153,21 @@ class _Search:
         reals = rng.uniform(-1.0, 1.0, (count, len(self.structure)))
         return unit_starts(count, self.structure.rows, rng), reals
 
-    def varied_starts(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Starts with real blocks at every vertex in turn and random ones, and which of both.
-
-        The same for every matrix.
-        """
+    def varied_starts(self, count: int) -> tuple[np.ndarray, ...]:
+        """Starts of `search_batch` in turn: with moving real blocks, held ones, held at a level."""
         vectors, reals = self.starts(count)
         real = np.array([isinstance(block, Real) for block in self.structure])
-        moving = np.ones(count, bool)
+        moving, levels = np.ones(count, bool), np.zeros(count)
         if real.any() and not real.all():
             half = sign_patterns(int(real.sum()), self._context.rng)
             vertices = np.stack([half, -half], axis=1).reshape(-1, half.shape[1])
-            moving[::2] = False
-            places = np.flatnonzero(~moving)
-            places = places[::2]
-            reals[np.ix_(places, real)] = np.resize(vertices, (len(places), half.shape[1]))
-        return vectors, reals, moving
+            kinds = np.resize(list(RUN_KINDS), count)
+            for kind in "HL":
+                places = np.flatnonzero(kinds == kind)
+                reals[np.ix_(places, real)] = np.resize(vertices, (len(places), half.shape[1]))
+            moving = kinds == "M"
+            levels[kinds == "L"] = self._context.rng.uniform(*RUN_LEVELS, np.sum(kinds == "L"))
+        return vectors, reals, moving, levels
 
     def improve(self, chunk: slice, values: np.ndarray, deltas: np.ndarray) -> None:
         """Keep values and Deltas of a chunk where they are better than those known."""
@@ -186,6 +200,25 @@ class _Search:
         least = max(float(self.value[index]), *(value for value, _ in found))
         found.append(weak_bound(M, self.structure, least, rng))
         return max(found, key=lambda one: one[0])
+
+    def from_exact_vertices(self) -> Callable[[int], FoundEigenvalue]:
+        """A function that gives the best Delta of one matrix with real blocks at their ends.
+
+        For real blocks only. A real M has eigenvalues there that are exactly real, and a complex
+        one may have some.
+        """
+        sizes = [block.rows for block in self.structure]
+        few, many = (
+            np.repeat(sign_patterns(len(sizes), self._context.rng, limit), sizes, axis=1)
+            for limit in (MOST_COMPLEX_VERTICES, MOST_VERTICES)
+        )
+
+        def find(index: int) -> FoundEigenvalue:
+            M = self.M[index]
+            value, diagonal = best_vertex(M, few if M.imag.any() else many)
+            return value, np.diag(diagonal).astype(complex)
+
+        return find
 
     def from_nonlinear(self, context: Context) -> Callable[[int], FoundEigenvalue]:
         """A function that gives the best Delta of one matrix found by the nonlinear program."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import EFFECTS, B, U, X, Y, inner_product, length, square
+from workbench.mu.lower.rayleigh import EFFECTS, Q, B, U, X, Y, inner_product, length, square
 from workbench.mu.lower.realise import (
     SEARCH_TOLERANCE,
     best_unknown,
@@ -23,9 +23,11 @@ from workbench.mu.lower.realise import (
     set_block,
 )
 
-HELD_STEPS, FREE_STEPS = 20, 60
-"""Most steps of a power iteration with held real blocks, and with moving ones."""
-SETTLED_CHANGE = 1e-3
+POWER_STEPS, FIRST_STEPS = 20, 1
+"""Most steps of a power iteration that settles, and of one that only starts a run at a level."""
+ALIGNING_STEPS = 6
+"""Steps that align complex blocks with the eigenvalue next to a level."""
+SETTLED_CHANGE = 1e-2
 """A power iteration ends when its vectors change by less; an ascent follows."""
 LINEARISED_STEPS = 6
 """Most steps to the best Delta of the linearised problem of real blocks."""
@@ -36,17 +38,21 @@ NEARLY_REAL = 1e-3
 
 
 @unchecked_kernel
-def realised_run(M, table, reals, moving, delta, order, w):  # type: ignore[no-untyped-def]
+def realised_run(M, table, reals, moving, level, delta, order, w):  # type: ignore[no-untyped-def]
     """A real eigenvalue (0: none) of the Delta at the end of one run, which is set.
 
     The run starts from the rows B and U of the workspace and from values of the real blocks,
-    ``reals`` (blocks,), which it changes if ``moving``. Its eigenvectors are left in X and Y.
+    ``reals`` (blocks,), which it changes if ``moving``. A positive ``level`` is where it looks for
+    the eigenvalue, instead of following the power iteration. Its eigenvectors are left in X and Y.
     """
     some_complex = blocks_of(table)[1]
-    growth = _power_run(M, table, reals, moving, delta, w)
-    if not growth > 0:
+    steps = FIRST_STEPS if level > 0 else POWER_STEPS
+    near = complex(_power_run(M, table, reals, moving, steps, delta, w), 0.0)
+    if level > 0:
+        near = _aligned(M, table, reals, level, delta, w)
+    if not near.real > 0:
         return 0.0
-    near, value = complex(growth, 0.0), 0.0
+    value = 0.0
     if some_complex:
         value = realise(M, table, delta, near, -1, SEARCH_TOLERANCE, w)[0]
     else:
@@ -60,13 +66,13 @@ def realised_run(M, table, reals, moving, delta, order, w):  # type: ignore[no-u
 
 
 @unchecked_kernel
-def _power_run(M, table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
+def _power_run(M, table, reals, moving, steps, delta, w):  # type: ignore[no-untyped-def]
     """Growth at the end of a power iteration (0: it vanished); sets Delta, x and y."""
     columns, rows = M.shape
     growth = 0.0
     for i in range(columns):
         w[X, i] = 0j
-    for _ in range(FREE_STEPS if moving else HELD_STEPS):
+    for _ in range(steps):
         change, total = 0.0, 0.0
         for i in range(columns):
             entry = 0j
@@ -136,6 +142,24 @@ def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
             set_block(delta, table, k, value)
             for i in range(nr):
                 w[Y, c + i], w[B, r + i] = np.conj(value) * w[U, r + i], value * w[X, c + i]
+
+
+@unchecked_kernel
+def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
+    """Estimate of an eigenvalue (0: lost) after steps that align the complex blocks with it.
+
+    It is the one next to a level, with the real blocks held. Where complex blocks are weakly
+    coupled, or real ones repeated, there are large real eigenvalues that no power iteration finds.
+    """
+    value = 0j
+    for _ in range(ALIGNING_STEPS):
+        value = followed(M, table, delta, complex(level, 0.0), w)
+        if not square(value) > 0:
+            return 0j
+        for j in range(M.shape[1]):
+            w[U, j] = w[Q, j]
+        _align(table, reals, False, delta, w)
+    return complex(np.sqrt(square(value)), 0.0)
 
 
 @unchecked_kernel

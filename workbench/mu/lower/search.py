@@ -29,7 +29,7 @@ REFINED_EDGES = 12
 
 
 @compiled
-def search_batch(Ms, table, starts, start_reals, moving, agree):  # type: ignore[no-untyped-def]
+def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type: ignore[no-untyped-def]
     """For each matrix the best of local ascents.
 
     Parameters
@@ -43,6 +43,9 @@ def search_batch(Ms, table, starts, start_reals, moving, agree):  # type: ignore
         (S, blocks).
     moving
         Whether a run moves the real blocks (S,).
+    levels
+        Where a run looks for an eigenvalue, as a multiple of the best known one (S,); 0: a power
+        iteration leads to it.
     agree
         The search ends early when so many ascents have reached the best value.
 
@@ -77,10 +80,12 @@ def search_batch(Ms, table, starts, start_reals, moving, agree):  # type: ignore
                     w[B, j], w[U, j] = starts[s, 0, j], starts[s, 1, j]
                 for k in range(len(table)):
                     reals[k] = start_reals[s, k]
-                value = realised_run(Ms[m], table, reals, moving[s], delta, order, w)
+                value = realised_run(
+                    Ms[m], table, reals, moving[s], levels[s] * values[m], delta, order, w
+                )
             if not value > 0:
                 continue
-            value = climb(Ms[m], table, delta, value, w, v)
+            value = climb(Ms[m], table, delta, value, values[m], deltas[m], w, v)
             if abs(value - values[m]) <= SAME_VALUE * value:
                 met += 1
             elif value > values[m]:
