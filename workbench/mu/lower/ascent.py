@@ -103,9 +103,7 @@ def climb(M, table, delta, value, known, known_delta, w, v):  # type: ignore[no-
         free = best_unknown(table, delta, w)
         if free == last:
             break
-        last, reached = free, _climb_once(
-            M, table, delta, value, free, known, known_delta, w, v
-        )
+        last, reached = free, _climb_once(M, table, delta, value, free, known, known_delta, w, v)
         small = reached <= value * (1 + UNKNOWN_GAIN) or reached == known
         value = reached
         if small:
@@ -176,7 +174,9 @@ def _climb_once(M, table, delta, value, free, known, known_delta, w, v):  # type
         if small:
             break
         for i in range(count):
-            now = v[BOUNDED, i] > 0 and ((v[P, i] >= 1 and v[G, i] > 0) or (v[P, i] <= -1 and v[G, i] < 0))
+            now = v[BOUNDED, i] > 0 and (
+                (v[P, i] >= 1 and v[G, i] > 0) or (v[P, i] <= -1 and v[G, i] < 0)
+            )
             fresh = fresh or now != (v[HELD, i] > 0)
             v[HELD, i] = 1.0 if now else 0.0
         length = _set_direction(v, best, fresh)

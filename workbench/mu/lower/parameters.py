@@ -35,10 +35,10 @@ def set_parameters(delta, table, v, p):  # type: ignore[no-untyped-def]
                     row, most = i, total
             scale = 1.0 / np.sqrt(most)
             for i in range(nr):
-                total = 0j
+                u = 0j
                 for j in range(c, c + nc):
-                    total += delta[r + i, j] * np.conj(delta[row, j])
-                v[p, at + 2 * i], v[p, at + 2 * i + 1] = scale * total.real, scale * total.imag
+                    u += delta[r + i, j] * np.conj(delta[row, j])
+                v[p, at + 2 * i], v[p, at + 2 * i + 1] = scale * u.real, scale * u.imag
             at += 2 * nr
             for j in range(nc):
                 v[p, at + 2 * j] = scale * delta[row, c + j].real
@@ -71,7 +71,9 @@ def set_delta(v, p, phase, table, delta):  # type: ignore[no-untyped-def]
             for i in range(nr):
                 u = scale * complex(v[p, at + 2 * i], v[p, at + 2 * i + 1])
                 for j in range(nc):
-                    delta[r + i, c + j] = u * complex(v[p, behind + 2 * j], -v[p, behind + 2 * j + 1])
+                    delta[r + i, c + j] = u * complex(
+                        v[p, behind + 2 * j], -v[p, behind + 2 * j + 1]
+                    )
             at = behind + 2 * nc
         else:
             value = complex(np.cos(v[p, at]), np.sin(v[p, at])) * turn

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import EFFECTS, Q, B, U, X, Y, inner_product, length, square
+from workbench.mu.lower.rayleigh import EFFECTS, B, Q, U, X, Y, inner_product, length, square
 from workbench.mu.lower.realise import (
     SEARCH_TOLERANCE,
     best_unknown,

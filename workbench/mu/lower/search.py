@@ -52,8 +52,8 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
     Returns
     -------
     values, deltas
-        Real eigenvalues of M Delta (B,), 0 where none was found, and Deltas (B, rows, columns). Each
-        depends on its own matrix only.
+        Real eigenvalues of M Delta (B,), 0 where none was found, and Deltas (B, rows, columns).
+        Each depends on its own matrix only.
     """
     batch, columns, rows = Ms.shape
     w, v = workspace(table, rows, columns)
