@@ -36,7 +36,7 @@ RUN_KINDS = "MLHL"
 held, in a power iteration (H) or at a level (L)."""
 RUN_LEVELS = 0.8, 1.8
 """Levels at which an eigenvalue is looked for, as multiples of the best known one."""
-AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 5}
+AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 8}
 """Ascents that must reach the best value before a search ends early, by the kinds of block."""
 FEWEST_AGREEING, AGREEING_ROWS = 3, 64
 """As many ascents must agree in any case, but for large matrices no more than so many over the

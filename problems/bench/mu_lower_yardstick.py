@@ -1,0 +1,149 @@
+"""Speed of the lower bound of mu over that of looking at each matrix once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, figures, problem
+from workbench.arrays import Array
+from workbench.executor import WALL_TIME, Context
+from workbench.heavy_types import DataArray, Figure
+from workbench.mu import lower_bound
+from workbench.mu.lower.methods import proposals
+from workbench.structure import Block, Complex, Full, Real, Structure
+from workbench.study import Study, array, check, dim, figure, metric, part, table
+
+KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
+    "complex scalars": lambda n: (Complex(1),) * n,
+    "real scalars": lambda n: (Real(1),) * n,
+    "mixed": lambda n: (
+        *(Real(1),) * (n // 4),
+        *(Complex(1),) * (n // 4),
+        Full(n - n // 4 * 2, n - n // 4 * 2),
+    ),
+}
+"""Structures of n channels; a quarter of the mixed ones are real scalars, half one full block."""
+SIZES = (4, 10, 20)
+"""Sizes of the matrices."""
+ENTRIES = 1600
+"""Entries of all matrices of one size together."""
+WHAT = ("search", "bound", "eigenvalues")
+"""What is timed: the search for perturbations, the search with their proofs, the yardstick."""
+WANTED = 500.0
+"""Largest ratio of a search that is asked for."""
+NOT_YET = {("real scalars", 10): 2000.0, ("real scalars", 20): 5000.0, ("mixed", 20): 1500.0}
+"""Limits where that is not reached."""
+
+
+@problem("bench/mu-lower-yardstick", slow=True)
+def mu_lower_yardstick(rounds: Annotated[int, Field(ge=1, le=50)] = 5) -> MuLowerYardstick:
+    """Time of the lower bound of mu on one core, over that of NumPy's eigenvalues of the matrices.
+
+    Random complex matrices of sizes 4, 10 and 20, with complex scalars, real scalars, and real and
+    complex scalars with a full block. The search for perturbations is held to a limit; the proof by
+    the certificate's kernel is timed as well.
+
+    rounds: of interleaved timings, of which the shortest counts.
+    """
+    return MuLowerYardstick(rounds)
+
+
+@dataclass(frozen=True)
+class MuLowerYardstick(Study):
+    """Times of lower bounds and of eigenvalues of the same matrices, one after the other."""
+
+    rounds: int
+
+    headline: ClassVar[str] = "mixed_4"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these matrices"
+
+    kind = dim(*KINDS)
+    size = dim(*SIZES)
+    what = dim(*WHAT)
+
+    @part
+    def timed(self, context: Context) -> Array:
+        """Times per matrix (kind, size, what)."""
+        cases = [(kind, size) for kind in KINDS for size in SIZES]
+        found = [_timed(context.rng, *case, self.rounds) for case in context.track(cases, "cases")]
+        return np.array(found).reshape(len(KINDS), len(SIZES), len(WHAT))
+
+    seconds = array((kind, size, what), "s", "per matrix", lambda timed: timed, **WALL_TIME)
+
+    @check()
+    def near_the_limit(self, seconds: DataArray) -> list[Check]:
+        over = _over(seconds, "search")
+        return [
+            Check(
+                f"{kind} at size {size}",
+                "time of the search over that of the eigenvalues, on one core",
+                float(over.sel(kind=kind, size=size)),
+                NOT_YET.get((kind, size), WANTED),
+            )
+            for kind in KINDS
+            for size in SIZES
+        ]
+
+    ratios = metric("{kind}_{size}", lambda seconds: _over(seconds, "search"))
+
+    @figure
+    def times(self, seconds: DataArray) -> Figure:
+        figure, (panel,) = figures.axes()
+        over = _over(seconds, "search")
+        for kind in over["kind"].values:
+            panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
+        panel.axhline(WANTED, color="k", linestyle=":", label="asked for at most")
+        figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
+        panel.set_xticks(SIZES, map(str, SIZES), minor=False)
+        panel.minorticks_off()
+        figures.legend_below(figure, panel, 2)
+        return figure
+
+    @table
+    def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
+        ratios = [_over(seconds, what) for what in ("search", "bound")]
+        rows = [
+            [kind, str(size)]
+            + [f"{1e6 * float(seconds.sel(kind=kind, size=size, what=one)):.4g}" for one in WHAT]
+            + [f"{float(ratio.sel(kind=kind, size=size)):.3g}" for ratio in ratios]
+            for kind in KINDS
+            for size in SIZES
+        ]
+        heads = ["structure", "size", "search [us]", "with proof [us]", "eigenvalues [us]"]
+        return [*heads, "ratio of the search", "ratio with proof"], rows
+
+
+def _over(seconds: DataArray, what: str) -> DataArray:
+    """Time of a search, or of proven bounds, over that of eigenvalues (kind, size)."""
+    return seconds.sel(what=what, drop=True) / seconds.sel(what="eigenvalues", drop=True)
+
+
+def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple[float, ...]:
+    """Shortest times [s] per matrix of what is timed."""
+    count = max(4, ENTRIES // size**2)
+    real, imaginary = rng.normal(size=(2, count, size, size))
+    M = real + 1j * imaginary
+    hermitian, structure = M + M.conj().mT, Structure(KINDS[kind](size))
+    calls: list[Callable[[], Any]] = [
+        lambda: proposals(M, structure, "best"),
+        lambda: lower_bound(M, structure),
+        lambda: [np.linalg.eigvalsh(hermitian) for _ in range(20)],
+    ]
+    lower_bound(M[:1], structure)  # loads what is compiled
+    times: list[list[float]] = [[], [], []]
+    for _ in range(rounds):
+        for call, taken in zip(calls, times, strict=True):
+            start = time.perf_counter()
+            call()
+            taken.append((time.perf_counter() - start) / count)
+    search, bound, eigenvalues = (min(taken) for taken in times)
+    return search, bound, eigenvalues / 20
