@@ -14,6 +14,7 @@ from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import (
     MODELS,
@@ -67,7 +68,8 @@ class PeerComparison(Study):
     def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
-        program, orders, outputs = self.program, self.program.orders, self.program.y.shape[1]
+        program, orders = self.program, tuple(self.program.orders or ())
+        outputs = program.record.y.shape[1]
         scores = np.empty((len(ALGORITHMS), len(HORIZONS), len(orders), len(USES), outputs))
         for place in context.track(list(np.ndindex(scores.shape[:3])), "sippy_unipi"):
             scores[place] = program.validate(self._way(place))
@@ -76,8 +78,7 @@ class PeerComparison(Study):
             f"{ALGORITHMS[i]}, horizon {HORIZONS[j]}, order {orders[k]}" for (i, j, k), _ in chosen
         ]
         pairs = ((self.own.predictor, self.own.simulator), (chosen[0][1], chosen[1][1]))
-        rest = slice(program.estimation, None)
-        held_out = [program.fits(*pair, program.u[rest], program.y[rest]) for pair in pairs]
+        held_out = [program.fits(*pair, program.rest.u, program.rest.y) for pair in pairs]
         return xr.Dataset(
             {
                 "validation_fit": (
@@ -114,17 +115,18 @@ class PeerComparison(Study):
     def _way(self, place: tuple[int, ...]) -> Fitter:
         """The way of fitting at a place (algorithm, horizon, order)."""
         algorithm, horizon, order = place
-        return fit(ALGORITHMS[algorithm], HORIZONS[horizon], self.program.orders[order])
+        return fit(
+            ALGORITHMS[algorithm], HORIZONS[horizon], tuple(self.program.orders or ())[order]
+        )
 
     def _best(self, means: Array) -> tuple[tuple[int, ...], InnovationsModel]:
         """Place (algorithm, horizon, order) of the best mean fit, and its model.
 
         Places without a stable model of the whole estimation part are passed over.
         """
-        used = slice(None, self.program.estimation)
         for at in np.argsort(-means, axis=None, kind="stable"):
             place = tuple(int(i) for i in np.unravel_index(int(at), means.shape))
-            model = self._way(place)(self.program.u[used], self.program.y[used])
+            model = self._way(place)(self.program.used)
             if model is not None and np.isfinite(means[place]):
                 return place, model
         raise InputError("the package gave no stable model of the whole estimation part")
@@ -139,8 +141,8 @@ class PeerComparison(Study):
         The standard error comes from the means of blocks that are longer than the errors are
         correlated.
         """
-        program, washout = self.program, self.program.washout
-        u, y = program.u[program.estimation :], program.y[program.estimation :]
+        program, washout = self.program, self.program.washed
+        u, y = program.rest.u, program.rest.y
         rows = []
         for use, *models in zip(USES, own, theirs, strict=True):
             ours, other = ((y - getattr(model, use)(u, y, washout))[washout:] for model in models)
@@ -203,7 +205,8 @@ def fit(algorithm: str, horizon: int, order: int) -> Fitter:
             "bench/cd-arm compares with sippy_unipi: pip install 'workbench[benchmark]'"
         ) from None
 
-    def fitted(u: Array, y: Array) -> InnovationsModel | None:
+    def fitted(record: Experiments) -> InnovationsModel | None:
+        u, y = record.u, record.y
         u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
         try:
             with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):

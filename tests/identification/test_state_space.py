@@ -8,6 +8,7 @@ import pytest
 from workbench import Options, Outcome, solve
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.methods import identify
 from workbench.identification.state_space.prediction_error import Criterion, refine
@@ -62,8 +63,8 @@ def test_subspace_finds_the_noise_model_too():
 def test_refinement_improves_the_start():
     u, y = simulated(800, noise=0.5)
     start = subspace(u, y, 3, 10)
-    criterion = Criterion(start, u - start.u_offset, y - start.y_offset, 0.1)
-    model, iterations = refine(start, u, y)
+    criterion = Criterion(start, Experiments(u, y), 0.1)
+    model, iterations = refine(start, Experiments(u, y))
     assert iterations > 0
     assert criterion(criterion.start(model)) < criterion(criterion.start(start))
     assert distance(model) < distance(start)
@@ -72,7 +73,7 @@ def test_refinement_improves_the_start():
 @pytest.mark.parametrize("weight", [0.0, 0.7])
 def test_gradient_is_exact(weight):
     u, y = simulated(60)
-    criterion = Criterion(TRUTH, u - TRUTH.u_offset, y - TRUTH.y_offset, weight)
+    criterion = Criterion(TRUTH, Experiments(u, y), weight)
     theta = criterion.start(TRUTH) + 0.01 * np.random.default_rng(1).normal(
         size=len(criterion.start(TRUTH))
     )
@@ -87,9 +88,9 @@ def test_gradient_is_exact(weight):
 
 
 def test_units_do_not_matter():
-    plain = refine(best_subspace(*simulated(300), 3), *simulated(300))[0]
+    plain = refine(best_subspace(*simulated(300), 3), Experiments(*simulated(300)))[0]
     record = simulated(300, units=(1e3, 1e-6))
-    other = refine(best_subspace(*record, 3), *record)[0]
+    other = refine(best_subspace(*record, 3), Experiments(*record))[0]
     np.testing.assert_allclose(
         other.response(FREQUENCY) * 1e9, plain.response(FREQUENCY), rtol=1e-3, atol=1e-4
     )
@@ -136,8 +137,8 @@ def sabotaged(spoilt, worse):
     """Subspace models of both orders, those of the spoilt order worse in the given use."""
 
     def way(order):
-        def fit(u, y):
-            model = best_subspace(u, y, 3)
+        def fit(record):
+            model = best_subspace(record.u, record.y, 3)
             if order != spoilt:
                 return model
             if worse == "free_run":  # a wrong D that the data correct in no way
@@ -180,7 +181,9 @@ def test_criteria_differ_by_use():
     answer = solve(program).answer
     start = best_subspace(u[:300], y[:300], 3)
     for model, weight in ((answer.predictor, 0.0), (answer.simulator, 1.0)):
-        np.testing.assert_allclose(model.A, refine(start, u[:300], y[:300], weight)[0].A)
+        np.testing.assert_allclose(
+            model.A, refine(start, Experiments(u[:300], y[:300]), weight)[0].A
+        )
 
 
 @pytest.mark.parametrize("name", ["predictor", "simulator"])
@@ -195,10 +198,10 @@ def test_an_unstable_model_is_found(program, name):
 
 def test_no_stable_model_is_a_failure(program):
     def none(order):
-        return lambda u, y: None
+        return lambda record: None
 
     def some(order):
-        return lambda u, y: best_subspace(u, y, order)
+        return lambda record: best_subspace(record.u, record.y, order)
 
     for ways in ((none, none), (none, some), (some, none)):
         assert identify(program, *ways, Context(Options())) is None
@@ -210,15 +213,15 @@ def test_unstable_start():
         2 * TRUTH.A, TRUTH.B, TRUTH.C, TRUTH.D, TRUTH.K, TRUTH.u_offset, TRUTH.y_offset
     )
     with pytest.raises(InputError, match="unstable"):
-        refine(wild, u, y)
+        refine(wild, Experiments(u, y))
 
 
 U, Y = simulated(400)
 
 
-def with_nan():
+def with_infinity():
     broken = Y.copy()
-    broken[17, 1] = np.nan
+    broken[17, 1] = np.inf
     return broken
 
 
@@ -228,11 +231,11 @@ def with_nan():
         (U, Y, (60,), r"order 60 does not fit.*choose lower orders"),
         (U, Y, (0, 2), r"order 0 does not fit"),
         (U, Y, (), "no orders"),
-        (U, with_nan(), (2,), r"y.*NaN.*sample 17"),
-        (np.column_stack([U[:, 0], 0 * U[:, 1]]), Y, (2,), r"u: channel 1 never changes"),
+        (U, with_infinity(), (2,), r"y.*infinite.*channel 1, sample 17"),
+        (np.column_stack([U[:, 0], 0 * U[:, 1]]), Y, (2,), r"u: channel 1 .u2. never changes"),
         (U[:-1], Y, (2,), r"399 samples.*400"),
-        (U[:, 0], Y, (2,), "samples by channels"),
-        (U[:120], Y[:120], (2,), "longer record"),
+        (U[None], Y, (2,), r"u has shape \(1, 400, 2\)"),
+        (U[:70], Y[:70], (2,), "longer record"),
     ],
 )
 def test_bad_input(u, y, orders, message):

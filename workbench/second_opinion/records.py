@@ -14,7 +14,7 @@ def convolved(matrices: Any, u: RealArray, y: RealArray, washout: int) -> RealAr
     """Output (N, ny) of a sampled system by convolution, its initial state fitted to y.
 
     ``matrices`` are A, B, C, D. u (N, nu) drives; the first `washout` samples of y (N, ny) decide
-    the initial state.
+    the initial state, as far as they were measured.
     """
     A, B, C, D = matrices
     markov, free = np.empty((len(u), *D.shape)), np.empty((len(u), *C.shape))
@@ -29,4 +29,5 @@ def convolved(matrices: Any, u: RealArray, y: RealArray, washout: int) -> RealAr
     )
     observed = free[:washout].reshape(-1, len(A))
     left = (y - forced)[:washout].ravel()
-    return forced + free @ np.linalg.lstsq(observed, left, rcond=None)[0]
+    known = np.isfinite(left)
+    return forced + free @ np.linalg.lstsq(observed[known], left[known], rcond=None)[0]

@@ -36,22 +36,26 @@ def held_out_figure(data: Dataset, title: str) -> Figure:
 
 
 def two_responses_figure(data: Dataset, title: str) -> Figure:
-    """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius."""
+    """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius.
+
+    Records without a nonparametric response show the simulator's alone.
+    """
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
     frequency = data["frequency"].values
     # |error|^2 of a circular complex estimate is exponentially distributed around its variance.
-    radius = np.sqrt(-np.log(0.01) * data["variance"])
+    radius = np.sqrt(-np.log(0.01) * data["variance"]) if "variance" in data else None
     for k, panel in enumerate(panels):
         place = {"output": k // columns, "input": k % columns}
         one = data.isel(place)
-        panel.loglog(
-            frequency, abs(one["nonparametric"]), ".", color=figures.BLUE, ms=2.5,
-            label="nonparametric",
-        )  # fmt: skip
-        panel.loglog(
-            frequency, radius.isel(place), color=figures.SKY, lw=0.7, label="its 99 % radius"
-        )
+        if radius is not None:
+            panel.loglog(
+                frequency, abs(one["nonparametric"]), ".", color=figures.BLUE, ms=2.5,
+                label="nonparametric",
+            )  # fmt: skip
+            panel.loglog(
+                frequency, radius.isel(place), color=figures.SKY, lw=0.7, label="its 99 % radius"
+            )
         panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="simulator")
         output, source = str(one["output"].values), str(one["input"].values)
         across = "frequency [cycles/sample]" if k >= len(panels) - columns else ""

@@ -2,27 +2,33 @@
 
     x(t+1) = A x + B u + K e,    y = C x + D u + e,    e white
 
-Discrete time with a sampling time of one; u and y are deviations from offsets.
+Discrete time; u and y are deviations from offsets, and each input may act some samples later.
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.3 and 16.4.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import dlsim
+from scipy.linalg import block_diag
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
+from workbench.identification.state_space.recursions import observability, predictions
+
+STATE_SAMPLES = 300
+"""Largest number of samples from which an initial state is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
-    The offsets (nu,) and (ny,) are subtracted from u and y.
+    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
+    later an input acts; empty where none does. ``sample_time`` [s] and the names of the channels
+    are those of the record.
     """
 
     A: RealArray
@@ -32,10 +38,14 @@ class InnovationsModel:
     K: RealArray
     u_offset: RealArray
     y_offset: RealArray
+    delay: tuple[int, ...] = field(default=(), kw_only=True)
+    sample_time: float = field(default=1.0, kw_only=True)
+    inputs: tuple[str, ...] = field(default=(), kw_only=True)
+    outputs: tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
     def order(self) -> int:
-        """Number of states."""
+        """Number of states, without those that only delay an input."""
         return len(self.A)
 
     @property
@@ -49,60 +59,90 @@ class InnovationsModel:
         return float(np.max(np.abs(np.linalg.eigvals(self.A - self.K @ self.C)), initial=0.0))
 
     def system(self) -> StateSpace:
-        """System from u to y, with a sampling time of one."""
+        """System from u to y, at the record's sampling time, with the names of its channels.
+
+        A delayed input has a state for each sample of its delay.
+        """
         import control
 
-        return control.ss(self.A, self.B, self.C, self.D, 1.0)
+        A, B, C, D = self.A, self.B, self.C, self.D
+        delays = self.delay or (0,) * B.shape[1]
+        chains = [np.eye(delay, k=-1) for delay in delays]
+        count = sum(delays)
+        enters, leaves = np.zeros((count, B.shape[1])), np.zeros((B.shape[1], count))
+        end, now = 0, np.eye(B.shape[1])
+        for j, delay in enumerate(delays):
+            if delay:
+                enters[end, j], leaves[j, end + delay - 1], now[j, j] = 1.0, 1.0, 0.0
+                end += delay
+        chain = block_diag(*chains) if count else np.zeros((0, 0))
+        names = {
+            **({"inputs": list(self.inputs)} if self.inputs else {}),
+            **({"outputs": list(self.outputs)} if self.outputs else {}),
+        }
+        return control.ss(
+            np.block([[A, B @ leaves], [np.zeros((count, len(A))), chain]]),
+            np.vstack([B @ now, enters]),
+            np.hstack([C, D @ leaves]),
+            D @ now,
+            self.sample_time,
+            **names,
+        )
 
     def response(self, frequency: ArrayLike) -> ComplexArray:
         """Response (F, ny, nu) from u to y at frequencies (F,) [cycles/sample]."""
         z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
         states = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
-        return np.asarray(self.C @ states + self.D, dtype=complex)
+        found = np.asarray(self.C @ states + self.D, dtype=complex)
+        return found * z ** -np.asarray(self.delay, dtype=float) if self.delay else found
 
     def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
         """One-step predictions (N, ny) of y from a record u (N, nu), y (N, ny).
 
-        The initial state is the one that predicts the first `washout` samples best.
+        The initial state is the one that predicts the first `washout` samples best. Missing
+        samples (NaN) of y are predicted too.
         """
-        inputs = np.hstack([u - self.u_offset, y - self.y_offset])
-        B = np.hstack([self.B - self.K @ self.D, self.K])
-        D = np.hstack([self.D, np.zeros((len(self.C), len(self.C)))])
-        return self._run(self.A - self.K @ self.C, B, D, inputs, y, washout)
+        return self._run(self.K, u, y, washout)
 
     def free_run(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
         """Simulation (N, ny) of y from u (N, nu) alone.
 
         Only the initial state is computed from the first `washout` samples of y.
         """
-        return self._run(self.A, self.B, self.D, u - self.u_offset, y, washout)
+        return self._run(np.zeros_like(self.K), u, y, washout)
 
-    def _run(
-        self,
-        A: RealArray,
-        B: RealArray,
-        D: RealArray,
-        inputs: RealArray,
-        y: RealArray,
-        washout: int,
-    ) -> RealArray:
-        """Output of a system with this model's C, from the initial state that suits y best."""
-        x0 = initial_state((A, B, self.C, D), inputs[:washout], (y - self.y_offset)[:washout])
-        output: RealArray = dlsim((A, B, self.C, D, 1.0), inputs, x0=x0)[1]
-        return output + self.y_offset
+    def _run(self, K: RealArray, u: RealArray, y: RealArray, washout: int) -> RealArray:
+        """Predictions with a gain K, from the initial state that suits y best."""
+        drive = self.acting(u) - self.u_offset
+        measured = y - self.y_offset
+        x0 = initial_state(self, K, drive[:washout], measured[:washout])
+        found: RealArray = predictions(*self.matrices(K), x0, drive, measured)
+        return found + self.y_offset
+
+    def matrices(self, K: RealArray) -> tuple[RealArray, ...]:
+        """A, B, C, D and another gain K, as compiled code takes them."""
+        own = (self.A, self.B, self.C, self.D, K)
+        return tuple(np.ascontiguousarray(matrix, dtype=float) for matrix in own)
+
+    def acting(self, u: RealArray) -> RealArray:
+        """Inputs (N, nu) that act at each sample: those before the record are its first ones."""
+        if not any(self.delay):
+            return np.ascontiguousarray(u, dtype=float)
+        now = np.arange(len(u))
+        late = [u[np.maximum(now - delay, 0), j] for j, delay in enumerate(self.delay)]
+        return np.column_stack(late)
 
 
-def initial_state(
-    system: tuple[RealArray, RealArray, RealArray, RealArray], u: RealArray, y: RealArray
-) -> RealArray:
-    """Initial state (n,) for which a system's output fits y (N, ny) best, with inputs u (N, nu)."""
-    A, _, C, _ = system
-    observed = np.empty((len(y), *C.shape))
-    row = C
-    for t in range(len(y)):
-        observed[t] = row
-        row = row @ A
-    forced = dlsim((*system, 1.0), u)[1]
-    left = (y - forced).ravel()
-    state: RealArray = np.linalg.lstsq(observed.reshape(-1, len(A)), left, rcond=None)[0]
+def initial_state(model: InnovationsModel, K: RealArray, u: RealArray, y: RealArray) -> RealArray:
+    """Initial state (n,) for which predictions with a gain K fit y (N, ny) best.
+
+    u (N, nu) and y are deviations from the model's offsets.
+    """
+    u, y = np.ascontiguousarray(u[:STATE_SAMPLES]), np.ascontiguousarray(y[:STATE_SAMPLES])
+    matrices = model.matrices(K)
+    closed = np.ascontiguousarray(model.A - K @ model.C)
+    left = (y - predictions(*matrices, np.zeros(model.order), u, y)).ravel()
+    rows = observability(closed, matrices[2], len(y)).reshape(len(left), model.order)
+    seen = np.isfinite(left) & np.isfinite(rows).all(axis=1)
+    state: RealArray = np.linalg.lstsq(rows[seen], left[seen], rcond=None)[0]
     return state

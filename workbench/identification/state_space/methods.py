@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.prediction_error import refine
 from workbench.identification.state_space.program import Fitter, IdentifiedModels, StateSpaceFit
-from workbench.identification.state_space.subspace import best_subspace
+from workbench.identification.state_space.subspace import (
+    SubspaceModels,
+    best_fitting,
+    fitting_pasts,
+)
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
@@ -31,34 +37,34 @@ def identify(
     """Models of the orders that validate best, one for each use, or None.
 
     Every order is validated; for each use the order with the best mean fit is then fitted to
-    the whole estimation part. The result is None if no order gives a stable model.
+    the whole estimation part. The result is None if no order gives a model.
     """
-    ways = (predictors, simulators)
-    tried = [(way, order) for way in dict.fromkeys(ways) for order in program.orders]
+    ways, orders = (predictors, simulators), tuple(program.orders or ())
+    tried = [(way, order) for way in dict.fromkeys(ways) for order in orders]
     fits = {
         (way, order): program.validate(way(order))
         for way, order in context.track(tried, "validation")
     }
-    scores = np.array(
-        [[fits[way, order][use] for order in program.orders] for use, way in enumerate(ways)]
-    )
+    scores = np.array([[fits[way, order][use] for order in orders] for use, way in enumerate(ways)])
+    means = scores.mean(axis=-1)
+    if program.poles == "any":  # the free run of an unstable plant tells nothing
+        means = means[[0, 0]]
     predictor, simulator = (
-        _best(program, way, means) for way, means in zip(ways, scores.mean(axis=-1), strict=True)
+        _best(program, way, score) for way, score in zip(ways, means, strict=True)
     )
     if predictor is None or simulator is None:
         return None
-    return IdentifiedModels(predictor, simulator, scores, program.sample_time)
+    return IdentifiedModels(predictor, simulator, scores, program.record.sample_time)
 
 
 def _best(program: StateSpaceFit, way: FitterOfOrder, means: RealArray) -> InnovationsModel | None:
-    """Stable model of the whole estimation part, of the order that validated best.
+    """Model of the whole estimation part, of the order that validated best.
 
     If there is none, the next best order is taken; ``means`` are the orders' mean fits.
     """
-    used = slice(None, program.estimation)
     for place in np.argsort(-means, kind="stable"):
         if np.isfinite(means[place]):
-            model = way(program.orders[place])(program.u[used], program.y[used])
+            model = way(tuple(program.orders or ())[place])(program.used)
             if model is not None:
                 return model
     return None
@@ -67,17 +73,56 @@ def _best(program: StateSpaceFit, way: FitterOfOrder, means: RealArray) -> Innov
 def claim(answer: IdentifiedModels | None) -> Claim:
     """Answer, outcome and message of a method."""
     if answer is None:
-        return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
+        return None, Outcome.FAILED, "no order gives a model whose errors are finite"
     orders = f"order {answer.predictor.order} to predict, {answer.simulator.order} to simulate"
     return answer, Outcome.SOLVED, orders
+
+
+class SubspaceStarts:
+    """The best subspace models of parts of a record, each computed once."""
+
+    def __init__(self, program: StateSpaceFit) -> None:
+        self._program = program
+        self._regressions: dict[int, SubspaceModels] = {}
+        self._found: dict[tuple[int, int], InnovationsModel | None] = {}
+
+    def best(self, record: Experiments, order: int) -> InnovationsModel | None:
+        """The best subspace model of an order, of a part that the program holds."""
+        key = (id(record), order)
+        if key not in self._found:
+            self._found[key] = self._computed(record, order)
+        return self._found[key]
+
+    def _computed(self, record: Experiments, order: int) -> InnovationsModel | None:
+        program = self._program
+        nu, ny = record.u.shape[1], record.y.shape[1]
+        late = record.delayed(program.delays)
+        pasts = fitting_pasts(order, len(late), nu, ny)
+        if not pasts:
+            return None
+        if id(record) not in self._regressions:
+            widest = fitting_pasts(max(program.orders or (order,)), len(late), nu, ny)
+            self._regressions[id(record)] = SubspaceModels(
+                late, sorted({*pasts, *widest}), program.direct
+            )
+        models = self._regressions[id(record)]
+        found = (
+            replace(models.model(order, past), delay=program.delays)
+            for past in models.pasts
+            if past in pasts
+        )
+        return best_fitting(
+            found, record, direct=program.direct, largest_radius=program.largest_radius
+        )
 
 
 @method(StateSpaceFit, "subspace", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     """Predictor-based subspace identification for both uses; no iterations."""
+    starts = SubspaceStarts(program)
 
     def way(order: int) -> Fitter:
-        return lambda u, y: best_subspace(u, y, order)
+        return lambda record: starts.best(record, order)
 
     return claim(identify(program, way, way, context))
 
@@ -85,17 +130,23 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
 @method(StateSpaceFit, "prediction-error", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
     """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
-    predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
+    starts = SubspaceStarts(program)
+    predictors, simulators = (_refined(program, starts, weight) for weight in SIMULATION_WEIGHTS)
     return claim(identify(program, predictors, simulators, context))
 
 
-def _refined(simulation_weight: float) -> FitterOfOrder:
+def _refined(
+    program: StateSpaceFit, starts: SubspaceStarts, simulation_weight: float
+) -> FitterOfOrder:
     """Fitting functions by subspace identification and prediction-error refinement."""
 
     def way(order: int) -> Fitter:
-        def fit(u: RealArray, y: RealArray) -> InnovationsModel | None:
-            start = best_subspace(u, y, order)
-            return start and refine(start, u, y, simulation_weight)[0]
+        def fit(record: Experiments) -> InnovationsModel | None:
+            start = starts.best(record, order)
+            return start and refine(
+                start, record, simulation_weight,
+                direct=program.direct, largest_radius=program.largest_radius,
+            )[0]  # fmt: skip
 
         return fit
 

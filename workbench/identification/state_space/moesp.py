@@ -1,62 +1,110 @@
-"""PO-MOESP: a state-space model from projections of the whole record.
+"""MOESP, N4SID and CVA: state-space models from projections of the whole record.
 
-Future outputs, cleared of what future inputs explain, are projected on past inputs and outputs. The
-column space of the projection is that of the observability matrix, whose shift gives A and C; B and
-D are those whose simulation fits the record best; the gain of the innovations solves a Riccati
-equation of the noise covariance that the states of the projection leave. The inputs must not depend
-on past noise: records of closed loops are for method "subspace".
+Future outputs are projected on past inputs and outputs, along future inputs. The column space of
+the projection is that of the observability matrix, whose shift gives A and C; B and D are those
+whose simulation fits the record best; the gain of the innovations solves a Riccati equation of the
+noise covariance that the states of the projection leave. The three differ in the weights of the
+projection. The inputs must not depend on past noise: records of closed loops are for method
+"subspace".
 
 Sources: M. Verhaegen, "Identification of the deterministic part of MIMO state space models given in
 innovations form from input-output data", Automatica 30(1), 1994; P. Van Overschee, B. De Moor,
-Subspace Identification for Linear Systems, 1996, section 4.3 (the noise).
+Subspace Identification for Linear Systems, 1996, sections 4.3 (the noise) and 5.1 (the weights).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
-from scipy.linalg import LinAlgError, solve_discrete_are
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.gains import innovation_gain, with_inputs
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.methods import claim, identify
 from workbench.identification.state_space.program import Fitter, StateSpaceFit
-from workbench.identification.state_space.subspace import best_fitting
+from workbench.identification.state_space.regression import lagged_triangle
+from workbench.identification.state_space.subspace import Scaling, best_fitting
 from workbench.program import Claim, method
 
 HALF_WINDOWS = (3, 5, 8, 12, 18, 25)
 """Numbers of samples of past, and of future, from which the best model is chosen."""
-LEAST_COVARIANCE = 1e-12
-"""Covariance added to that of the noise, whose trace is 1: some states may have no noise."""
+SMALLEST_FUTURE = 1e-8
+"""Smallest singular value of future outputs, relative to the largest, that CVA divides by."""
+
+ProjectionWeights = Literal["moesp", "n4sid", "cva"]
 
 
 @method(StateSpaceFit, "moesp", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _moesp(program: StateSpaceFit, context: Context) -> Claim:
     """PO-MOESP: projections of the record, for open loops; no iterations."""
+    return _answer(program, context, "moesp")
 
+
+@method(StateSpaceFit, "n4sid", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _n4sid(program: StateSpaceFit, context: Context) -> Claim:
+    """N4SID: oblique projections of the record without weights, for open loops; no iterations."""
+    return _answer(program, context, "n4sid")
+
+
+@method(StateSpaceFit, "cva", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _cva(program: StateSpaceFit, context: Context) -> Claim:
+    """CVA: projections weighted by canonical correlations, for open loops; no iterations."""
+    return _answer(program, context, "cva")
+
+
+def _answer(program: StateSpaceFit, context: Context, weights: ProjectionWeights) -> Claim:
     def way(order: int) -> Fitter:
-        return lambda u, y: best_moesp(u, y, order)
+        return lambda record: best_projection(
+            record, order, weights,
+            direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
+        )  # fmt: skip
 
     return claim(identify(program, way, way, context))
 
 
-def best_moesp(u: RealArray, y: RealArray, order: int) -> InnovationsModel | None:
-    """The best PO-MOESP model of a record u (N, nu), y (N, ny) over several windows, or None.
+def best_projection(
+    record: Experiments,
+    order: int,
+    weights: ProjectionWeights = "moesp",
+    *,
+    direct: bool = True,
+    delay: Sequence[int] = (),
+    largest_radius: float = 1.0,
+) -> InnovationsModel | None:
+    """The best model of experiments by projections over several windows, or None.
 
-    Only stable models with a stable predictor count; the best one fits its own record best.
+    Its predictor is stable, and its poles lie within the largest radius. The best model fits its
+    own record best. The result is None if the record is too short for the order.
     """
-    channels = u.shape[1] + y.shape[1]
+    nu, ny = record.u.shape[1], record.y.shape[1]
     windows = [
         half
         for half in HALF_WINDOWS
-        if order <= (half - 1) * y.shape[1] and len(u) - 2 * half >= 4 * half * channels
+        if order <= (half - 1) * ny and len(record) - 2 * half >= 4 * half * (nu + ny)
     ]
-    return best_fitting((moesp(u, y, order, half) for half in windows), u, y)
+    found = (
+        projection_model(record, order, half, weights, direct=direct, delay=delay)
+        for half in windows
+    )
+    return best_fitting(found, record, direct=direct, largest_radius=largest_radius)
 
 
-def moesp(u: RealArray, y: RealArray, order: int, half: int) -> InnovationsModel | None:
-    """Innovations model of a record u (N, nu), y (N, ny); None if A is unstable or no K exists.
+def projection_model(
+    record: Experiments,
+    order: int,
+    half: int,
+    weights: ProjectionWeights = "moesp",
+    *,
+    direct: bool = True,
+    delay: Sequence[int] = (),
+) -> InnovationsModel | None:
+    """Innovations model of experiments by projections; None if no gain K exists.
 
     Parameters
     ----------
@@ -64,94 +112,80 @@ def moesp(u: RealArray, y: RealArray, order: int, half: int) -> InnovationsModel
         Number of states, at most (half - 1) ny.
     half
         Number of past samples, and of future ones, of a window.
+    weights
+        "moesp", "n4sid" or "cva".
+    direct
+        Whether inputs may act at once.
+    delay
+        Delays [samples] of the inputs (nu,); empty for none.
     """
-    nu, ny = u.shape[1], y.shape[1]
-    u_offset, y_offset, u_scale, y_scale = u.mean(axis=0), y.mean(axis=0), u.std(0), y.std(0)
-    inputs, outputs = (u - u_offset) / u_scale, (y - y_offset) / y_scale
-    all_in, all_out = _windows(inputs, 2 * half), _windows(outputs, 2 * half)
-
-    def told(now: int) -> RealArray:
-        """Outputs from sample ``now`` of a window on, as far as the past before it tells them."""
-        past = np.vstack([all_in[: now * nu], all_out[: now * ny]])
-        known = np.vstack([past, all_in[now * nu :]])
-        return _shares(all_out[now * ny :], known)[:, : len(past)] @ past
-
-    ahead_in = all_in[half * nu :]
-    future = told(half)
-    cleared = future - _shares(future, ahead_in) @ ahead_in
-    left, singular, _ = np.linalg.svd(cleared, full_matrices=False)
-    observability = left[:, :order] * np.sqrt(singular[:order])
-    A = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]
+    late = record.delayed(delay)
+    nu, ny = late.u.shape[1], late.y.shape[1]
+    scaling = Scaling.of(late)
+    pieces = [scaling.scaled(*piece) for piece in late.pieces()]
+    windows = _Windows(lagged_triangle(pieces, 2 * half - 1, nu + ny).factor, half, nu, ny)
+    future = windows.told(half)
+    observability = _observability(windows, future, order, weights)
+    shift = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]
+    A = np.asarray(shift, dtype=float)
     C = observability[:ny]
-    if np.abs(np.linalg.eigvals(A)).max() >= 1.0:
-        return None
     states = np.linalg.lstsq(observability, future, rcond=None)[0]
-    next_states = np.linalg.lstsq(observability[:-ny], told(half + 1), rcond=None)[0]
-    measured = np.vstack([next_states, all_out[half * ny : (half + 1) * ny]])
-    K = _innovation_gain(A, C, _noise(measured - np.vstack([A, C]) @ states, ahead_in))
+    next_states = np.linalg.lstsq(observability[:-ny], windows.told(half + 1), rcond=None)[0]
+    measured = np.vstack([next_states, windows.outputs[half * ny : (half + 1) * ny]])
+    left_over = measured - np.vstack([A, C]) @ states
+    noise = left_over - _shares(left_over, windows.ahead) @ windows.ahead
+    K = innovation_gain(A, C, noise @ noise.T)
     if K is None:
         return None
-    B, D = _inputs(A, C, inputs, outputs)
-    return InnovationsModel(
-        A=A,
-        B=B / u_scale,
-        C=y_scale[:, None] * C,
-        D=y_scale[:, None] * D / u_scale,
-        K=K / y_scale,
-        u_offset=u_offset,
-        y_offset=y_offset,
+    model = InnovationsModel(
+        A, np.zeros((order, nu)), C, np.zeros((ny, nu)), K, np.zeros(nu), np.zeros(ny)
     )
+    model = with_inputs(model, list(_scaled(late, scaling)), direct)
+    found = scaling.restored(model, late)
+    return replace(found, delay=tuple(delay)) if any(delay) else found
 
 
-def _windows(signal: RealArray, length: int) -> RealArray:
-    """Hankel matrix (length * channels, N - length + 1) of a signal (N, channels)."""
-    count = len(signal) - length + 1
-    return np.vstack([signal[lag : lag + count].T for lag in range(length)])
+def _scaled(record: Experiments, scaling: Scaling) -> Iterator[tuple[RealArray, RealArray]]:
+    return (scaling.scaled(*piece) for piece in record.pieces())
+
+
+class _Windows:
+    """Inputs and outputs of windows of 2 half samples, as rows of a triangular factor, no means."""
+
+    def __init__(self, factor: RealArray, half: int, nu: int, ny: int) -> None:
+        m, length = nu + ny, 2 * half
+        # Sample k of a window is the lag length - 1 - k of its last sample, which comes last.
+        places = [1 + (length - 2 - k) * m for k in range(length - 1)] + [1 + (length - 1) * m]
+        centred = factor[1:].T
+        self.inputs = np.vstack([centred[p : p + nu] for p in places])
+        self.outputs = np.vstack([centred[p + nu : p + m] for p in places])
+        self._nu, self._ny = nu, ny
+        self.ahead = self.inputs[half * nu :]
+        self.future = self.outputs[half * ny :]
+
+    def told(self, now: int) -> RealArray:
+        """Outputs from sample ``now`` of a window on, as far as the past before it tells them."""
+        past = np.vstack([self.inputs[: now * self._nu], self.outputs[: now * self._ny]])
+        known = np.vstack([past, self.inputs[now * self._nu :]])
+        return _shares(self.outputs[now * self._ny :], known)[:, : len(past)] @ past
+
+
+def _observability(
+    windows: _Windows, future: RealArray, order: int, weights: ProjectionWeights
+) -> RealArray:
+    """Observability matrix (half * ny, order) by the weights of a method."""
+    ahead = windows.ahead
+    cleared = future if weights == "n4sid" else future - _shares(future, ahead) @ ahead
+    if weights != "cva":
+        left, singular, _ = np.linalg.svd(cleared, full_matrices=False)
+        return np.asarray(left[:, :order] * np.sqrt(singular[:order]))
+    outputs = windows.future - _shares(windows.future, ahead) @ ahead
+    basis, size, _ = np.linalg.svd(outputs, full_matrices=False)
+    size = np.maximum(size, SMALLEST_FUTURE * size[0])
+    left, singular, _ = np.linalg.svd((basis / size).T @ cleared, full_matrices=False)
+    return np.asarray((basis * size) @ (left[:, :order] * np.sqrt(singular[:order])))
 
 
 def _shares(rows: RealArray, known: RealArray) -> RealArray:
     """Matrix X that minimises |rows - X known|."""
     return np.asarray(np.linalg.lstsq(known.T, rows.T, rcond=None)[0].T, dtype=float)
-
-
-def _noise(left_over: RealArray, inputs: RealArray) -> RealArray:
-    """Covariance (n + ny, n + ny) of what inputs do not explain of the rows ``left_over``.
-
-    Its trace is 1: the gain does not depend on the size of the noise, the Riccati solver does.
-    """
-    noise = left_over - _shares(left_over, inputs) @ inputs
-    noise /= max(float(np.linalg.norm(noise)), np.finfo(float).tiny)
-    return np.asarray(noise @ noise.T + LEAST_COVARIANCE * np.eye(len(noise)))
-
-
-def _innovation_gain(A: RealArray, C: RealArray, covariance: RealArray) -> RealArray | None:
-    """Gain K of the stationary Kalman filter; None where the Riccati equation has no solution.
-
-    ``covariance`` is that of state and output noise, (n + ny, n + ny).
-    """
-    n = len(A)
-    Q, S, R = covariance[:n, :n], covariance[:n, n:], covariance[n:, n:]
-    try:
-        P = solve_discrete_are(A.T, C.T, Q, R, s=S)
-    except (LinAlgError, ValueError):
-        return None
-    return np.asarray(np.linalg.solve(C @ P @ C.T + R, (A @ P @ C.T + S).T).T)
-
-
-def _inputs(A: RealArray, C: RealArray, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
-    """B (n, nu) and D (ny, nu) whose simulation, from any initial state, fits y (N, ny) best."""
-    n, nu, ny = len(A), u.shape[1], len(C)
-    eye = np.eye(n)
-    # Column by column: the states that an entry of B, or of the initial state, brings about.
-    driven = np.zeros((n, n * (nu + 1)))
-    driven[:, n * nu :] = eye
-    rows = np.empty((len(u), ny, n * (nu + 1) + ny * nu))
-    for t, now in enumerate(u):
-        rows[t, :, : driven.shape[1]] = C @ driven
-        rows[t, :, driven.shape[1] :] = np.kron(now, np.eye(ny))
-        driven = A @ driven
-        driven[:, : n * nu] += np.kron(now, eye)
-    flat = rows.reshape(len(u) * ny, -1)
-    found = np.asarray(np.linalg.lstsq(flat, y.ravel(), rcond=None)[0], dtype=float)
-    B, D = found[: n * nu], found[n * (nu + 1) :]
-    return B.reshape(nu, n).T, D.reshape(nu, ny).T

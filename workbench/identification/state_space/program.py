@@ -9,10 +9,10 @@ rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -20,18 +20,32 @@ from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.several import (
+    Experiments,
+    SamplesAlong,
+    as_experiments,
+)
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
+from workbench.identification.state_space.delays import checked_delays, estimated_delays
+from workbench.identification.state_space.folds import (
+    VALIDATION_SHARE,
+    final_prediction_factor,
+    scored_fit,
+    scored_samples,
+    validation_folds,
+)
 from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.subspace import HORIZONS, order_fits
+from workbench.identification.state_space.subspace import fitting_pasts, largest_order
+from workbench.identification.state_space.uncertainty import model_deviations
 from workbench.identification.state_space.validation import (
     autocorrelation,
     cross_correlation,
     nrmse_fit,
     share_outside,
 )
-from workbench.input_checks import need_positive
+from workbench.input_checks import need_count, need_whole
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.records import convolved
@@ -41,25 +55,31 @@ USES = ("one_step", "free_run")
 """Uses of the predictor and of the simulator; each is also the name of a method of the model."""
 MODELS = ("predictor", "simulator")
 """Model for each of the uses."""
-MATRICES = {
-    "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
-    "D": ("output", "input"), "K": ("{}_state", "output"),
-    "u_offset": ("input",), "y_offset": ("output",),
-}  # fmt: skip
-"""Matrices of a model, each with its dimensions in a dataset."""
 RESIDUAL_LAGS = 25
-"""Number of lags in the tests of residuals."""
-VALIDATION_SHARE = 1 / 3
-"""Share of the estimation part on which an order is validated, once at its end, once at its start.
-
-So both folds leave one unbroken record for the estimation.
-"""
+"""Largest number of lags in the tests of residuals."""
+FEWEST_SCORED = 4
+"""Fewest samples, beyond a washout, on which a model is judged."""
+USUAL_ORDERS = (1, 2, 3, 4, 6, 8)
+"""Orders that are tried where none are given, as far as the record determines them."""
+SAMPLES_FOR_EACH = 2
+"""Fewest output samples from which each parameter of a model is estimated."""
+REST_SAMPLES = 50
+"""Samples at rest that are put before a record whose inputs never move."""
+USUAL_WASHOUT = 50
+"""Longest washout [samples] where none is given."""
+ESTIMATION_SHARE = 2 / 3
+"""Share of the record that methods may use where nothing is given."""
 
 CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
+CONVOLVED = 20_000
+"""Held-out samples that are simulated by convolution at most, of each experiment."""
+CHANCE = 3.0
+"""Standard errors by which noise alone may exceed its own size where no input moves."""
 
-Fitter = Callable[[RealArray, RealArray], InnovationsModel | None]
-"""Function of a record u (N, nu), y (N, ny) that gives a stable model, or None."""
+Fitter = Callable[[Experiments], InnovationsModel | None]
+"""Function of experiments that gives a model, or None."""
+Poles = Literal["stable", "marginal", "any"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +98,7 @@ class IdentifiedModels:
     @property
     def lti(self) -> StateSpace:
         """The simulator's system from u to y, at the record's sampling time."""
-        import control
-
-        return control.ss(*(getattr(self.simulator, part) for part in "ABCD"), self.sample_time)
+        return replace(self.simulator, sample_time=self.sample_time).system()
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,103 +113,219 @@ class StateSpaceFit(Program):
     remaining samples are used once, to judge the answer. Wherever a model is judged, its initial
     state is estimated from the first `washout` samples, which do not count in the score.
 
+    Where no part of the estimation samples can be held back, since an input moves but once, orders
+    are chosen by Akaike's final prediction error. An input that never moves is taken as a step from
+    rest at the first sample.
+
     Parameters
     ----------
     u, y
-        Inputs (N, nu) and outputs (N, ny), one row per sample.
+        Inputs and outputs: whatever `as_experiments` recognises, such as arrays (N, channels) or
+        (channels, N), labelled arrays, tables, and lists with one of them for each experiment. NaN
+        marks a missing sample.
     estimation
-        Number of samples that methods may use.
+        Number of samples that methods may use; None: two thirds of them.
     orders
-        Numbers of states to choose from.
+        Numbers of states to choose from; None: some up to 8 that the record determines.
     washout
-        Number of samples from which an initial state is estimated.
+        Number of samples from which an initial state is estimated; None: at most 50.
     title
         Title of figures.
     sample_time
-        Sampling time of the record [s], for the systems of the answer.
+        Sampling time of the record [s]; None: that of its labels, or 1.
+    samples
+        Where samples lie in plain arrays, if their shapes do not tell: "rows" or "columns".
+    direct
+        Whether inputs may act at once, through D. Of a loop without a delay they must not.
+    delay
+        Delay [samples] of the inputs, one number or one for each; "estimate" finds them.
+    poles
+        "stable": inside the unit circle. "marginal": not so far outside that a mode grows more
+        than e-fold over the estimation part, as integrators and undamped modes need. "any": of an
+        unstable plant too, whose record comes from a closed loop; its free run is not judged.
 
     Raises
     ------
     InputError
-        NaN or a dead channel in the record, or too few samples for the washout or the orders.
+        No record was given, or it is broken; or it is too short for the washout or the orders.
     """
 
-    u: RealArray
-    y: RealArray
-    estimation: int
-    orders: tuple[int, ...] = (2, 4, 6, 8)
-    washout: int = 50
+    u: Any
+    y: Any = None
+    estimation: int | None = None
+    orders: Sequence[int] | None = None
+    washout: int | None = None
     title: str = field(default="record", kw_only=True)
-    sample_time: float = field(default=1.0, kw_only=True)
+    sample_time: float | None = field(default=None, kw_only=True)
+    samples: SamplesAlong | None = field(default=None, kw_only=True)
+    direct: bool = field(default=True, kw_only=True)
+    delay: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
+    poles: Poles = field(default="marginal", kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
     headline: ClassVar[str] = "fit_free_run_y1"
 
     def __post_init__(self) -> None:
-        need_positive(self.sample_time, "sample_time")
-        u, y = checked_record(self.u, self.y)
-        object.__setattr__(self, "u", u)
-        object.__setattr__(self, "y", y)
-        object.__setattr__(self, "orders", tuple(sorted(set(self.orders))))
-        shortest = min(round(self.estimation * VALIDATION_SHARE), len(u) - self.estimation)
-        if shortest <= self.washout + RESIDUAL_LAGS or self.washout < 1:
+        record = self.record
+        if self.poles not in ("stable", "marginal", "any"):
+            raise InputError(f'poles is {self.poles!r}; it must be "stable", "marginal" or "any"')
+        if not isinstance(self.direct, bool):
+            raise InputError(f"direct is {self.direct!r}; it must be True or False")
+        checked_delays(self.delay, record)
+        settle = object.__setattr__
+        if self.estimation is None:
+            settle(self, "estimation", round(ESTIMATION_SHARE * len(record)))
+        need_count("estimation", self.estimation)
+        shortest = min(round(self.estimated * VALIDATION_SHARE), len(record) - self.estimated)
+        if self.washout is None:
+            settle(self, "washout", max(1, min(USUAL_WASHOUT, shortest // 3)))
+        need_count("washout", self.washout)
+        if shortest <= self.washed + FEWEST_SCORED:
             raise InputError(
-                f"{len(u)} samples with {self.estimation} for estimation leave parts of {shortest} "
-                f"to judge on; more than washout + {RESIDUAL_LAGS} = "
-                f"{self.washout + RESIDUAL_LAGS} are needed: "
+                f"{len(record)} samples with {self.estimation} for estimation leave parts of "
+                f"{shortest} to judge on; more than washout + {FEWEST_SCORED} = "
+                f"{self.washed + FEWEST_SCORED} are needed: "
                 "take a longer record or a shorter washout"
             )
-        if not self.orders:
-            raise InputError("no orders to choose from; give at least one")
-        samples = self.estimation - round(self.estimation * VALIDATION_SHARE)
-        for order in (self.orders[0], self.orders[-1]):
-            self._refuse_order(order, samples)
+        settle(self, "orders", self._settled_orders())
 
-    def _refuse_order(self, order: int, samples: int) -> None:
-        """Raise `InputError` if so many samples do not determine models of an order."""
-        nu, ny = self.u.shape[1], self.y.shape[1]
-        parameters = order * (2 * ny + nu) + ny * nu
-        known = any(order_fits(order, past, samples, nu, ny) for past in HORIZONS)
-        if not known or 4 * parameters > samples * ny:
-            raise InputError(
-                f"order {order} does not fit the data: its {parameters} free parameters would be "
-                f"estimated from {samples * ny} output samples, and at least four times as many "
-                "as parameters are needed; choose lower orders (at least 1) or a longer record"
-            )
+    def _settled_orders(self) -> tuple[int, ...]:
+        """The orders that are tried, rising."""
+        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
+        if self.orders is None:
+            found = tuple(n for n in USUAL_ORDERS if self._determines(n, samples))
+            return found or (self._refused(USUAL_ORDERS[0], samples),)
+        if isinstance(self.orders, str) or not np.iterable(self.orders):
+            raise InputError(f"orders is {self.orders!r}; a list of whole numbers is needed")
+        for order in self.orders:
+            need_whole(order, "an order")
+        orders = tuple(sorted({int(order) for order in self.orders}))
+        if not orders:
+            raise InputError("no orders to choose from; give at least one")
+        for order in (orders[0], orders[-1]):
+            if not self._determines(order, samples):
+                self._refused(order, samples)
+        return orders
+
+    def _parameters(self, order: int) -> int:
+        """Number of free parameters of a model of an order."""
+        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
+        return order * (2 * ny + nu) + ny * nu
+
+    def _determines(self, order: int, samples: int) -> bool:
+        """Whether so many samples determine models of an order."""
+        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
+        known = bool(fitting_pasts(order, samples, nu, ny))
+        return known and SAMPLES_FOR_EACH * self._parameters(order) <= samples * ny
+
+    def _refused(self, order: int, samples: int) -> int:
+        """Raise `InputError`: so many samples do not determine models of an order."""
+        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
+        raise InputError(
+            f"order {order} does not fit the data: its {self._parameters(order)} free parameters "
+            f"would be estimated from {samples * ny} output samples; at least "
+            f"{SAMPLES_FOR_EACH} for each parameter are needed, and an order of at most "
+            f"{largest_order(samples, nu, ny)}: choose lower orders (at least 1) or a longer record"
+        )
+
+    # --- the record ------------------------------------------------------------------------------
+
+    @cached_property
+    def record(self) -> Experiments:
+        """All experiments, one after the other."""
+        return as_experiments(self.u, self.y, self.sample_time, self.samples)
+
+    @property
+    def estimated(self) -> int:
+        """Number of samples that methods may use."""
+        return int(self.estimation or 0)
+
+    @property
+    def washed(self) -> int:
+        """Number of samples from which an initial state is estimated."""
+        return int(self.washout or 0)
+
+    @cached_property
+    def used(self) -> Experiments:
+        """The samples that methods may use; where no input moves in them, a step from rest."""
+        part = self.record.part(0, self.estimated)
+        still = len(part.still_inputs()) == part.u.shape[1]
+        return part.from_rest(REST_SAMPLES) if still else part
+
+    @cached_property
+    def rest(self) -> Experiments:
+        """The samples that judge the answer."""
+        return self.record.part(self.estimated, len(self.record))
+
+    @cached_property
+    def folds(self) -> list[tuple[Experiments, Experiments]]:
+        """Parts to estimate on and to validate on, within the samples that methods may use."""
+        return validation_folds(self.used)
+
+    @cached_property
+    def delays(self) -> tuple[int, ...]:
+        """Delay [samples] of each input; empty where none is delayed."""
+        if isinstance(self.delay, str):
+            found = estimated_delays(self.used)
+        else:
+            found = checked_delays(self.delay, self.record)
+        return found if any(found) else ()
+
+    @property
+    def largest_radius(self) -> float:
+        """Largest modulus of a pole."""
+        return {"stable": 1.0, "marginal": 1 + 1 / self.estimated, "any": np.inf}[self.poles]
+
+    # --- what methods need -----------------------------------------------------------------------
 
     def validate(self, fit: Fitter) -> RealArray:
-        """Mean validation fits (uses, ny) [%] of a fitting function, over both folds.
+        """Mean validation fits (uses, ny) [%] of a fitting function, over the folds.
 
-        They are minus infinity if it finds no stable model.
+        They are minus infinity if it finds no model. Without folds they are what Akaike's final
+        prediction error expects of a record like the one that was fitted.
         """
-        u, y = self.u[: self.estimation], self.y[: self.estimation]
-        cut = round(self.estimation * VALIDATION_SHARE)
-        folds = ((slice(None, -cut), slice(-cut, None)), (slice(cut, None), slice(None, cut)))
-        total = np.zeros((len(USES), y.shape[1]))
-        for used, left in folds:
-            model = fit(u[used], y[used])
+        outputs = self.record.y.shape[1]
+        total = np.zeros((len(USES), outputs))
+        for used, left in self.folds:
+            model = fit(used)
             if model is None:
                 return np.full_like(total, -np.inf)
-            total += self.fits(model, model, u[left], y[left]) / len(folds)
-        return total
+            total += self._fits_of(model, model, left) / len(self.folds)
+        if self.folds:
+            return total
+        model = fit(self.used)
+        if model is None:
+            return np.full_like(total, -np.inf)
+        factor = final_prediction_factor(self._parameters(model.order), len(self.used))
+        return 100 - factor * (100 - self._fits_of(model, model, self.used))
 
     def fits(
         self, predictor: InnovationsModel, simulator: InnovationsModel, u: RealArray, y: RealArray
     ) -> RealArray:
-        """Fits (uses, ny) [%] of each output on a record, without its washout.
+        """Fits (uses, ny) [%] of each output on a record u (N, nu), y (N, ny), without its washout.
 
         They are one-step fits of the predictor and free-run fits of the simulator.
         """
+        return self._fits_of(predictor, simulator, Experiments(u, y))
+
+    def _fits_of(
+        self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
+    ) -> RealArray:
         runs = (predictor.one_step, simulator.free_run)
-        rows = [
-            nrmse_fit(y[self.washout :], run(u, y, self.washout)[self.washout :]) for run in runs
-        ]
-        return np.array(rows)
+        return np.array([scored_fit(run, record, self.washed) for run in runs])
 
     @cached_property
-    def nonparametric(self) -> LocalPolynomial:
-        """Nonparametric response of the estimation part."""
-        return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
+    def nonparametric(self) -> LocalPolynomial | None:
+        """Nonparametric response of the estimation part.
+
+        None where it has gaps, several experiments, too few samples, or an input that never moves.
+        """
+        if len(self.used.starts) > 1 or self.used.missing:
+            return None
+        try:
+            return local_polynomial(self.used.u, self.used.y)
+        except InputError:
+            return None
 
     @property
     def problem_size(self) -> float:
@@ -199,87 +333,156 @@ class StateSpaceFit(Program):
 
         There is no objective: the answer is two models, each made by a criterion of its own.
         """
-        return float(self.estimation * self.y.shape[1])
+        return float(self.estimated * self.record.y.shape[1])
+
+    # --- certificate -----------------------------------------------------------------------------
 
     @property
     def held_out(self) -> str:
         """What a score quantifies over."""
-        return f"for the last {len(self.u) - self.estimation} samples of this record"
+        return f"for the last {len(self.rest)} samples of this record"
 
     def checks(self, answer: IdentifiedModels, tolerance: float) -> list[Check]:
-        rest = slice(self.estimation, None)
-        missed = 1 - self._fits(answer, rest) / 100
-        radii = [
-            (name, matrix, radius)
-            for name in MODELS
-            for matrix, radius in (
-                ("A", getattr(answer, name).radius),
-                ("A - K C", getattr(answer, name).predictor_radius),
-            )
-        ]
+        missed = 1 - self._fits(answer, self.rest) / 100
+        # Where no input moves, measured outputs are noise, and a right model errs as their mean.
+        still = len(self.rest.still_inputs()) == self.record.u.shape[1]
+        limit = 1.0 + (CHANCE / np.sqrt(2 * len(self.rest)) if still else 0.0)
+        judged = dict(zip(USES, missed, strict=True))
+        if self.poles == "any":
+            del judged["free_run"]
         return [
-            *(
-                Check(f"stable {name}, {matrix}", "spectral radius", radius, 1.0, over=THIS_SYSTEM)
-                for name, matrix, radius in radii
-            ),
+            *self._radii(answer),
             *(
                 Check(
                     use.replace("_", " "),
                     "error on the samples held out, over that of the mean",
                     float(np.max(row)),
-                    1.0,
-                    f"of y{int(np.argmax(row)) + 1}",
+                    limit,
+                    f"of {self.record.outputs[int(np.argmax(row))]}",
                     over=self.held_out,
                 )
-                for use, row in zip(USES, missed, strict=True)
+                for use, row in judged.items()
             ),
         ]
 
+    def _radii(self, answer: IdentifiedModels) -> list[Check]:
+        """Checks of the poles of both models and of their predictors."""
+        found = []
+        for name in MODELS:
+            model = getattr(answer, name)
+            limits = [("A - K C", model.predictor_radius, 1.0)]
+            if self.poles != "any":
+                limits.insert(0, ("A", model.radius, self.largest_radius))
+            found += [
+                Check(
+                    f"stable {name}, {matrix}", "spectral radius", radius, limit, over=THIS_SYSTEM
+                )
+                for matrix, radius, limit in limits
+            ]
+        return found
+
     def second_opinion(self, answer: IdentifiedModels) -> list[Check]:
-        rest = slice(self.estimation, None)
-        m, u, y = answer.simulator, self.u[rest], self.y[rest]
-        drive, measured = u - m.u_offset, y - m.y_offset
-        run = convolved((m.A, m.B, m.C, m.D), drive, measured, self.washout)
-        again = nrmse_fit(y[self.washout :], (run + m.y_offset)[self.washout :])
-        apart = np.abs(again - self._fits(answer, rest)[1]) / 100
         name, statement = "convolution", "error by convolution less that by simulation"
+        opinions = []
+        if self.poles != "any":
+            apart = max(self._apart(answer.simulator, u, y) for u, y in self._judged_pieces())
+            opinions.append(Check(name, statement, apart, CONVOLUTION_ROUNDING, over=self.held_out))
+        for use in MODELS:
+            model = getattr(answer, use)
+            closed = replace(model, A=model.A - model.K @ model.C, delay=())
+            opinions.append(decays(closed.system(), f"errors of the {use} decay"))
+            if self.poles != "any":
+                check = decays(model.system(), f"{use} decays")
+                opinions.append(replace(check, limit=float(np.log(self.largest_radius))))
+        return opinions
+
+    def _judged_pieces(self) -> list[tuple[RealArray, RealArray]]:
         return [
-            Check(name, statement, float(apart.max()), CONVOLUTION_ROUNDING, over=self.held_out),
-            *(decays(getattr(answer, use).system(), f"{use} decays") for use in MODELS),
+            (u[:CONVOLVED], y[:CONVOLVED]) for u, y in self.rest.pieces() if len(u) > self.washed
         ]
 
+    def _apart(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
+        """Difference of the relative errors of a simulation, by convolution and by recursion."""
+        drive, measured, washout = m.acting(u) - m.u_offset, y - m.y_offset, self.washed
+        run = convolved((m.A, m.B, m.C, m.D), drive, measured, washout)
+        again = nrmse_fit(y[washout:], (run + m.y_offset)[washout:])
+        plain = nrmse_fit(y[washout:], m.free_run(u, y, washout)[washout:])
+        return float(np.max(np.abs(again - plain))) / 100
+
+    def facts(self, answer: IdentifiedModels) -> list[str]:
+        record, words = self.record, []
+        if len(record.starts) > 1:
+            words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
+        if record.missing:
+            words.append(f"{record.missing} of {record.y.size} output samples are missing")
+        if self.delays:
+            found = ", ".join(map(str, self.delays))
+            how = "estimated" if isinstance(self.delay, str) else "given"
+            words.append(f"inputs act {found} samples later, as {how}")
+        if len(self.used) > self.estimated:
+            words.append(
+                "no input moves in the estimation part: what inputs do rests on the assumption "
+                "that they stepped from zero, at rest, at the first sample"
+            )
+        if not self.folds:
+            words.append("orders chosen by the final prediction error: no part could be held back")
+        for name in MODELS:
+            words += self._uncertainty(getattr(answer, name), name)
+        return words
+
+    def _uncertainty(self, model: InnovationsModel, name: str) -> list[str]:
+        """How well the record determines a model: its slowest pole and its static gains."""
+        found = model_deviations(model, self.used, self.direct)
+        words = []
+        if len(found.poles):
+            slowest = int(np.argmax(np.abs(found.poles)))
+            size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]
+            told = "" if abs(size - 1) > 2 * deviation else "; it may lie on the unit circle"
+            words.append(f"{name}: slowest pole of modulus {size:.6g} +- {deviation:.2g}{told}")
+        worst = np.unravel_index(int(np.argmax(found.gain_deviations)), found.gains.shape)
+        gain, deviation = found.gains[worst], found.gain_deviations[worst]
+        words.append(
+            f"{name}: static gain from {self.record.inputs[int(worst[1])]} to "
+            f"{self.record.outputs[int(worst[0])]} {gain:.6g} +- {deviation:.2g}"
+        )
+        return words
+
+    # --- what is shown ---------------------------------------------------------------------------
+
     def metrics(self, answer: IdentifiedModels) -> dict[str, float]:
-        parts = {"": slice(self.estimation, None), "estimation_": slice(None, self.estimation)}
         numbers: dict[str, float] = {}
-        for part, used in parts.items():
+        for part, used in (("", self.rest), ("estimation_", self.used)):
             for use, row in zip(USES, self._fits(answer, used), strict=True):
                 numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
         own, crossed = self.residual_tests(answer.predictor)
+        lags = len(own)
         return numbers | {
             "order": float(answer.predictor.order),
             "order_free_run": float(answer.simulator.order),
             "residual_autocorrelations_outside": share_outside(own),
-            "residual_input_correlations_outside": share_outside(crossed[RESIDUAL_LAGS:]),
+            "residual_input_correlations_outside": share_outside(crossed[lags:]),
         }
 
-    def _fits(self, answer: IdentifiedModels, part: slice) -> RealArray:
+    def _fits(self, answer: IdentifiedModels, part: Experiments) -> RealArray:
         """Fits (uses, ny) [%] of the answer on a part of the record."""
-        return self.fits(answer.predictor, answer.simulator, self.u[part], self.y[part])
+        return self._fits_of(answer.predictor, answer.simulator, part)
 
     def residual_tests(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
         """`autocorrelation` and `cross_correlation` of one-step errors on the held-out samples."""
-        u, y = self.u[self.estimation :], self.y[self.estimation :]
-        errors = (y - model.one_step(u, y, self.washout))[self.washout :]
-        return autocorrelation(errors, RESIDUAL_LAGS), cross_correlation(
-            errors, u[self.washout :], RESIDUAL_LAGS
+        measured, made = scored_samples(model.one_step, self.rest, self.washed)
+        inputs = np.vstack(
+            [u[self.washed :] for u, _ in self.rest.pieces() if len(u) > self.washed]
         )
+        errors = np.nan_to_num(measured - made)
+        lags = max(1, min(RESIDUAL_LAGS, len(errors) // 4))
+        return autocorrelation(errors, lags), cross_correlation(errors, inputs, lags)
 
     def tables(self, answer: IdentifiedModels) -> dict[str, str]:
-        outputs = [f"y{i + 1}" for i in range(self.y.shape[1])]
+        outputs = self.record.outputs
         fits = [f"{use.replace('_', ' ')} {of} [%]" for use in USES for of in (*outputs, "mean")]
         rows = [
             [order, *(f"{x:.2f}" for row in score for x in (*row, row.mean()))]
-            for order, score in zip(self.orders, answer.scores.swapaxes(0, 1), strict=True)
+            for order, score in zip(self.orders or (), answer.scores.swapaxes(0, 1), strict=True)
         ]
         return {"validation": markdown(["order", *fits], rows)}
 
@@ -293,63 +496,9 @@ class StateSpaceFit(Program):
         }
 
     def to_dataset(self, answer: IdentifiedModels) -> Dataset:
-        import xarray as xr
-
-        predictor, simulator = answer.predictor, answer.simulator
-        estimate = self.nonparametric
-        u, y = self.u[self.estimation :], self.y[self.estimation :]
-        grid = ("frequency", "output", "input")
-        own, crossed = self.residual_tests(predictor)
-        held = ("time", "output")
-        return xr.Dataset(
-            {
-                **{
-                    f"{name}_{matrix}": (
-                        tuple(dim.format(name) for dim in dims),
-                        getattr(getattr(answer, name), matrix),
-                    )
-                    for name in MODELS
-                    for matrix, dims in MATRICES.items()
-                },
-                "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
-                "measured": (held, y, {"long_name": "held-out record"}),
-                "one_step": (held, predictor.one_step(u, y, self.washout)),
-                "free_run": (held, simulator.free_run(u, y, self.washout)),
-                "response": (
-                    grid,
-                    simulator.response(estimate.frequency),
-                    {"long_name": "of the simulator"},
-                ),
-                "nonparametric": (grid, estimate.response),
-                "variance": (grid, estimate.variance, {"long_name": "of nonparametric"}),
-                "autocorrelation": (("lag", "output"), own, {"units": "standard deviations"}),
-                "cross_correlation": (
-                    ("shift", "output", "input"),
-                    crossed,
-                    {"units": "standard deviations"},
-                ),
-            },
-            coords={
-                "input": [f"u{i + 1}" for i in range(u.shape[1])],
-                "output": [f"y{i + 1}" for i in range(y.shape[1])],
-                "order": list(self.orders),
-                "use": list(USES),
-                "time": ("time", np.arange(self.estimation, len(self.u)), {"units": "samples"}),
-                "frequency": ("frequency", estimate.frequency, {"units": "cycles/sample"}),
-                "lag": ("lag", np.arange(1, RESIDUAL_LAGS + 1), {"units": "samples"}),
-                "shift": (
-                    "shift",
-                    np.arange(-RESIDUAL_LAGS, RESIDUAL_LAGS + 1),
-                    {"units": "samples"},
-                ),
-            },
-            attrs={"washout": self.washout},
-        )
+        return datasets.to_dataset(self, answer)
 
     def from_dataset(self, data: Dataset) -> IdentifiedModels:
-        predictor, simulator = (
-            InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
-            for name in MODELS
-        )
+        predictor, simulator = (datasets.stored_model(self, data, name) for name in MODELS)
         scores = data["validation_fit"].values
-        return IdentifiedModels(predictor, simulator, scores, self.sample_time)
+        return IdentifiedModels(predictor, simulator, scores, self.record.sample_time)

@@ -4,23 +4,45 @@ A long vector autoregression with inputs gives the Markov parameters of the one-
 product of their Hankel matrix with the past of the record is factored into observability matrix and
 states. Inputs may depend on past noise, so closed-loop records are allowed.
 
+Every step is a regression on lagged samples and works on their triangular factor alone, so that
+the length of the record costs one pass, and all orders share it.
+
 Source: A. Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
 identification", Automatica 43(6), 2007.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.gains import (
+    innovation_gain,
+    inside_circle,
+    operating_point,
+    with_inputs,
+)
 from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.regression import (
+    LaggedTriangle,
+    lagged_triangle,
+    least_squares,
+)
 
 HORIZONS = (10, 15, 20, 30, 40)
 """Lengths [samples] of the past from which `best_subspace` chooses."""
+SHORT_HORIZONS = (2, 3, 4, 6)
+"""Lengths [samples] of the past for records that are too short for the others."""
+RANK_ROUNDING = 1e-10
+"""Smallest singular value of the states, relative to the largest, that is no rounding."""
+NO_NOISE = 1e-9
+"""Size of innovations, relative to the outputs, below which they are rounding."""
 
 
 def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsModel:
@@ -29,7 +51,7 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
     Parameters
     ----------
     order
-        Number of states, 1 to past * ny.
+        Number of states, 1 to past * ny. The model has fewer where the record shows fewer.
     past
         Number of past samples that the predictor uses; powers of A - K C should decay within them.
 
@@ -41,68 +63,238 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
     u, y = checked_record(u, y)
     nu, ny = u.shape[1], y.shape[1]
     refuse_order(order, past, len(u), nu, ny)
-    u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
-    u_scale, y_scale = u.std(axis=0), y.std(axis=0)
-    inputs, outputs = (u - u_offset) / u_scale, (y - y_offset) / y_scale
+    return SubspaceModels(Experiments(u, y), (past,)).model(order, past)
 
-    joint = np.hstack([inputs, outputs])
-    rows = len(joint) - past
-    history = np.hstack([joint[past - lag : past - lag + rows] for lag in range(1, past + 1)])
-    now_in, now_out = inputs[past:], outputs[past:]
-    markov = _least_squares(np.hstack([history, now_in]), now_out)[:, : history.shape[1]]
 
-    # Block row i of observability times reachability: the Markov parameters, shifted by i samples.
-    product = np.zeros((past * ny, history.shape[1]))
+class SubspaceModels:
+    """Models of all orders and several pasts from one pass over the experiments.
+
+    ``direct`` lets inputs act at once (D may differ from zero).
+    """
+
+    def __init__(self, record: Experiments, pasts: Sequence[int], direct: bool = True) -> None:
+        self.record, self.pasts, self._direct = record, tuple(pasts), direct
+        self._scaling = Scaling.of(record)
+        nu, ny = record.u.shape[1], record.y.shape[1]
+        longest = max(pasts)
+        pieces = (self._scaling.scaled(*piece) for piece in record.pieces())
+        whole = lagged_triangle(pieces, longest, nu + ny)
+        self._factors = {
+            past: whole if past == longest else whole.shorter(past) for past in self.pasts
+        }
+        self._states: dict[int, tuple[RealArray, RealArray]] = {}
+
+    def rank(self, past: int) -> int:
+        """Number of states that the record shows with a past."""
+        singular = self._weighted(past)[1]
+        return max(1, int(np.sum(singular > RANK_ROUNDING * singular[0])))
+
+    def _weighted(self, past: int) -> tuple[RealArray, RealArray]:
+        """Linear maps (rank, past * channels) from the history to states, and singular values."""
+        if past not in self._states:
+            self._states[past] = _state_maps(self._factors[past], self.record.u.shape[1])
+        return self._states[past]
+
+    def model(self, order: int, past: int) -> InnovationsModel:
+        """The model of an order, or of the lower one that the record shows."""
+        maps = self._weighted(past)[0][: min(order, self.rank(past))]
+        model = _regressed(self._factors[past], maps, self.record.u.shape[1], self._direct)
+        return self._scaling.restored(model, self.record)
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Means and spreads of the channels of experiments, at which everything is computed."""
+
+    u_mean: RealArray
+    u_spread: RealArray
+    y_mean: RealArray
+    y_spread: RealArray
+
+    @classmethod
+    def of(cls, record: Experiments) -> Scaling:
+        u_spread, y_spread = record.u.std(axis=0), np.nanstd(record.y, axis=0)
+        u_spread[u_spread == 0], y_spread[y_spread == 0] = 1.0, 1.0
+        return cls(record.u.mean(axis=0), u_spread, np.nanmean(record.y, axis=0), y_spread)
+
+    def scaled(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
+        """Inputs and outputs without means, at unit spread."""
+        return (u - self.u_mean) / self.u_spread, (y - self.y_mean) / self.y_spread
+
+    def restored(self, model: InnovationsModel, record: Experiments) -> InnovationsModel:
+        """A model of scaled signals, for the signals of the record."""
+        return replace(
+            model,
+            B=model.B / self.u_spread,
+            C=self.y_spread[:, None] * model.C,
+            D=self.y_spread[:, None] * model.D / self.u_spread,
+            K=model.K / self.y_spread,
+            u_offset=self.u_mean + self.u_spread * model.u_offset,
+            y_offset=self.y_mean + self.y_spread * model.y_offset,
+            sample_time=record.sample_time,
+            inputs=record.inputs,
+            outputs=record.outputs,
+        )
+
+    def applied(self, model: InnovationsModel) -> InnovationsModel:
+        """A model of the record's signals, for scaled ones: the inverse of `restored`."""
+        return replace(
+            model,
+            B=model.B * self.u_spread,
+            C=model.C / self.y_spread[:, None],
+            D=model.D * self.u_spread / self.y_spread[:, None],
+            K=model.K * self.y_spread,
+            u_offset=(model.u_offset - self.u_mean) / self.u_spread,
+            y_offset=(model.y_offset - self.y_mean) / self.y_spread,
+        )
+
+
+def _state_maps(lagged: LaggedTriangle, nu: int) -> tuple[RealArray, RealArray]:
+    """Linear maps from the history to the states, best first, and their singular values.
+
+    Block row i of observability times reachability holds the Markov parameters, shifted by i.
+    """
+    r, m, past = lagged.factor, lagged.channels, lagged.past
+    ny, history = m - nu, lagged.history
+    now_in = r[:, -m : r.shape[1] - ny]
+    regressors = np.hstack([r[:, : history.stop], now_in])
+    markov = least_squares(regressors, r[:, -ny:])[:, 1 : history.stop]
+    product = np.zeros((past * ny, past * m))
     for i in range(past):
-        keep = history.shape[1] - i * (nu + ny)
-        product[i * ny : (i + 1) * ny, :keep] = markov[:, i * (nu + ny) :]
-    triangle: RealArray = np.linalg.qr(history)[1]
-    left, singular, _ = np.linalg.svd(product @ triangle.T, full_matrices=False)
-    states = history @ product.T @ (left[:, :order] / np.sqrt(singular[:order]))
-
-    output = _least_squares(np.hstack([states, now_in]), now_out)
-    innovation = now_out - np.hstack([states, now_in]) @ output.T
-    update = _least_squares(np.hstack([states, now_in, innovation])[:-1], states[1:])
-    return InnovationsModel(
-        A=update[:, :order],
-        B=update[:, order : order + nu] / u_scale,
-        C=y_scale[:, None] * output[:, :order],
-        D=y_scale[:, None] * output[:, order:] / u_scale,
-        K=update[:, order + nu :] / y_scale,
-        u_offset=u_offset,
-        y_offset=y_offset,
-    )
+        product[i * ny : (i + 1) * ny, : (past - i) * m] = markov[:, i * m :]
+    left, singular, _ = np.linalg.svd(product @ r[1:, history].T, full_matrices=False)
+    used = max(1, int(np.sum(singular > RANK_ROUNDING * singular[0])))
+    maps = (left[:, :used] / np.sqrt(np.maximum(singular[:used], 1e-300))).T @ product
+    return maps, singular
 
 
-def best_subspace(u: RealArray, y: RealArray, order: int) -> InnovationsModel | None:
+def _regressed(lagged: LaggedTriangle, maps: RealArray, nu: int, direct: bool) -> InnovationsModel:
+    """Model whose states are linear maps of the history, by regression, at unit scale."""
+    r, m = lagged.factor, lagged.channels
+    ny, n, history = m - nu, len(maps), lagged.history
+    one, now_in, now_out = r[:, :1], r[:, -m : r.shape[1] - ny], r[:, -ny:]
+    states = r[:, history] @ maps.T
+    # The history a sample later starts with now, and ends one lag earlier.
+    later = np.hstack([r[:, -m:], r[:, history.start : history.stop - m]])
+    seen = np.hstack([one, states, now_in]) if direct else np.hstack([one, states])
+    output = least_squares(seen, now_out)
+    innovation = now_out - seen @ output.T
+    next_states = later @ maps.T
+    driven = np.hstack([one, states, now_in])
+    update = least_squares(np.hstack([driven, innovation]), next_states)
+    A, B, C = update[:, 1 : 1 + n], update[:, 1 + n : 1 + n + nu], output[:, 1 : 1 + n]
+    D = output[:, 1 + n :] if direct else np.zeros((ny, nu))
+    K = update[:, 1 + n + nu :]
+    quiet = np.linalg.norm(innovation) <= NO_NOISE * np.linalg.norm(now_out)
+    if quiet or np.max(np.abs(np.linalg.eigvals(A - K @ C)), initial=0.0) >= 1:
+        plain = least_squares(driven, next_states)
+        A, B = plain[:, 1 : 1 + n], plain[:, 1 + n :]
+        noise = np.hstack([next_states - driven @ plain.T, innovation])
+        update = plain
+        K = np.zeros((n, ny)) if quiet else np.full((n, ny), np.nan)
+        found = innovation_gain(A, C, np.zeros((n + ny, n + ny)) if quiet else noise.T @ noise)
+        K = K if found is None else found
+    u_offset, y_offset = operating_point(A, B, C, D, update[:, 0], output[:, 0])
+    return InnovationsModel(A, B, C, D, K, u_offset, y_offset)
+
+
+def fitting_pasts(order: int, samples: int, nu: int, ny: int) -> tuple[int, ...]:
+    """The pasts that a record of so many samples allows for an order."""
+    for pasts in (HORIZONS, SHORT_HORIZONS):
+        found = tuple(past for past in pasts if order_fits(order, past, samples, nu, ny))
+        if found:
+            return found
+    return ()
+
+
+def best_subspace(
+    u: RealArray, y: RealArray, order: int, largest_radius: float = 1.0
+) -> InnovationsModel | None:
     """The best subspace model of a record u (N, nu), y (N, ny) over several pasts, or None.
 
-    Only stable models with a stable predictor count; the best one fits its own record best. The
-    result is None if no past gives one.
+    Its predictor is stable, and its poles lie within the largest radius. The best model fits its
+    own record best. The result is None if the record is too short for the order.
     """
-    nu, ny = u.shape[1], y.shape[1]
-    fitting = [past for past in HORIZONS if order_fits(order, past, len(u), nu, ny)]
-    return best_fitting((subspace(u, y, order, past) for past in fitting), u, y)
+    return best_subspace_of(Experiments(u, y), order, largest_radius=largest_radius)
+
+
+def best_subspace_of(
+    record: Experiments,
+    order: int,
+    *,
+    direct: bool = True,
+    delay: Sequence[int] = (),
+    largest_radius: float = 1.0,
+) -> InnovationsModel | None:
+    """As `best_subspace`, of several experiments.
+
+    ``direct`` lets inputs act at once; ``delay`` [samples] (nu,), if any, says when they act.
+    """
+    late = record.delayed(delay)
+    pasts = fitting_pasts(order, len(late), late.u.shape[1], late.y.shape[1])
+    if not pasts:
+        return None
+    models = SubspaceModels(late, pasts, direct)
+    found = (
+        replace(models.model(order, past), delay=tuple(delay) if any(delay) else ())
+        for past in pasts
+    )
+    return best_fitting(found, record, direct=direct, largest_radius=largest_radius)
 
 
 def best_fitting(
-    models: Iterable[InnovationsModel | None], u: RealArray, y: RealArray
+    models: Iterable[InnovationsModel | None],
+    record: Experiments,
+    *,
+    direct: bool = True,
+    largest_radius: float = 1.0,
 ) -> InnovationsModel | None:
-    """The model that fits a record u (N, nu), y (N, ny) best, None where none is stable.
+    """The model that fits experiments best, None where there is none.
 
-    Only stable models with a stable predictor count.
+    Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
     """
     best, least = None, np.inf
     for model in models:
-        if model is None or max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
-            continue  # unstable, or with a time constant longer than the record
-        misfit = sum(
-            float(np.mean(np.linalg.norm(y - run(u, y, len(y)), axis=0) / y.std(axis=0)))
-            for run in (model.one_step, model.free_run)
-        )
+        usable = model and allowed(model, record, direct, largest_radius)
+        if usable is None:
+            continue
+        misfit = _misfit(usable, record, simulated=usable.radius <= 1 + 1 / len(record))
         if misfit < least:
-            best, least = model, misfit
+            best, least = usable, misfit
     return best
+
+
+def allowed(
+    model: InnovationsModel, record: Experiments, direct: bool, largest_radius: float
+) -> InnovationsModel | None:
+    """The model with poles within the largest radius and a stable predictor, or None."""
+    if model.radius >= largest_radius and not np.isclose(model.radius, largest_radius, atol=1e-12):
+        A = inside_circle(model.A, min(largest_radius, 1 - 1e-9))
+        model = with_inputs(replace(model, A=A), list(record.pieces()), direct)
+    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
+        n, ny = model.order, len(model.C)
+        gain = innovation_gain(model.A, model.C, np.zeros((n + ny, n + ny)))
+        if gain is None:
+            return None
+        model = replace(model, K=gain)
+    return model
+
+
+def _misfit(model: InnovationsModel, record: Experiments, simulated: bool) -> float:
+    """Sum of the relative errors of one-step predictions and, if so, of simulations."""
+    spread = np.nanstd(record.y, axis=0)
+    runs = (model.one_step, model.free_run) if simulated else (model.one_step,)
+    total = 0.0
+    for run in runs:
+        squares = sum(np.nansum((y - run(u, y, len(y))) ** 2, axis=0) for u, y in record.pieces())
+        total += float(np.mean(np.sqrt(squares / len(record)) / spread))
+    return total if np.isfinite(total) else np.inf
+
+
+def largest_order(samples: int, nu: int, ny: int) -> int:
+    """Largest order that a record of so many samples allows; 0 where it is too short for any."""
+    fitting = [p for p in (*HORIZONS, *SHORT_HORIZONS) if order_fits(1, p, samples, nu, ny)]
+    return max(fitting, default=0) * ny
 
 
 def order_fits(order: int, past: int, samples: int, nu: int, ny: int) -> bool:
@@ -119,8 +311,3 @@ def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
             f"1 <= order <= {past * ny} and at least {past + 2 * (past * (nu + ny) + nu)} samples "
             "are needed; lower the order, or the past, or take a longer record"
         )
-
-
-def _least_squares(regressors: RealArray, targets: RealArray) -> RealArray:
-    """Matrix X that minimises |targets - regressors X^T|."""
-    return np.asarray(np.linalg.lstsq(regressors, targets, rcond=None)[0].T, dtype=float)

@@ -17,9 +17,14 @@ CORRELATION_BOUND = float(norm.ppf(0.995))
 
 
 def nrmse_fit(measured: RealArray, modelled: RealArray) -> RealArray:
-    """Fit 100 (1 - |y - yhat| / |y - mean y|) [%] of each output (ny,), from (N, ny) arrays."""
-    spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
-    fit: RealArray = 100.0 * (1 - np.linalg.norm(measured - modelled, axis=0) / spread)
+    """Fit 100 (1 - |y - yhat| / |y - mean y|) [%] of each output (ny,), from (N, ny) arrays.
+
+    Samples that are missing (NaN) in y do not count.
+    """
+    known = np.isfinite(measured)
+    spread = np.linalg.norm(np.where(known, measured - np.nanmean(measured, axis=0), 0.0), axis=0)
+    error = np.linalg.norm(np.where(known, measured - modelled, 0.0), axis=0)
+    fit: RealArray = 100.0 * (1 - error / np.maximum(spread, np.finfo(float).tiny))
     return fit
 
 
@@ -42,7 +47,8 @@ def cross_correlation(residuals: RealArray, inputs: RealArray, lags: int) -> Rea
     From residuals (N, ny) and inputs (N, nu) the result is (2 lags + 1, ny, nu), for lags from
     -lags to lags. At positive lags the input is earlier than the residual: correlation there is an
     error of the model. Correlation at negative lags shows feedback. The standard deviation accounts
-    for coloured inputs and residuals. Raises InputError if the record is not longer than the lags.
+    for coloured inputs and residuals. An input that never moves is correlated with nothing. Raises
+    InputError if the record is not longer than the lags.
     """
     _refuse_lags(len(residuals), lags)
     far = len(residuals) // 4
@@ -51,9 +57,9 @@ def cross_correlation(residuals: RealArray, inputs: RealArray, lags: int) -> Rea
     variance = np.einsum("ky,ku->yu", of_residuals, of_inputs) / len(residuals)
     # The sum of estimated correlations may be too small: use at least that of white signals.
     least = np.outer(of_residuals[far], of_inputs[far]) / len(residuals)
-    result: RealArray = _correlations(residuals, inputs, lags) / np.sqrt(
-        np.maximum(variance, least)
-    )
+    spread = np.sqrt(np.maximum(variance, least))
+    found = _correlations(residuals, inputs, lags)
+    result: RealArray = np.divide(found, spread, out=np.zeros_like(found), where=spread > 0)
     return result
 
 

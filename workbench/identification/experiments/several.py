@@ -1,0 +1,246 @@
+"""One or several records of one plant, with what a model of it must know: time, names, units.
+
+Arrays, lists of arrays, labelled arrays and tables are recognised; a sample that is missing in an
+output stays missing, one that is missing in an input ends an experiment there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.signals import Signals, as_signals
+from workbench.input_checks import need_positive
+
+SamplesAlong = Literal["rows", "columns"]
+MISSING_SHARE = 0.5
+"""Largest share of an output's samples that may be missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Experiments:
+    """Inputs u (N, nu) and outputs y (N, ny) of one or several experiments, one after the other.
+
+    Parameters
+    ----------
+    u, y
+        Finite inputs; NaN in y is a missing sample.
+    starts
+        First sample of each experiment, rising from 0.
+    sample_time
+        Sampling time [s].
+    inputs, outputs, input_units, output_units
+        Names and units of the channels.
+    """
+
+    u: RealArray
+    y: RealArray
+    starts: tuple[int, ...] = (0,)
+    sample_time: float = field(default=1.0, kw_only=True)
+    inputs: tuple[str, ...] = field(default=(), kw_only=True)
+    outputs: tuple[str, ...] = field(default=(), kw_only=True)
+    input_units: tuple[str, ...] = field(default=(), kw_only=True)
+    output_units: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    @property
+    def missing(self) -> int:
+        """Number of samples that are missing in the outputs."""
+        return int(np.isnan(self.y).sum())
+
+    def pieces(self) -> Iterator[tuple[RealArray, RealArray]]:
+        """Inputs and outputs of each experiment."""
+        for first, end in zip(self.starts, (*self.starts[1:], len(self.u)), strict=True):
+            yield self.u[first:end], self.y[first:end]
+
+    def part(self, first: int, end: int) -> Experiments:
+        """The samples from ``first`` to before ``end``; an experiment may be cut there."""
+        inside = tuple(start - first for start in self.starts if first < start < end)
+        return replace(self, u=self.u[first:end], y=self.y[first:end], starts=(0, *inside))
+
+    def delayed(self, delays: Sequence[int]) -> Experiments:
+        """The experiments with each input later by so many samples.
+
+        The first samples, whose inputs were before the experiment, are left out.
+        """
+        longest = max(delays, default=0)
+        if longest == 0:
+            return self
+        parts = [
+            (np.column_stack([u[longest - d : len(u) - d, j] for j, d in enumerate(delays)]), y)
+            for u, y in self.pieces()
+            if len(u) > longest
+        ]
+        if not parts:
+            raise InputError(
+                f"a delay of {longest} samples leaves nothing of experiments of at most "
+                f"{max(len(u) for u, _ in self.pieces())} samples; give a shorter delay"
+            )
+        starts = np.cumsum([0, *(len(u) for u, _ in parts)])[:-1]
+        return replace(
+            self,
+            u=np.vstack([u for u, _ in parts]),
+            y=np.vstack([y[longest:] for _, y in parts]),
+            starts=tuple(int(start) for start in starts),
+        )
+
+    def from_rest(self, samples: int) -> Experiments:
+        """The experiments, each after so many samples at rest: inputs of zero, y as at its first.
+
+        Where inputs never move, only the step from rest at the first sample tells what they do.
+        """
+        us, ys = [], []
+        for u, y in self.pieces():
+            level = np.array([column[np.isfinite(column)][:1].sum() for column in y.T])
+            us.append(np.vstack([np.zeros((samples, u.shape[1])), u]))
+            ys.append(np.vstack([np.tile(level, (samples, 1)), y]))
+        starts = np.cumsum([0, *(len(u) for u in us)])[:-1]
+        return replace(
+            self, u=np.vstack(us), y=np.vstack(ys), starts=tuple(int(start) for start in starts)
+        )
+
+    def still_inputs(self) -> list[int]:
+        """Inputs that never change within any experiment."""
+        moved = np.zeros(self.u.shape[1], dtype=bool)
+        for u, _ in self.pieces():
+            moved |= np.ptp(u, axis=0) > 0
+        return [int(j) for j in np.flatnonzero(~moved)]
+
+
+def as_experiments(
+    u: Any, y: Any, sample_time: float | None = None, samples: SamplesAlong | None = None
+) -> Experiments:
+    """Experiments from arrays, labelled arrays, tables, or lists of them.
+
+    Parameters
+    ----------
+    u, y
+        Inputs and outputs: arrays (N,), (N, channels) or (channels, N), DataArrays with a
+        dimension "time", tables of pandas whose columns are channels; or lists with one of them
+        for each experiment. A Dataset with variables u and y, as `read_record` returns it, is
+        given as u alone, with y None.
+    sample_time
+        Sampling time [s]. None: that of the labels, or 1.
+    samples
+        Where samples lie in plain arrays: "rows" (N, channels) or "columns". None: along the axis
+        that u and y share.
+
+    Raises
+    ------
+    InputError
+        What was given is no record, or is broken: the message names the channel and the sample.
+    """
+    if samples not in (None, "rows", "columns"):
+        raise InputError(f'samples is {samples!r}; it must be "rows", "columns" or None')
+    if sample_time is not None:
+        need_positive(sample_time, "sample_time")
+    pairs = _pairs(u, y)
+    signals = [as_signals(*pair, samples, number) for number, pair in enumerate(pairs)]
+    first = signals[0]
+    for number, other in enumerate(signals[1:], 1):
+        _refuse_other_channels(first, other, number)
+    known = {s.sample_time for s in signals if s.sample_time is not None}
+    if sample_time is None and len({round(np.log(step), 6) for step in known}) > 1:
+        raise InputError(
+            f"the experiments are sampled every {sorted(known)} s; resample them to one time"
+        )
+    cut = [piece for one in signals for piece in _cut_at_missing_inputs(one)]
+    if not cut:
+        raise InputError("no sample has all inputs; fill the gaps of u or leave a channel out")
+    starts = np.cumsum([0, *(len(u) for u, _ in cut)])[:-1]
+    found = Experiments(
+        np.vstack([u for u, _ in cut]),
+        np.vstack([y for _, y in cut]),
+        tuple(int(start) for start in starts),
+        sample_time=float(sample_time or next(iter(known), 1.0)),
+        inputs=first.inputs,
+        outputs=first.outputs,
+        input_units=first.input_units,
+        output_units=first.output_units,
+    )
+    _refuse_dead_inputs(found)
+    _refuse_dead_outputs(found)
+    return found
+
+
+def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
+    """Inputs and outputs of each experiment, as they were given."""
+    if isinstance(u, Experiments):
+        raise InputError("the experiments are already one object; give its u and y")
+    several = [isinstance(each, list | tuple) and _holds_arrays(each) for each in (u, y)]
+    if y is None and several[0]:
+        return [(each, None) for each in u]
+    if several[0] != several[1]:
+        raise InputError(
+            "one of u and y is a list of experiments and the other is not; give both as lists"
+        )
+    if not several[0]:
+        return [(u, y)]
+    if len(u) != len(y) or not len(u):
+        raise InputError(f"u has {len(u)} experiments and y {len(y)}; give one u for each y")
+    return list(zip(u, y, strict=True))
+
+
+def _holds_arrays(values: Any) -> bool:
+    """Whether a list holds experiments rather than numbers or rows of numbers."""
+    return len(values) == 0 or any(hasattr(each, "shape") and np.ndim(each) for each in values)
+
+
+def _refuse_other_channels(first: Signals, other: Signals, number: int) -> None:
+    for name, one, two in (("u", first.u, other.u), ("y", first.y, other.y)):
+        if one.shape[1] != two.shape[1]:
+            raise InputError(
+                f"{name} of experiment {number} has {two.shape[1]} channels and that of "
+                f"experiment 0 has {one.shape[1]}; give the same channels in the same order"
+            )
+    for kind, names, others in (
+        ("inputs", first.inputs, other.inputs), ("outputs", first.outputs, other.outputs),
+    ):  # fmt: skip
+        if names != others:
+            raise InputError(
+                f"{kind} of experiment {number} are {', '.join(others)} and those of experiment 0 "
+                f"{', '.join(names)}; give the same channels in the same order"
+            )
+
+
+def _cut_at_missing_inputs(one: Signals) -> list[tuple[RealArray, RealArray]]:
+    """Stretches of an experiment in which every input is known."""
+    known = np.isfinite(one.u).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    return [(one.u[a:b], one.y[a:b]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _refuse_dead_inputs(found: Experiments) -> None:
+    """Raise `InputError` for an input that tells nothing: zero throughout, or still beside others.
+
+    Where no input moves at all, each stands for a step at the first sample.
+    """
+    still = found.still_inputs()
+    for j in still:
+        if len(still) < found.u.shape[1] or not found.u[:, j].any():
+            raise InputError(
+                f"u: channel {j} ({found.inputs[j]}) never changes: check its cable and range, or "
+                "leave it out"
+            )
+
+
+def _refuse_dead_outputs(found: Experiments) -> None:
+    """Raise `InputError` for an output that never changes or is mostly missing."""
+    for i, (name, column) in enumerate(zip(found.outputs, found.y.T, strict=True)):
+        measured = column[np.isfinite(column)]
+        if len(measured) < (1 - MISSING_SHARE) * len(column):
+            raise InputError(
+                f"y: {len(column) - len(measured)} of {len(column)} samples of channel {i} "
+                f"({name}) are missing; at most half may be: leave the channel out"
+            )
+        if np.ptp(measured) == 0:
+            raise InputError(
+                f"y: channel {i} ({name}) never changes: check its cable and range, or leave it out"
+            )

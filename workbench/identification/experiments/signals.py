@@ -1,0 +1,217 @@
+"""Inputs and outputs of one experiment, recognised from what users have at hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+UNEVEN = 0.1
+"""Largest deviation of a sampling interval from their mean, relative: instants are rounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Inputs (N, nu) and outputs (N, ny) of an experiment, with names, units and sampling time.
+
+    ``sample_time`` [s] is None where nothing tells it.
+    """
+
+    u: RealArray
+    y: RealArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    sample_time: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """An array with the names and units of its channels, and its instants [s], where known.
+
+    ``oriented`` says that the samples are known to be the rows.
+    """
+
+    values: Any
+    names: tuple[str, ...] | None = None
+    units: tuple[str, ...] | None = None
+    instants: RealArray | None = None
+    oriented: bool = False
+
+
+def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
+    """The signals of one experiment; see `as_experiments` for what is recognised.
+
+    Raises
+    ------
+    InputError
+        What was given is no record; the message names the channel and the sample.
+    """
+    if y is None:
+        u, y = _of_dataset(u)
+    tables = {"u": _table(u, "u"), "y": _table(y, "y")}
+    arrays = {name: _numbers(table, name) for name, table in tables.items()}
+    turned = _turned(arrays, tables, samples)
+    if len(turned["u"]) != len(turned["y"]):
+        raise InputError(
+            f"u has {len(turned['u'])} samples and y {len(turned['y'])}; they must be equal"
+        )
+    for name, values in turned.items():
+        _refuse_infinite(values, name)
+    labels = {
+        name: table.names or tuple(f"{name}{i + 1}" for i in range(turned[name].shape[1]))
+        for name, table in tables.items()
+    }
+    units = {name: table.units or ("1",) * turned[name].shape[1] for name, table in tables.items()}
+    for name, found in labels.items():
+        if len(set(found)) < len(found):
+            raise InputError(f"two channels of {name} have one name: {', '.join(found)}")
+    steps = [_step(t.instants, name) for name, t in tables.items() if t.instants is not None]
+    if len(steps) == 2 and abs(steps[0] - steps[1]) > UNEVEN * steps[0]:
+        raise InputError(
+            f"u is sampled every {steps[0]:.6g} s and y every {steps[1]:.6g} s; resample one of "
+            "them to the instants of the other"
+        )
+    return Signals(
+        turned["u"], turned["y"], labels["u"], labels["y"], units["u"], units["y"],
+        steps[0] if steps else None,
+    )  # fmt: skip
+
+
+def _of_dataset(given: Any) -> tuple[Any, Any]:
+    """The variables u and y of a dataset of xarray."""
+    names = getattr(given, "data_vars", None)
+    if names is None:
+        raise InputError(
+            f"y is missing and u is a {type(given).__name__}; give y, or a Dataset with u and y"
+        )
+    if "u" not in names or "y" not in names:
+        raise InputError(
+            f"the dataset has the variables {', '.join(map(str, names)) or 'none'}; "
+            "u and y are needed: rename its inputs and outputs"
+        )
+    return given["u"], given["y"]
+
+
+def _table(given: Any, name: str) -> _Table:
+    """An array with what its labels say."""
+    if hasattr(given, "dims") and hasattr(given, "coords"):
+        return _labelled(given, name)
+    if hasattr(given, "columns") and hasattr(given, "to_numpy"):
+        frame = tuple(str(column) for column in given.columns)
+        return _Table(given.to_numpy(), frame, None, _instants_of_index(given.index), True)
+    if hasattr(given, "to_numpy") and hasattr(given, "index"):
+        one = (str(given.name),) if given.name is not None else None
+        return _Table(given.to_numpy(), one, None, _instants_of_index(given.index), True)
+    return _Table(given)
+
+
+def _labelled(given: Any, name: str) -> _Table:
+    """A DataArray with a dimension "time" and at most one other."""
+    if "time" not in given.dims or given.ndim > 2:
+        raise InputError(
+            f"{name} has the dimensions {', '.join(map(str, given.dims)) or 'none'}; "
+            '"time" and at most one of channels are needed'
+        )
+    others = [dim for dim in given.dims if dim != "time"]
+    array = given.transpose("time", *others)
+    unit = str(given.attrs.get("units", "1"))
+    if others:
+        has_names = others[0] in given.coords
+        names = tuple(str(v) for v in given[others[0]].values) if has_names else None
+        count = given.sizes[others[0]]
+    else:
+        names, count = ((str(given.name),) if given.name is not None else None), 1
+    instants = given["time"].values if "time" in given.coords else None
+    return _Table(array.values, names, (unit,) * count, _seconds(instants), True)
+
+
+def _instants_of_index(index: Any) -> RealArray | None:
+    """Instants [s] of an index of pandas; None for one that only counts rows."""
+    if type(index).__name__ == "RangeIndex":
+        return None
+    return _seconds(np.asarray(index))
+
+
+def _seconds(instants: Any) -> RealArray | None:
+    """Instants as numbers [s], or None for what tells no time."""
+    if instants is None or len(instants) < 2:
+        return None
+    if instants.dtype.kind in "mM":
+        return np.asarray((instants - instants[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
+    return np.asarray(instants, dtype=float) if instants.dtype.kind in "iuf" else None
+
+
+def _step(instants: RealArray, name: str) -> float:
+    """Sampling time [s] of instants; raises `InputError` unless they are equidistant."""
+    steps = np.diff(instants)
+    mean = float(steps.mean())
+    apart = ~(np.abs(steps - mean) <= UNEVEN * abs(mean))
+    if not mean > 0 or apart.any():
+        raise InputError(
+            f"the instants of {name} are not equidistant and rising at sample "
+            f"{int(np.argmax(apart)) + 1}: resample the record or cut it there"
+        )
+    return mean
+
+
+def _numbers(table: _Table, name: str) -> RealArray:
+    """The values as floats with one or two axes."""
+    try:
+        values = np.asarray(table.values)
+        if values.dtype == object:  # tables may hold numbers as objects, with None where missing
+            values = values.astype(float)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{name} must hold real numbers in rows of one length, not a "
+            f"{type(table.values).__name__} of other things"
+        ) from None
+    if values.dtype.kind not in "biuf":
+        raise InputError(f"{name} must hold real numbers, not {values.dtype}")
+    if values.ndim not in (1, 2) or values.size == 0:
+        raise InputError(
+            f"{name} has shape {values.shape}; samples (N,) or (N, channels) are needed"
+        )
+    return values.astype(float)
+
+
+def _turned(
+    arrays: dict[str, RealArray], tables: dict[str, _Table], samples: str | None
+) -> dict[str, RealArray]:
+    """Arrays with samples along the rows."""
+    two = {name: values[:, None] if values.ndim == 1 else values for name, values in arrays.items()}
+    known = {name: arrays[name].ndim == 1 or tables[name].oriented for name in arrays}
+    if samples is not None:
+        turn = samples == "columns"
+        return {name: v.T if turn and not known[name] else v for name, v in two.items()}
+    u, y = two["u"], two["y"]
+    ways = [
+        (a, b)
+        for a in ((u,) if known["u"] else (u, u.T))
+        for b in ((y,) if known["y"] else (y, y.T))
+        if len(a) == len(b) and len(a) >= max(a.shape[1], b.shape[1])
+    ]
+    if not ways:
+        return two if len(u) >= u.shape[1] and len(y) >= y.shape[1] else {"u": u.T, "y": y.T}
+    a, b = max(ways, key=lambda pair: len(pair[0]))
+    if len(ways) > 1 and len({len(pair[0]) for pair in ways}) == 1:
+        raise InputError(
+            f"u has shape {u.shape} and y {y.shape}, which fit both ways; say where the samples "
+            'are: samples="rows" or samples="columns"'
+        )
+    return {"u": a, "y": b}
+
+
+def _refuse_infinite(values: RealArray, name: str) -> None:
+    wrong = np.argwhere(np.isinf(values))
+    if len(wrong):
+        sample, channel = (int(i) for i in wrong[0])
+        raise InputError(
+            f"{name} has {len(wrong)} samples that are infinite, the first at channel {channel}, "
+            f"sample {sample}: mark missing samples by NaN, or cut the record there"
+        )

@@ -1,0 +1,167 @@
+"""The criterion of prediction errors, with its exact gradient.
+
+It is, up to constants, a negative log likelihood with unknown noise covariance,
+
+    N/2 log det(sum e e'/N) + w N/2 log det(sum s s'/N),
+
+of the one-step errors e and, weighted by w, of the free-run errors s. With w = 0 it gives the
+classical maximum-likelihood estimate, which is best for prediction. Real records are never quite
+linear, and with one-step errors alone slow errors of the plant model are then modelled as noise;
+w > 0 requires that the same model also simulates the whole record. Free-run errors are correlated
+over many samples, so that tens of them carry as much information as one independent error.
+Therefore w = 0.1 weights both kinds about equally, and w = 1 favours simulation.
+
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 7.2, 10.2 and 15.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from workbench.arrays import IntegerArray, RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.innovations import InnovationsModel, initial_state
+from workbench.identification.state_space.recursions import predictions, sensitivity_rows
+
+BLOCK = 512
+"""Samples whose derivatives are formed at a time."""
+LEAST_ERROR = 1e-9
+"""Size of errors, relative to the outputs, that counts as rounding: records may have no noise."""
+
+
+class Criterion:
+    """The criterion as a function of A, B, C, D, K, the offsets and the initial states.
+
+    Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether
+    D is free; otherwise it stays as it is in the model.
+    """
+
+    def __init__(
+        self,
+        model: InnovationsModel,
+        record: Experiments,
+        simulation_weight: float,
+        direct: bool = True,
+    ) -> None:
+        self._template = model
+        self._pieces = [
+            (model.acting(u), np.ascontiguousarray(y, dtype=float)) for u, y in record.pieces()
+        ]
+        self._weights = (1.0, simulation_weight) if simulation_weight > 0 else (1.0,)
+        spread = np.nanstd(record.y, axis=0)
+        self._floor = np.diag((LEAST_ERROR * spread) ** 2)
+        self._rows = len(record)
+        parts = (model.A, model.B, model.C, model.D, model.K, model.u_offset, model.y_offset)
+        self._shapes = [part.shape for part in parts]
+        self._ends = np.cumsum([0] + [part.size for part in parts])
+        held = np.zeros(self._ends[-1], dtype=bool)
+        held[self._ends[3] : self._ends[4]] = not direct
+        self._free = np.flatnonzero(~held)
+
+    @property
+    def common(self) -> int:
+        """Number of parameters that the experiments share; the initial states come after them."""
+        return len(self._free)
+
+    def start(self, model: InnovationsModel) -> RealArray:
+        """Parameters (P,) of a model, with the initial states that fit the experiments best."""
+        parts = (model.A, model.B, model.C, model.D, model.K, model.u_offset, model.y_offset)
+        whole = np.concatenate([part.ravel() for part in parts])
+        gains = (model.K, np.zeros_like(model.K))[: len(self._weights)]
+        states = [
+            initial_state(model, gain, u - model.u_offset, y - model.y_offset)
+            for gain in gains
+            for u, y in self._pieces
+        ]
+        return np.concatenate([whole[self._free], *states])
+
+    def model(self, theta: RealArray) -> InnovationsModel:
+        """Model with given parameters (P,)."""
+        m = self._template
+        parts = (m.A, m.B, m.C, m.D, m.K, m.u_offset, m.y_offset)
+        whole = np.concatenate([part.ravel() for part in parts])
+        whole[self._free] = theta[: self.common]
+        A, B, C, D, K, u_offset, y_offset = (
+            whole[a:b].reshape(shape)
+            for (a, b), shape in zip(pairwise(self._ends), self._shapes, strict=True)
+        )
+        return replace(m, A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
+
+    def __call__(self, theta: RealArray) -> float:
+        """Value of the criterion; infinite where the errors overflow."""
+        value = 0.0
+        with np.errstate(all="ignore"):
+            for run, weight in enumerate(self._weights):
+                covariance = self._covariance(theta, run)
+                if not np.isfinite(covariance).all():
+                    return np.inf
+                value += weight * self._likelihood(covariance)
+        return value if np.isfinite(value) else np.inf
+
+    def expand(self, theta: RealArray) -> tuple[float, RealArray, RealArray]:
+        """Value, gradient (P,) and Gauss-Newton Hessian (P, P) of the criterion."""
+        value, gradient = 0.0, np.zeros(len(theta))
+        hessian = np.zeros((len(theta), len(theta)))
+        shared = np.arange(self.common)
+        for run, weight in enumerate(self._weights):
+            covariance = self._covariance(theta, run)
+            value += weight * self._likelihood(covariance)
+            whiten = np.linalg.cholesky(weight * np.linalg.inv(covariance))
+            for columns, errors, rows in self._blocks(theta, run, shared):
+                white = np.matmul(whiten.T, rows).reshape(-1, rows.shape[2])
+                gradient[columns] += white.T @ (errors @ whiten).ravel()
+                hessian[np.ix_(columns, columns)] += white.T @ white
+        return value, gradient, hessian
+
+    def _runs(
+        self, theta: RealArray, run: int
+    ) -> Iterator[tuple[int, RealArray, tuple[RealArray, ...], RealArray, RealArray]]:
+        """Place and value of the initial state, matrices, inputs and outputs of each experiment.
+
+        Run 0 is one-step prediction, 1 is free run with K = 0.
+        """
+        model = self.model(theta)
+        matrices = model.matrices(np.zeros_like(model.K) if run else model.K)
+        for number, (u, y) in enumerate(self._pieces):
+            place = self.common + (run * len(self._pieces) + number) * model.order
+            state = theta[place : place + model.order].copy()
+            yield place, state, matrices, u - model.u_offset, y - model.y_offset
+
+    def _covariance(self, theta: RealArray, run: int) -> RealArray:
+        """Covariance (ny, ny) of the errors of a run, at least that of rounding."""
+        total = self._floor.copy()
+        for _, state, matrices, u, y in self._runs(theta, run):
+            errors = y - predictions(*matrices, state, u, y)
+            errors[np.isnan(y)] = 0.0
+            total += errors.T @ errors / self._rows
+        return total
+
+    def _likelihood(self, covariance: RealArray) -> float:
+        """Negative log likelihood of errors of a covariance, up to a constant."""
+        scale = np.sqrt(np.diag(covariance))
+        unit = np.linalg.slogdet(covariance / np.outer(scale, scale))[1]
+        return 0.5 * self._rows * float(unit + 2 * np.log(scale).sum())
+
+    def _blocks(
+        self, theta: RealArray, run: int, shared: IntegerArray
+    ) -> Iterator[tuple[IntegerArray, RealArray, RealArray]]:
+        """Columns, errors (T, ny) and derivatives (T, ny, columns) of blocks of samples."""
+        n, nu, ny = self._shapes[0][0], self._shapes[1][1], self._shapes[2][0]
+        kept = np.r_[self._free, self._ends[-1] : self._ends[-1] + n]
+        everything = len(kept) == self._ends[-1] + n
+        for place, x, matrices, u, y in self._runs(theta, run):
+            moved = np.zeros((n, n * (n + nu + ny)))
+            shifted, free = np.zeros((n, nu + ny)), np.eye(n)
+            columns = np.r_[shared, place : place + n]
+            for first in range(0, len(u), BLOCK):
+                part = slice(first, first + BLOCK)
+                errors = np.empty((len(u[part]), ny))
+                rows = np.empty((len(errors), ny, self._ends[-1] + n))
+                sensitivity_rows(*matrices, x, moved, shifted, free, u[part], y[part], errors, rows)
+                if run:  # the gain has no effect on a free run
+                    rows[:, :, self._ends[4] : self._ends[5]] = 0.0
+                yield columns, errors, rows if everything else rows[:, :, kept]

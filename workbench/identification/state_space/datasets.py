@@ -1,0 +1,95 @@
+"""Identified state-space models as labelled datasets, and back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset
+from workbench.identification.state_space.innovations import InnovationsModel
+
+if TYPE_CHECKING:
+    from workbench.identification.state_space.program import IdentifiedModels, StateSpaceFit
+
+MATRICES = {
+    "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
+    "D": ("output", "input"), "K": ("{}_state", "output"),
+    "u_offset": ("input",), "y_offset": ("output",),
+}  # fmt: skip
+"""Matrices of a model, each with its dimensions in a dataset."""
+FREQUENCIES = 200
+"""Frequencies of the response where the record has none of its own."""
+MODEL_NAMES = ("predictor", "simulator")
+
+
+def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
+    """The models, their runs on the held-out samples, responses and residual tests."""
+    import xarray as xr
+
+    record, rest = program.record, program.rest
+    estimate = program.nonparametric
+    frequency = (
+        np.linspace(0, 0.5, FREQUENCIES + 2)[1:-1] if estimate is None else estimate.frequency
+    )
+    grid, held = ("frequency", "output", "input"), ("time", "output")
+    own, crossed = program.residual_tests(answer.predictor)
+    lags, deviations = len(own), {"units": "standard deviations"}
+    models = {name: getattr(answer, name) for name in MODEL_NAMES}
+    names = [f"{name}_{matrix}" for name in models for matrix in MATRICES]
+    matrices = {
+        f"{name}_{matrix}": (tuple(dim.format(name) for dim in dims), getattr(model, matrix))
+        for name, model in models.items()
+        for matrix, dims in MATRICES.items()
+    }
+    nonparametric: dict[str, tuple[tuple[str, ...], RealArray | ComplexArray, dict[str, str]]] = {}
+    if estimate is not None:
+        nonparametric = {
+            "nonparametric": (grid, estimate.response, {}),
+            "variance": (grid, estimate.variance, {"long_name": "of nonparametric"}),
+        }
+    return xr.Dataset(
+        {
+            **{name: matrices[name] for name in names},
+            "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
+            "measured": (held, rest.y, {"long_name": "held-out record"}),
+            "one_step": (held, _whole_run(answer.predictor, "one_step", program)),
+            "free_run": (held, _whole_run(answer.simulator, "free_run", program)),
+            "response": (
+                grid, answer.simulator.response(frequency), {"long_name": "of the simulator"},
+            ),
+            **nonparametric,
+            "autocorrelation": (("lag", "output"), own, deviations),
+            "cross_correlation": (("shift", "output", "input"), crossed, deviations),
+        },
+        coords={
+            "input": list(record.inputs),
+            "output": list(record.outputs),
+            "order": list(program.orders or ()),
+            "use": ["one_step", "free_run"],
+            "time": ("time", np.arange(program.estimated, len(record)), {"units": "samples"}),
+            "frequency": ("frequency", frequency, {"units": "cycles/sample"}),
+            "lag": ("lag", np.arange(1, lags + 1), {"units": "samples"}),
+            "shift": ("shift", np.arange(-lags, lags + 1), {"units": "samples"}),
+        },
+        attrs={"washout": program.washed},
+    )  # fmt: skip
+
+
+def _whole_run(model: InnovationsModel, use: str, program: StateSpaceFit) -> RealArray:
+    """A run of a model over all held-out experiments (N, ny)."""
+    run = getattr(model, use)
+    return np.vstack([run(u, y, program.washed) for u, y in program.rest.pieces()])
+
+
+def stored_model(program: StateSpaceFit, data: Dataset, name: str) -> InnovationsModel:
+    """The model of a name in a dataset, with the names and the time of the record."""
+    record = program.record
+    return InnovationsModel(
+        **{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES},
+        delay=program.delays,
+        sample_time=record.sample_time,
+        inputs=record.inputs,
+        outputs=record.outputs,
+    )

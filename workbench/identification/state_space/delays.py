@@ -1,0 +1,91 @@
+"""Delays of inputs, as they are given or as a record shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.regression import lagged_triangle
+from workbench.identification.state_space.subspace import Scaling
+from workbench.input_checks import need_whole
+
+LONGEST_DELAY = 25
+"""Longest delay [samples] that is looked for."""
+REGRESSORS = 4
+"""Lags of each input and output of the autoregressions that are compared."""
+TIE = 1e-6
+"""Difference of log determinants that is rounding."""
+CHANCE = 0.9
+"""Probability that a delay which is right does not fit worse, by chance, than this allows."""
+LEAST_SHARE = 1e-12
+"""Share of the variance of the outputs below which errors are rounding."""
+ROUNDS = 3
+"""Rounds in which each input's delay is sought anew."""
+
+
+def checked_delays(delay: Any, record: Experiments) -> tuple[int, ...]:
+    """Delays (nu,) [samples] as given; raises `InputError` for what are none.
+
+    "estimate" passes as no delay.
+    """
+    nu = record.u.shape[1]
+    if isinstance(delay, str):
+        if delay != "estimate":
+            raise InputError(f'delay is {delay!r}; give whole samples, or "estimate"')
+        return (0,) * nu
+    given = list(delay) if np.iterable(delay) else [delay] * nu
+    if len(given) != nu:
+        raise InputError(f"{len(given)} delays are given for {nu} inputs; give one for each")
+    for each in given:
+        need_whole(each, "a delay [samples]")
+        if each < 0:
+            raise InputError(f"a delay is {each} samples; it must not be negative")
+    longest = max(len(u) for u, _ in record.pieces())
+    if given and max(given) > longest // 2:
+        raise InputError(
+            f"a delay of {max(given)} samples is more than half of the longest experiment, "
+            f"{longest} samples; give a shorter delay"
+        )
+    return tuple(int(each) for each in given)
+
+
+def estimated_delays(record: Experiments) -> tuple[int, ...]:
+    """Delays (nu,) [samples] by which autoregressions with inputs fit best; the longest of those.
+
+    Delays count as equal that fit no worse than chance explains. The number of regressors is the
+    same for all delays. The delays of several inputs are sought one after the other.
+
+    Source: L. Ljung, System Identification, 2nd ed., 1999, section 17.3.
+    """
+    nu, ny = record.u.shape[1], record.y.shape[1]
+    longest = min(LONGEST_DELAY, len(record) // (4 * (nu + ny)) - REGRESSORS)
+    if longest < 1:
+        return (0,) * nu
+    scaling = Scaling.of(record)
+    pieces = [scaling.scaled(*piece) for piece in record.pieces()]
+    lagged = lagged_triangle(pieces, longest + REGRESSORS, nu + ny)
+    r, m = lagged.factor, nu + ny
+    columns = {0: r.shape[1] - m} | {lag: 1 + (lag - 1) * m for lag in range(1, lagged.past + 1)}
+    outputs = [columns[lag] + nu + i for lag in range(1, REGRESSORS + 1) for i in range(ny)]
+
+    def loss(delays: Sequence[int]) -> float:
+        inputs = [columns[delays[j] + k] + j for j, k in product(range(nu), range(REGRESSORS + 1))]
+        basis = np.linalg.qr(r[:, [0, *outputs, *inputs]])[0]
+        now = r[:, -ny:]
+        left = now - basis @ (basis.T @ now)
+        covariance = (left.T @ left) / lagged.rows + LEAST_SHARE * np.eye(ny)
+        return float(np.linalg.slogdet(covariance)[1])
+
+    worse = float(chi2.ppf(CHANCE, ny)) / max(lagged.rows, 1) + TIE
+    found = [0] * nu
+    for _ in range(ROUNDS if nu > 1 else 1):
+        for j in range(nu):
+            losses = np.array([loss([*found[:j], d, *found[j + 1 :]]) for d in range(longest + 1)])
+            found[j] = int(np.flatnonzero(losses <= losses.min() + worse)[-1])
+    return tuple(found)

@@ -1,0 +1,91 @@
+"""What a record leaves uncertain of a model: standard deviations of poles and static gains.
+
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 9.4 and 9.5 (the covariance of
+parameters, and Gauss's approximation for what is computed from them).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.criterion import Criterion
+from workbench.identification.state_space.innovations import InnovationsModel
+
+HESSIAN_ROUNDING = 1e-11
+"""Curvature, relative to the largest, below which a direction only changes the basis of states."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelDeviations:
+    """Poles (n,) and static gains (ny, nu), with standard deviations of moduli and of gains.
+
+    A static gain of an integrator is infinite, and its standard deviation is too.
+    """
+
+    poles: ComplexArray
+    pole_deviations: RealArray
+    gains: RealArray
+    gain_deviations: RealArray
+
+
+def model_deviations(
+    model: InnovationsModel, record: Experiments, direct: bool = True
+) -> ModelDeviations:
+    """Uncertainty of a model of experiments, by the curvature of its prediction errors."""
+    criterion = Criterion(model, record, 0.0, direct)
+    theta = criterion.start(model)
+    hessian = criterion.expand(theta)[2]
+    root = _root_of_inverse(hessian)
+    poles = np.linalg.eigvals(model.A).astype(complex)
+    spread = np.array([_moved(criterion, theta, step) for step in root.T])
+    pole_deviations = np.sqrt((spread**2).sum(axis=0))
+    gains = static_gain(model)
+    if np.isfinite(gains).all():
+        shifted = np.array(
+            [_slope(lambda t: static_gain(criterion.model(t)), theta, step) for step in root.T]
+        )
+        gain_deviations = np.sqrt((shifted**2).sum(axis=0))
+    else:
+        gain_deviations = np.full(gains.shape, np.inf)
+    return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
+
+
+def static_gain(model: InnovationsModel) -> RealArray:
+    """Static gains (ny, nu); infinite where A has a pole at 1."""
+    rest = np.eye(model.order) - model.A
+    if model.order and np.linalg.cond(rest) > 1 / np.finfo(float).eps:
+        return np.full(model.D.shape, np.inf)
+    return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
+
+
+def _root_of_inverse(hessian: RealArray) -> RealArray:
+    """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
+    scale = np.sqrt(np.diag(hessian))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
+    kept = values > HESSIAN_ROUNDING * values[-1]
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
+
+
+def _slope(
+    function: Callable[[RealArray], RealArray], theta: RealArray, step: RealArray
+) -> RealArray:
+    """Derivative of a function along one standard deviation, by central differences."""
+    small = 1e-4
+    return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
+
+
+def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+    """Derivatives of the moduli of the poles along one standard deviation."""
+    left, right = np.linalg.eig(criterion.model(theta).A)
+    inverse = np.linalg.pinv(right)
+    small = 1e-4
+    change = (criterion.model(theta + small * step).A - criterion.model(theta).A) / small
+    slopes = np.einsum("ij,jk,ki->i", inverse, change, right)
+    size = np.maximum(np.abs(left), np.finfo(float).tiny)
+    return np.asarray((slopes * left.conj()).real / size)
