@@ -11,13 +11,16 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.criterion import Criterion
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.prediction_error import refine
 from workbench.identification.state_space.program import Fitter, IdentifiedModels, StateSpaceFit
 from workbench.identification.state_space.subspace import (
     SubspaceModels,
+    allowed,
     best_fitting,
     fitting_pasts,
+    least_of,
 )
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -79,41 +82,38 @@ def claim(answer: IdentifiedModels | None) -> Claim:
 
 
 class SubspaceStarts:
-    """The best subspace models of parts of a record, each computed once."""
+    """Subspace models of parts of a record, one for each past, each computed once."""
 
     def __init__(self, program: StateSpaceFit) -> None:
         self._program = program
         self._regressions: dict[int, SubspaceModels] = {}
-        self._found: dict[tuple[int, int], InnovationsModel | None] = {}
+        self._found: dict[tuple[int, int], list[InnovationsModel]] = {}
 
-    def best(self, record: Experiments, order: int) -> InnovationsModel | None:
-        """The best subspace model of an order, of a part that the program holds."""
+    def of(self, record: Experiments, order: int) -> list[InnovationsModel]:
+        """Models of an order, of a part that the program holds; none if it is too short."""
         key = (id(record), order)
         if key not in self._found:
             self._found[key] = self._computed(record, order)
         return self._found[key]
 
-    def _computed(self, record: Experiments, order: int) -> InnovationsModel | None:
+    def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
         program = self._program
         nu, ny = record.u.shape[1], record.y.shape[1]
         late = record.delayed(program.delays)
         pasts = fitting_pasts(order, len(late), nu, ny)
-        if not pasts:
-            return None
-        if id(record) not in self._regressions:
+        if pasts and id(record) not in self._regressions:
             widest = fitting_pasts(max(program.orders or (order,)), len(late), nu, ny)
             self._regressions[id(record)] = SubspaceModels(
                 late, sorted({*pasts, *widest}), program.direct
             )
-        models = self._regressions[id(record)]
-        found = (
-            replace(models.model(order, past), delay=program.delays)
-            for past in models.pasts
-            if past in pasts
-        )
-        return best_fitting(
-            found, record, direct=program.direct, largest_radius=program.largest_radius
-        )
+        found = []
+        for past in pasts:
+            model = replace(
+                self._regressions[id(record)].model(order, past), delay=program.delays
+            )
+            usable = allowed(model, record, program.direct, program.largest_radius)
+            found += [] if usable is None else [usable]
+        return found
 
 
 @method(StateSpaceFit, "subspace", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -122,7 +122,10 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     starts = SubspaceStarts(program)
 
     def way(order: int) -> Fitter:
-        return lambda record: starts.best(record, order)
+        return lambda record: best_fitting(
+            starts.of(record, order), record,
+            direct=program.direct, largest_radius=program.largest_radius,
+        )  # fmt: skip
 
     return claim(identify(program, way, way, context))
 
@@ -138,11 +141,15 @@ def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
 def _refined(
     program: StateSpaceFit, starts: SubspaceStarts, simulation_weight: float
 ) -> FitterOfOrder:
-    """Fitting functions by subspace identification and prediction-error refinement."""
+    """Fitting functions that refine the subspace model at which the criterion is least."""
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            start = starts.best(record, order)
+            def value(model: InnovationsModel) -> float:
+                criterion = Criterion(model, record, simulation_weight, program.direct)
+                return criterion(criterion.start(model))
+
+            start = least_of(starts.of(record, order), value)
             return start and refine(
                 start, record, simulation_weight,
                 direct=program.direct, largest_radius=program.largest_radius,

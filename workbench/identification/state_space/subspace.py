@@ -13,7 +13,7 @@ identification", Automatica 43(6), 2007.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -253,14 +253,18 @@ def best_fitting(
 
     Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
     """
+    usable = (model and allowed(model, record, direct, largest_radius) for model in models)
+    return least_of(usable, lambda model: _misfit(model, record))
+
+
+def least_of(
+    models: Iterable[InnovationsModel | None], misfit: Callable[[InnovationsModel], float]
+) -> InnovationsModel | None:
+    """The model whose misfit is least, and finite; None where there is none."""
     best, least = None, np.inf
     for model in models:
-        usable = model and allowed(model, record, direct, largest_radius)
-        if usable is None:
-            continue
-        misfit = _misfit(usable, record, simulated=usable.radius <= 1 + 1 / len(record))
-        if misfit < least:
-            best, least = usable, misfit
+        if model is not None and (size := misfit(model)) < least:
+            best, least = model, size
     return best
 
 
@@ -280,9 +284,10 @@ def allowed(
     return model
 
 
-def _misfit(model: InnovationsModel, record: Experiments, simulated: bool) -> float:
-    """Sum of the relative errors of one-step predictions and, if so, of simulations."""
+def _misfit(model: InnovationsModel, record: Experiments) -> float:
+    """Sum of the relative errors of one-step predictions and, where it cannot grow, of simulation."""
     spread = np.nanstd(record.y, axis=0)
+    simulated = model.radius <= 1 + 1 / len(record)
     runs = (model.one_step, model.free_run) if simulated else (model.one_step,)
     total = 0.0
     for run in runs:
