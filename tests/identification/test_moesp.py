@@ -71,9 +71,10 @@ def test_a_coloured_input_does_not_bias_it():
 
 def test_the_methods_agree_on_the_plant_and_the_order():
     program = StateSpaceFit(*simulated(700), 400, (1, 3), washout=20)
-    assert set(methods(program)) == {"subspace", "moesp", "n4sid", "cva", "prediction-error"}
+    names = ("subspace", "moesp", "n4sid", "cva", "prediction-error")
+    assert set(names) < set(methods(program))
     fits = {}
-    for name in methods(program):
+    for name in names:
         solution = solve(program, name)
         assert solution.certificate.valid, (name, solution.certificate.failures)
         fits[name] = program.metrics(solution.answer)

@@ -74,7 +74,15 @@ MATHEMATICS = {
     "StateSpaceFit": {
         "subspace": "a long autoregression",
         "moesp": "projections",
+        "n4sid": "projections",
+        "cva": "projections",
         "prediction-error": "descent of prediction errors",
+        "armax": "descent of prediction errors",
+        "output-error": "descent of prediction errors",
+        "box-jenkins": "descent of prediction errors",
+        "arx": "a short autoregression",
+        "impulse-response": "a kernel",
+        "best": "",
     },
 }
 """What each method is, by Program; a combination of other methods counts as nothing of its own."""

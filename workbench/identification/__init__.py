@@ -1,5 +1,6 @@
 """From experiments to models: excitation, responses with confidence, physical parameters."""
 
+from workbench.identification.choice import methods as choice_methods
 from workbench.identification.experiments import crest_factor_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.experiments.distortion import (
@@ -20,6 +21,7 @@ from workbench.identification.experiments.quality import (
     saturation,
 )
 from workbench.identification.experiments.records import read_record, read_response
+from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
 from workbench.identification.parameters import evolution as parameter_evolution
@@ -31,6 +33,8 @@ from workbench.identification.parameters.program import (
     ParameterFit,
     fit_parameters,
 )
+from workbench.identification.polynomials import methods as polynomial_methods
+from workbench.identification.polynomials.regressions import arx, impulse_response
 from workbench.identification.responses.assumptions import Assumptions
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.responses.periodic import (
@@ -55,6 +59,7 @@ from workbench.identification.transfer_functions.regression import (
 __all__ = [
     "Assumptions",
     "CrestFactor",
+    "Experiments",
     "FittedParameter",
     "IdentificationWarning",
     "InnovationsModel",
@@ -72,12 +77,16 @@ __all__ = [
     "StateSpaceFit",
     "SteppedSine",
     "TransferFunctionEstimate",
+    "arx",
+    "as_experiments",
     "as_record",
+    "choice_methods",
     "crest_factor_methods",
     "filtered_least_squares",
     "fit_parameters",
     "from_periods",
     "harmonic_distortion",
+    "impulse_response",
     "line_amplitudes",
     "line_distortion",
     "local_polynomial",
@@ -85,6 +94,7 @@ __all__ = [
     "output_error",
     "parameter_evolution",
     "parameter_methods",
+    "polynomial_methods",
     "random_multisine",
     "read_record",
     "read_response",

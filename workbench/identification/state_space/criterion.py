@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.innovations import InnovationsModel, initial_state
 from workbench.identification.state_space.recursions import predictions, sensitivity_rows
@@ -37,7 +37,8 @@ class Criterion:
     """The criterion as a function of A, B, C, D, K, the offsets and the initial states.
 
     Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether
-    D is free; otherwise it stays as it is in the model.
+    D is free; otherwise it stays as it is in the model. ``entries`` marks which entries of A, B, C,
+    D and K, row by row and one after the other, are free; None: all of them.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Criterion:
         record: Experiments,
         simulation_weight: float,
         direct: bool = True,
+        entries: BoolArray | None = None,
     ) -> None:
         self._template = model
         self._pieces = [
@@ -59,7 +61,10 @@ class Criterion:
         self._shapes = [part.shape for part in parts]
         self._ends = np.cumsum([0] + [part.size for part in parts])
         held = np.zeros(self._ends[-1], dtype=bool)
-        held[self._ends[3] : self._ends[4]] = not direct
+        if entries is not None:
+            held[: self._ends[5]] = ~entries
+        if not direct:
+            held[self._ends[3] : self._ends[4]] = True
         self._free = np.flatnonzero(~held)
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Dataset
+from workbench.identification.state_space.candidates import Candidates
 from workbench.identification.state_space.innovations import InnovationsModel
 
 if TYPE_CHECKING:
@@ -49,8 +50,18 @@ def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
             "nonparametric": (grid, estimate.response, {}),
             "variance": (grid, estimate.variance, {"long_name": "of nonparametric"}),
         }
+    choice, extra = answer.candidates, {}
+    if choice is not None:
+        points, places = {"units": "%"}, ("use", "candidate")
+        extra = {
+            "candidate_fit": (places, choice.fits, points),
+            "candidate_lost": (places, choice.lost, points),
+            "candidate_deviation": (places, choice.deviation, points),
+            "candidate": ("candidate", list(choice.labels)),
+        }
     return xr.Dataset(
         {
+            **extra,
             **{name: matrices[name] for name in names},
             "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
             "measured": (held, rest.y, {"long_name": "held-out record"}),
@@ -81,6 +92,18 @@ def _whole_run(model: InnovationsModel, use: str, program: StateSpaceFit) -> Rea
     """A run of a model over all held-out experiments (N, ny)."""
     run = getattr(model, use)
     return np.vstack([run(u, y, program.washed) for u, y in program.rest.pieces()])
+
+
+def stored_candidates(data: Dataset) -> Candidates | None:
+    """The candidates of a choice, where the dataset has some."""
+    if "candidate" not in data.dims:
+        return None
+    return Candidates(
+        tuple(str(label) for label in data["candidate"].values),
+        data["candidate_fit"].values,
+        data["candidate_lost"].values,
+        data["candidate_deviation"].values,
+    )
 
 
 def stored_model(program: StateSpaceFit, data: Dataset, name: str) -> InnovationsModel:

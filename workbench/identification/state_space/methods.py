@@ -102,15 +102,12 @@ class SubspaceStarts:
         late = record.delayed(program.delays)
         pasts = fitting_pasts(order, len(late), nu, ny)
         if pasts and id(record) not in self._regressions:
-            widest = fitting_pasts(max(program.orders or (order,)), len(late), nu, ny)
-            self._regressions[id(record)] = SubspaceModels(
-                late, sorted({*pasts, *widest}), program.direct
-            )
+            orders = {order, *(program.orders or ())}
+            every = {past for n in orders for past in fitting_pasts(n, len(late), nu, ny)}
+            self._regressions[id(record)] = SubspaceModels(late, sorted(every), program.direct)
         found = []
         for past in pasts:
-            model = replace(
-                self._regressions[id(record)].model(order, past), delay=program.delays
-            )
+            model = replace(self._regressions[id(record)].model(order, past), delay=program.delays)
             usable = allowed(model, record, program.direct, program.largest_radius)
             found += [] if usable is None else [usable]
         return found
@@ -134,11 +131,13 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
     """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
     starts = SubspaceStarts(program)
-    predictors, simulators = (_refined(program, starts, weight) for weight in SIMULATION_WEIGHTS)
+    predictors, simulators = (
+        refined_fits(program, starts, weight) for weight in SIMULATION_WEIGHTS
+    )
     return claim(identify(program, predictors, simulators, context))
 
 
-def _refined(
+def refined_fits(
     program: StateSpaceFit, starts: SubspaceStarts, simulation_weight: float
 ) -> FitterOfOrder:
     """Fitting functions that refine the subspace model at which the criterion is least."""

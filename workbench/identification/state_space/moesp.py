@@ -26,7 +26,7 @@ from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.gains import innovation_gain, with_inputs
 from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.methods import claim, identify
+from workbench.identification.state_space.methods import FitterOfOrder, claim, identify
 from workbench.identification.state_space.program import Fitter, StateSpaceFit
 from workbench.identification.state_space.regression import lagged_triangle
 from workbench.identification.state_space.subspace import Scaling, best_fitting
@@ -59,13 +59,20 @@ def _cva(program: StateSpaceFit, context: Context) -> Claim:
 
 
 def _answer(program: StateSpaceFit, context: Context, weights: ProjectionWeights) -> Claim:
+    way = projection_fits(program, weights)
+    return claim(identify(program, way, way, context))
+
+
+def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> FitterOfOrder:
+    """Fitting functions for models by projections with the weights of a method."""
+
     def way(order: int) -> Fitter:
         return lambda record: best_projection(
             record, order, weights,
             direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
         )  # fmt: skip
 
-    return claim(identify(program, way, way, context))
+    return way
 
 
 def best_projection(

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.arrays import BoolArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.criterion import Criterion
@@ -32,6 +33,7 @@ def refine(
     *,
     direct: bool = True,
     largest_radius: float = 1.0,
+    entries: BoolArray | None = None,
 ) -> tuple[InnovationsModel, int]:
     """Refine a model on experiments by Levenberg-Marquardt iterations.
 
@@ -48,6 +50,8 @@ def refine(
         Whether inputs may act at once, through D.
     largest_radius
         Largest modulus of a pole of the model; infinite where the plant may be unstable.
+    entries
+        Which entries of A, B, C, D and K are free, as for `Criterion`; the others stay.
 
     Returns
     -------
@@ -67,7 +71,7 @@ def refine(
     start = scaling.applied(model)
     if start.radius > 1 + 1 / len(record):
         simulation_weight = 0.0
-    criterion = Criterion(start, unit, simulation_weight, direct)
+    criterion = Criterion(start, unit, simulation_weight, direct, entries)
     theta = criterion.start(start)
     value, gradient, hessian = criterion.expand(theta)
     damping, done = 1e-2, 0

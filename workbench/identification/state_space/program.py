@@ -28,6 +28,7 @@ from workbench.identification.experiments.several import (
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
+from workbench.identification.state_space.candidates import Candidates
 from workbench.identification.state_space.delays import checked_delays, estimated_delays
 from workbench.identification.state_space.folds import (
     VALIDATION_SHARE,
@@ -74,6 +75,8 @@ CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
 CONVOLVED = 20_000
 """Held-out samples that are simulated by convolution at most, of each experiment."""
+MOST_STATES_OF_DEVIATIONS = 24
+"""Most states of a model whose standard deviations are computed: the cost grows as their cube."""
 CHANCE = 3.0
 """Standard errors by which noise alone may exceed its own size where no input moves."""
 
@@ -87,13 +90,14 @@ class IdentifiedModels:
     """A model for each use, and the validation fits that chose their orders.
 
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
-    simulators. ``sample_time`` [s] is the record's.
+    simulators. ``sample_time`` [s] is the record's; ``candidates`` are those of a choice, if any.
     """
 
     predictor: InnovationsModel
     simulator: InnovationsModel
     scores: RealArray
     sample_time: float = 1.0
+    candidates: Candidates | None = None
 
     @property
     def lti(self) -> StateSpace:
@@ -217,6 +221,12 @@ class StateSpaceFit(Program):
         nu, ny = self.record.u.shape[1], self.record.y.shape[1]
         known = bool(fitting_pasts(order, samples, nu, ny))
         return known and SAMPLES_FOR_EACH * self._parameters(order) <= samples * ny
+
+    def determines_arx(self, order: int) -> bool:
+        """Whether the shortest part determines an ARX model of an order."""
+        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
+        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
+        return samples - order >= SAMPLES_FOR_EACH * (1 + order * (nu + ny) + nu)
 
     def _refused(self, order: int, samples: int) -> int:
         """Raise `InputError`: so many samples do not determine models of an order."""
@@ -426,12 +436,17 @@ class StateSpaceFit(Program):
             )
         if not self.folds:
             words.append("orders chosen by the final prediction error: no part could be held back")
+        if answer.candidates is not None:
+            tasks = enumerate(("predict", "simulate"))
+            words += [answer.candidates.words(use, task) for use, task in tasks]
         for name in MODELS:
             words += self._uncertainty(getattr(answer, name), name)
         return words
 
     def _uncertainty(self, model: InnovationsModel, name: str) -> list[str]:
         """How well the record determines a model: its slowest pole and its static gains."""
+        if model.order > MOST_STATES_OF_DEVIATIONS:
+            return [f"{name}: no standard deviations of {model.order} states are computed"]
         found = model_deviations(model, self.used, self.direct)
         words = []
         if len(found.poles):
@@ -484,7 +499,10 @@ class StateSpaceFit(Program):
             [order, *(f"{x:.2f}" for row in score for x in (*row, row.mean()))]
             for order, score in zip(self.orders or (), answer.scores.swapaxes(0, 1), strict=True)
         ]
-        return {"validation": markdown(["order", *fits], rows)}
+        choice = answer.candidates
+        return {"validation": markdown(["order", *fits], rows)} | (
+            {} if choice is None else {"candidates": choice.table()}
+        )
 
     def figures(self, answer: IdentifiedModels) -> dict[str, Figure]:
         data = self.to_dataset(answer)
@@ -501,4 +519,7 @@ class StateSpaceFit(Program):
     def from_dataset(self, data: Dataset) -> IdentifiedModels:
         predictor, simulator = (datasets.stored_model(self, data, name) for name in MODELS)
         scores = data["validation_fit"].values
-        return IdentifiedModels(predictor, simulator, scores, self.record.sample_time)
+        candidates = datasets.stored_candidates(data)
+        return IdentifiedModels(
+            predictor, simulator, scores, self.record.sample_time, candidates=candidates
+        )

@@ -285,7 +285,7 @@ def allowed(
 
 
 def _misfit(model: InnovationsModel, record: Experiments) -> float:
-    """Sum of the relative errors of one-step predictions and, where it cannot grow, of simulation."""
+    """Sum of the relative errors of one-step predictions and, where they do not grow, free runs."""
     spread = np.nanstd(record.y, axis=0)
     simulated = model.radius <= 1 + 1 / len(record)
     runs = (model.one_step, model.free_run) if simulated else (model.one_step,)

@@ -1,0 +1,1 @@
+"""Polynomial models of a record: FIR, ARX, ARMAX, output error, Box-Jenkins."""

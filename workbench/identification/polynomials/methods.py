@@ -1,0 +1,132 @@
+"""Polynomial models as methods of state-space models: same record, same validation, same checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.executor import Context
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.polynomials.regressions import arx, impulse_response
+from workbench.identification.polynomials.structures import PolynomialKind, structured
+from workbench.identification.state_space.criterion import Criterion
+from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.methods import (
+    FitterOfOrder,
+    SubspaceStarts,
+    claim,
+    identify,
+)
+from workbench.identification.state_space.prediction_error import refine
+from workbench.identification.state_space.program import Fitter, StateSpaceFit
+from workbench.identification.state_space.subspace import allowed, least_of
+from workbench.program import Claim, method
+
+MOST_STATES = 60
+"""Most states of a structured model: Box-Jenkins has n for each pair of channels, and more."""
+
+
+@method(StateSpaceFit, "arx", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _arx(program: StateSpaceFit, context: Context) -> Claim:
+    """ARX by least squares; polynomial matrices for several outputs."""
+    way = arx_fits(program)
+    return claim(identify(program, way, way, context))
+
+
+@method(StateSpaceFit, "impulse-response", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _impulse_response(program: StateSpaceFit, context: Context) -> Claim:
+    """Impulse responses regularised by a decaying kernel, tuned by marginal likelihood."""
+    way = impulse_response_fits(program)
+    return claim(identify(program, way, way, context))
+
+
+@method(StateSpaceFit, "armax", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _armax(program: StateSpaceFit, context: Context) -> Claim:
+    """ARMAX for each output, prediction errors minimised from the subspace model."""
+    return _structured_answer(program, context, "armax")
+
+
+@method(StateSpaceFit, "output-error", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _output_error(program: StateSpaceFit, context: Context) -> Claim:
+    """Output error for each pair of channels, minimised from the subspace model."""
+    return _structured_answer(program, context, "output-error")
+
+
+@method(StateSpaceFit, "box-jenkins", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _box_jenkins(program: StateSpaceFit, context: Context) -> Claim:
+    """Box-Jenkins for each pair of channels, minimised from the subspace model."""
+    return _structured_answer(program, context, "box-jenkins")
+
+
+def _structured_answer(program: StateSpaceFit, context: Context, kind: PolynomialKind) -> Claim:
+    way = structured_fits(program, kind, SubspaceStarts(program))
+    return claim(identify(program, way, way, context))
+
+
+def arx_fits(program: StateSpaceFit) -> FitterOfOrder:
+    """Fitting functions for ARX models of an order."""
+    return _checked(
+        program,
+        lambda record, order: arx(record, order, direct=program.direct, delay=program.delays),
+    )
+
+
+def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
+    """Fitting functions for impulse responses, the same for all orders."""
+    found: dict[int, InnovationsModel | None] = {}
+
+    def fit(record: Experiments, order: int) -> InnovationsModel | None:
+        if id(record) not in found:
+            found[id(record)] = impulse_response(
+                record, direct=program.direct, delay=program.delays
+            )
+        return found[id(record)]
+
+    return _checked(program, fit)
+
+
+def _checked(
+    program: StateSpaceFit, fit: Callable[[Experiments, int], InnovationsModel | None]
+) -> FitterOfOrder:
+    """Fitting functions whose models have poles where the program allows them."""
+
+    def way(order: int) -> Fitter:
+        def checked(record: Experiments) -> InnovationsModel | None:
+            model = fit(record, order)
+            return model and allowed(model, record, program.direct, program.largest_radius)
+
+        return checked
+
+    return way
+
+
+def structured_fits(
+    program: StateSpaceFit, kind: PolynomialKind, starts: SubspaceStarts
+) -> FitterOfOrder:
+    """Fitting functions for models of a kind, refined from the start whose errors are least."""
+
+    def way(order: int) -> Fitter:
+        def fit(record: Experiments) -> InnovationsModel | None:
+            def value(model: InnovationsModel) -> float:
+                criterion = Criterion(model, record, 0.0, program.direct)
+                return criterion(criterion.start(model))
+
+            begun = [structured(model, kind) for model in starts.of(record, order)]
+            usable = [
+                model
+                for model, _ in begun
+                if model.order <= MOST_STATES
+                and model.predictor_radius < 1
+                and model.radius <= program.largest_radius
+            ]
+            start = least_of(usable, value)
+            if start is None:
+                return None
+            return refine(
+                start, record, 0.0,
+                direct=program.direct, largest_radius=program.largest_radius, entries=begun[0][1],
+            )[0]  # fmt: skip
+
+        return fit
+
+    return way

@@ -1,0 +1,102 @@
+"""Polynomial models as innovations models: canonical blocks, and which of their entries are free.
+
+In observer form a polynomial is the first column of a block of A, a numerator a column of B, and a
+noise numerator a column of K, each entry a parameter of its own:
+
+    ARMAX         A y = B u + C e          one block for each output, driven by u and e
+    output error  y = B/F u + e            one block for each pair of output and input
+    Box-Jenkins   y = B/F u + C/D e        the same, and one block of noise for each output
+
+So prediction errors of all of them are minimised by the code of state-space models, with its exact
+gradients. Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from workbench.arrays import BoolArray, RealArray
+from workbench.identification.state_space.innovations import InnovationsModel
+
+PolynomialKind = Literal["armax", "output-error", "box-jenkins"]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """States of one polynomial: the output that they add to, and the signals that drive them."""
+
+    output: int
+    inputs: tuple[int, ...]
+    noise: bool
+
+
+def _blocks(kind: PolynomialKind, nu: int, ny: int) -> Iterator[_Block]:
+    for o in range(ny):
+        if kind == "armax":
+            yield _Block(o, tuple(range(nu)), True)
+            continue
+        for j in range(nu):
+            yield _Block(o, (j,), False)
+        if kind == "box-jenkins":
+            yield _Block(o, (), True)
+
+
+def structured(model: InnovationsModel, kind: PolynomialKind) -> tuple[InnovationsModel, BoolArray]:
+    """A polynomial model that starts at a state-space model, and its free entries.
+
+    Every polynomial has the degree of the model. What a block is driven by, it answers as the model
+    does; signals that its kind leaves out are left out, such as the noise of output error.
+
+    Returns
+    -------
+    The model in observer form, and which entries of A, B, C, D and K are free.
+    """
+    n, nu, ny = model.order, model.B.shape[1], len(model.C)
+    blocks = list(_blocks(kind, nu, ny))
+    total = n * len(blocks)
+    A, B, C = np.zeros((total, total)), np.zeros((total, nu)), np.zeros((ny, total))
+    K = np.zeros((total, ny))
+    free = {
+        name: np.zeros(M.shape, dtype=bool) for name, M in zip("ABCK", (A, B, C, K), strict=True)
+    }
+    companion, seen = _observer_form(model.A)
+    for number, block in enumerate(blocks):
+        rows = slice(number * n, (number + 1) * n)
+        A[rows, rows], C[block.output, number * n] = companion, 1.0
+        free["A"][rows, number * n] = True
+        markov = _markov(model, block.output)
+        for j in block.inputs:
+            B[rows, j] = np.linalg.solve(seen, markov[0][:, j])
+            free["B"][rows, j] = True
+        if block.noise:
+            K[rows, block.output] = np.linalg.solve(seen, markov[1][:, block.output])
+            free["K"][rows, block.output] = True
+    parts = (free["A"], free["B"], free["C"], np.ones(model.D.shape, dtype=bool), free["K"])
+    entries = np.concatenate([part.ravel() for part in parts])
+    return replace(model, A=A, B=B, C=C, K=K), entries
+
+
+def _observer_form(A: RealArray) -> tuple[RealArray, RealArray]:
+    """Companion matrix (n, n) of the eigenvalues of A, and its observability matrix."""
+    n = len(A)
+    companion = np.eye(n, k=1)
+    companion[:, 0] = -np.real(np.poly(A))[1:]
+    seen, row = np.empty((n, n)), np.eye(n)[0]
+    for k in range(n):
+        seen[k] = row
+        row = row @ companion
+    return companion, seen
+
+
+def _markov(model: InnovationsModel, output: int) -> tuple[RealArray, RealArray]:
+    """The first n Markov parameters of an output, from inputs (n, nu) and from noise (n, ny)."""
+    row, rows = model.C[output], []
+    for _ in range(model.order):
+        rows.append(row)
+        row = row @ model.A
+    observed = np.array(rows)
+    return observed @ model.B, observed @ model.K

@@ -1,0 +1,123 @@
+"""Candidates of a choice among models: their validation fits, and by how much each one lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.tables import markdown
+
+BLOCKS = 10
+"""Blocks of validation samples, of each fold, whose mean errors give the standard error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Models of several kinds and orders in validation, for the uses (one-step, free run).
+
+    Parameters
+    ----------
+    labels
+        Kind and order of each candidate (M,).
+    fits
+        Mean fit over outputs and folds [%], (uses, M).
+    lost, deviation
+        How far the fit is below the best one of the use, in points, and the standard error of that
+        difference, (uses, M).
+    """
+
+    labels: tuple[str, ...]
+    fits: RealArray
+    lost: RealArray
+    deviation: RealArray
+
+    def best(self, use: int) -> int:
+        """The candidate that fits best in a use."""
+        return int(np.argmax(self.fits[use]))
+
+    def runner_up(self, use: int) -> int | None:
+        """The best candidate of another kind than the best one; None where there is none."""
+        kind = _kind(self.labels[self.best(use)])
+        others = [
+            k
+            for k, label in enumerate(self.labels)
+            if _kind(label) != kind and np.isfinite(self.fits[use, k])
+        ]
+        return max(others, key=lambda k: float(self.fits[use, k]), default=None)
+
+    def words(self, use: int, task: str) -> str:
+        """What was chosen, what came second, and by how much it lost."""
+        chosen, second = self.labels[self.best(use)], self.runner_up(use)
+        if second is None:
+            return f"to {task}: {chosen}; no other kind gave a model"
+        lost, deviation = self.lost[use, second], self.deviation[use, second]
+        told = "" if lost > 2 * deviation else ", which may be chance"
+        return (
+            f"to {task}: {chosen}; the runner-up, {self.labels[second]}, lost "
+            f"{lost:.2g} +- {deviation:.1g} points in validation{told}"
+        )
+
+    def table(self) -> str:
+        """Fits of all candidates, in Markdown."""
+        rows = [
+            [label, *(f"{fits[k]:.2f}" for fits in self.fits), *(
+                f"{lost[k]:.2f} +- {spread[k]:.2f}"
+                for lost, spread in zip(self.lost, self.deviation, strict=True)
+            )]
+            for k, label in enumerate(self.labels)
+        ]  # fmt: skip
+        titles = ["one step [%]", "free run [%]", "one step lost", "free run lost"]
+        return markdown(["model", *titles], rows)
+
+
+def _kind(label: str) -> str:
+    return label.rpartition(" ")[0]
+
+
+def block_errors(
+    model: InnovationsModel, record: Experiments, washout: int
+) -> tuple[RealArray, RealArray]:
+    """Mean square errors (uses, blocks, ny), and the variance of the outputs (ny,), of experiments.
+
+    The washout of each experiment does not count; samples that are missing count as no error.
+    """
+    uses = []
+    for run in (model.one_step, model.free_run):
+        errors, outputs = [], []
+        for u, y in record.pieces():
+            if len(u) > washout:
+                errors.append((y - run(u, y, washout))[washout:])
+                outputs.append(y[washout:])
+        squares = np.nan_to_num(np.vstack(errors)) ** 2
+        uses.append([block.mean(axis=0) for block in np.array_split(squares, BLOCKS)])
+    return np.array(uses), np.nanvar(np.vstack(outputs), axis=0)
+
+
+def compared(labels: Sequence[str], errors: RealArray, spreads: RealArray) -> Candidates:
+    """Candidates from square errors (M, folds, uses, blocks, ny) and variances (folds, ny).
+
+    A candidate without a model has infinite errors. The fit of a fold is that of
+    `nrmse_fit`; the standard error of a difference comes from blocks, by first order.
+    """
+    with np.errstate(all="ignore"):
+        relative = errors / spreads[:, None, None, :]
+        root = np.sqrt(relative.mean(axis=3))  # M, folds, uses, ny
+        fits = 100 * (1 - root.mean(axis=(1, 3))).T  # uses, M
+        fits[~np.isfinite(fits)] = -np.inf
+        best = fits.argmax(axis=1)
+        # A change of the mean square of a block changes the root by half its share.
+        pull = 100 * (relative / (2 * root[:, :, :, None, :])).mean(axis=4)
+        lost, deviation = np.empty_like(fits), np.empty_like(fits)
+        for use, winner in enumerate(best):
+            lost[use] = fits[use, winner] - fits[use]
+            apart = pull[:, :, use] - pull[winner, :, use]
+            folds, blocks = apart.shape[1:]
+            variance = apart.var(axis=2, ddof=1) / blocks
+            deviation[use] = np.sqrt(variance.sum(axis=1)) / folds
+    deviation[~np.isfinite(deviation)] = np.inf
+    return Candidates(tuple(labels), fits, lost, deviation)
