@@ -15,15 +15,11 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.program import (
-    MODELS,
-    USES,
-    Fitter,
-    IdentifiedModels,
-    StateSpaceFit,
-)
-from workbench.identification.state_space.subspace import HORIZONS
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
+from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.state_space.question import Fitter
+from workbench.identification.state_space.selection import HORIZONS
 from workbench.study import Study, check, figure, metric
 
 from ..cd_arm.identification import ESTIMATION, RECORD, read_record

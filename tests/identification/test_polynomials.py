@@ -6,9 +6,9 @@ from scipy.signal import lfilter
 
 from workbench import solve
 from workbench.identification import Experiments, StateSpaceFit, arx, impulse_response
-from workbench.identification.polynomials.structures import structured
-from workbench.identification.state_space.candidates import compared
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.polynomials.structures import polynomial_start
+from workbench.identification.state_space.candidates import compared_candidates
 
 F, G = np.array([1.0, -1.5, 0.7]), np.array([0.0, 1.0, 0.5])
 FREQUENCY = np.linspace(0.01, 0.49, 30)
@@ -98,7 +98,7 @@ def test_canonical_blocks_answer_as_the_model_they_start_from(kind):
     A = np.array([[0.5, 0.3, 0.0], [-0.3, 0.5, 0.1], [0.0, 0.0, 0.2]])
     B, C, K = (rng.standard_normal(shape) for shape in ((3, 2), (2, 3), (3, 2)))
     model = InnovationsModel(A, B, C, np.zeros((2, 2)), 0.1 * K, np.zeros(2), np.zeros(2))
-    found, entries = structured(model, kind)
+    found, entries = polynomial_start(model, kind)
     np.testing.assert_allclose(
         found.response(FREQUENCY), model.response(FREQUENCY), rtol=1e-8, atol=1e-8
     )
@@ -130,7 +130,7 @@ def test_a_difference_has_the_standard_error_of_its_blocks():
     lost, told = [], []
     for _ in range(300):
         errors = rng.chisquare(40, size=(2, 2, 2, 10, 1)) / 40 * scale[:, None, None, None, None]
-        found = compared(("a 1", "b 1"), errors, np.full((2, 1), 4.0))
+        found = compared_candidates(("a 1", "b 1"), errors, np.full((2, 1), 4.0))
         lost.append(found.fits[0, 0] - found.fits[0, 1])
         told.append(found.deviation[0, 1 - found.best(0)])
     assert np.mean(lost) == pytest.approx(50 * (np.sqrt(1.02) - 1), abs=0.2)

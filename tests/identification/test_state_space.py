@@ -9,10 +9,11 @@ from workbench import Options, Outcome, solve
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.prediction_error import Criterion, refine
+from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.methods import identify
-from workbench.identification.state_space.prediction_error import Criterion, refine
-from workbench.identification.state_space.program import IdentifiedModels, StateSpaceFit
+from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.subspace import best_subspace, subspace
 
 TRUTH = InnovationsModel(

@@ -86,7 +86,7 @@ NORM, CLOSE = "certify.norms:certified_norm", "systems.generalised_plant:General
 PEAK = "mu.robust.performance:performance_peak"
 PROVEN = "certify.singularity:proven_bound"
 FULL, MIXED, REPEATED = "mu_upper_full", "mu_upper_mixed", "mu_upper_repeated"
-FREE_RUN = "identification.state_space.innovations:InnovationsModel.free_run"
+FREE_RUN = "identification.innovations.model:InnovationsModel.free_run"
 LOOP, FILTER = "mu_synthesis", "fault_filter"
 
 MUTANTS = [

@@ -24,6 +24,7 @@ from workbench.identification.experiments.records import read_record, read_respo
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.parameters import evolution as parameter_evolution
 from workbench.identification.parameters import methods as parameter_methods
 from workbench.identification.parameters.least_squares import FittedParameter
@@ -46,7 +47,6 @@ from workbench.identification.responses.spectral import SpectralResponse, spectr
 from workbench.identification.responses.step import step_response
 from workbench.identification.state_space import methods as state_space_methods
 from workbench.identification.state_space import moesp as state_space_moesp
-from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
 from workbench.identification.transfer_functions.record import SampledRecord

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.methods import (
     arx_fits,
     impulse_response_fits,
@@ -22,13 +23,14 @@ from workbench.identification.state_space.candidates import (
     BLOCKS,
     Candidates,
     block_errors,
-    compared,
+    compared_candidates,
 )
 from workbench.identification.state_space.folds import final_prediction_factor
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.methods import SubspaceStarts, refined_fits
 from workbench.identification.state_space.moesp import projection_fits
-from workbench.identification.state_space.program import Fitter, IdentifiedModels, StateSpaceFit
+from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.state_space.question import Fitter
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
@@ -46,7 +48,7 @@ def _best(program: StateSpaceFit, context: Context) -> Claim:
         errors.append(one)
     if spreads is None:
         return None, Outcome.FAILED, "no kind of model was tried"
-    candidates = compared(tuple(ways), np.array(errors), spreads)
+    candidates = compared_candidates(tuple(ways), np.array(errors), spreads)
     fits = list(ways.values())
     chosen = [_kept(program, fits, candidates.fits[use]) for use in range(2)]
     predictor, simulator = chosen

@@ -7,19 +7,20 @@ from collections.abc import Callable
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.prediction_error import refine
 from workbench.identification.polynomials.regressions import arx, impulse_response
-from workbench.identification.polynomials.structures import PolynomialKind, structured
-from workbench.identification.state_space.criterion import Criterion
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
     SubspaceStarts,
     claim,
     identify,
 )
-from workbench.identification.state_space.prediction_error import refine
-from workbench.identification.state_space.program import Fitter, StateSpaceFit
-from workbench.identification.state_space.subspace import allowed, least_of
+from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.state_space.question import Fitter
+from workbench.identification.state_space.selection import allowed, least_of
 from workbench.program import Claim, method
 
 MOST_STATES = 60
@@ -111,7 +112,7 @@ def structured_fits(
                 criterion = Criterion(model, record, 0.0, program.direct)
                 return criterion(criterion.start(model))
 
-            begun = [structured(model, kind) for model in starts.of(record, order)]
+            begun = [polynomial_start(model, kind) for model in starts.of(record, order)]
             usable = [
                 model
                 for model, _ in begun

@@ -16,10 +16,10 @@ from scipy.optimize import minimize
 
 from workbench.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.gains import operating_point
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.regression import lagged_triangle, least_squares
-from workbench.identification.state_space.subspace import Scaling
+from workbench.identification.innovations.gains import operating_point
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.regression import lagged_triangle, least_squares
+from workbench.identification.innovations.scaling import Scaling
 
 TAPS = 70
 """Largest number of samples of an impulse response."""

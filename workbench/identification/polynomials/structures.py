@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from workbench.arrays import BoolArray, RealArray
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.model import InnovationsModel
 
 PolynomialKind = Literal["armax", "output-error", "box-jenkins"]
 
@@ -45,7 +45,9 @@ def _blocks(kind: PolynomialKind, nu: int, ny: int) -> Iterator[_Block]:
             yield _Block(o, (), True)
 
 
-def structured(model: InnovationsModel, kind: PolynomialKind) -> tuple[InnovationsModel, BoolArray]:
+def polynomial_start(
+    model: InnovationsModel, kind: PolynomialKind
+) -> tuple[InnovationsModel, BoolArray]:
     """A polynomial model that starts at a state-space model, and its free entries.
 
     Every polynomial has the degree of the model. What a block is driven by, it answers as the model

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.tables import markdown
 
 BLOCKS = 10
@@ -98,7 +98,7 @@ def block_errors(
     return np.array(uses), np.nanvar(np.vstack(outputs), axis=0)
 
 
-def compared(labels: Sequence[str], errors: RealArray, spreads: RealArray) -> Candidates:
+def compared_candidates(labels: Sequence[str], errors: RealArray, spreads: RealArray) -> Candidates:
     """Candidates from square errors (M, folds, uses, blocks, ny) and variances (folds, ny).
 
     A candidate without a model has infinite errors. The fit of a fold is that of

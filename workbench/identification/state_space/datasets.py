@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Dataset
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.candidates import Candidates
-from workbench.identification.state_space.innovations import InnovationsModel
-
-if TYPE_CHECKING:
-    from workbench.identification.state_space.program import IdentifiedModels, StateSpaceFit
+from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
+from workbench.identification.state_space.question import RecordedQuestion
 
 MATRICES = {
     "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
@@ -22,10 +19,9 @@ MATRICES = {
 """Matrices of a model, each with its dimensions in a dataset."""
 FREQUENCIES = 200
 """Frequencies of the response where the record has none of its own."""
-MODEL_NAMES = ("predictor", "simulator")
 
 
-def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
+def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     """The models, their runs on the held-out samples, responses and residual tests."""
     import xarray as xr
 
@@ -37,7 +33,7 @@ def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
     grid, held = ("frequency", "output", "input"), ("time", "output")
     own, crossed = program.residual_tests(answer.predictor)
     lags, deviations = len(own), {"units": "standard deviations"}
-    models = {name: getattr(answer, name) for name in MODEL_NAMES}
+    models = {name: getattr(answer, name) for name in MODELS}
     names = [f"{name}_{matrix}" for name in models for matrix in MATRICES]
     matrices = {
         f"{name}_{matrix}": (tuple(dim.format(name) for dim in dims), getattr(model, matrix))
@@ -78,7 +74,7 @@ def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
             "input": list(record.inputs),
             "output": list(record.outputs),
             "order": list(program.orders or ()),
-            "use": ["one_step", "free_run"],
+            "use": list(USES),
             "time": ("time", np.arange(program.estimated, len(record)), {"units": "samples"}),
             "frequency": ("frequency", frequency, {"units": "cycles/sample"}),
             "lag": ("lag", np.arange(1, lags + 1), {"units": "samples"}),
@@ -88,7 +84,7 @@ def to_dataset(program: StateSpaceFit, answer: IdentifiedModels) -> Dataset:
     )  # fmt: skip
 
 
-def _whole_run(model: InnovationsModel, use: str, program: StateSpaceFit) -> RealArray:
+def _whole_run(model: InnovationsModel, use: str, program: RecordedQuestion) -> RealArray:
     """A run of a model over all held-out experiments (N, ny)."""
     run = getattr(model, use)
     return np.vstack([run(u, y, program.washed) for u, y in program.rest.pieces()])
@@ -106,7 +102,7 @@ def stored_candidates(data: Dataset) -> Candidates | None:
     )
 
 
-def stored_model(program: StateSpaceFit, data: Dataset, name: str) -> InnovationsModel:
+def stored_model(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
     """The model of a name in a dataset, with the names and the time of the record."""
     record = program.record
     return InnovationsModel(

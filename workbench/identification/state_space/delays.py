@@ -11,8 +11,8 @@ from scipy.stats import chi2
 
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.regression import lagged_triangle
-from workbench.identification.state_space.subspace import Scaling
+from workbench.identification.innovations.regression import lagged_triangle
+from workbench.identification.innovations.scaling import Scaling
 from workbench.input_checks import need_whole
 
 LONGEST_DELAY = 25

@@ -11,17 +11,19 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.criterion import Criterion
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.prediction_error import refine
-from workbench.identification.state_space.program import Fitter, IdentifiedModels, StateSpaceFit
-from workbench.identification.state_space.subspace import (
-    SubspaceModels,
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.prediction_error import refine
+from workbench.identification.state_space.identified import IdentifiedModels
+from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.state_space.question import Fitter
+from workbench.identification.state_space.selection import (
     allowed,
     best_fitting,
     fitting_pasts,
     least_of,
 )
+from workbench.identification.state_space.subspace import SubspaceModels
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 

@@ -24,12 +24,14 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.gains import innovation_gain, with_inputs
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.gains import innovation_gain, with_inputs
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.regression import lagged_triangle
+from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.state_space.methods import FitterOfOrder, claim, identify
-from workbench.identification.state_space.program import Fitter, StateSpaceFit
-from workbench.identification.state_space.regression import lagged_triangle
-from workbench.identification.state_space.subspace import Scaling, best_fitting
+from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.state_space.question import Fitter
+from workbench.identification.state_space.selection import best_fitting
 from workbench.program import Claim, method
 
 HALF_WINDOWS = (3, 5, 8, 12, 18, 25)

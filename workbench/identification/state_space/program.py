@@ -9,67 +9,26 @@ rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
-from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.identification.experiments.several import (
-    Experiments,
-    SamplesAlong,
-    as_experiments,
-)
-from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.heavy_types import Dataset, Figure
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.uncertainty import model_deviations
 from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
-from workbench.identification.state_space.candidates import Candidates
-from workbench.identification.state_space.delays import checked_delays, estimated_delays
-from workbench.identification.state_space.folds import (
-    VALIDATION_SHARE,
-    final_prediction_factor,
-    scored_fit,
-    scored_samples,
-    validation_folds,
-)
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.subspace import fitting_pasts, largest_order
-from workbench.identification.state_space.uncertainty import model_deviations
-from workbench.identification.state_space.validation import (
-    autocorrelation,
-    cross_correlation,
-    nrmse_fit,
-    share_outside,
-)
-from workbench.input_checks import need_count, need_whole
+from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
+from workbench.identification.state_space.question import RecordedQuestion
+from workbench.identification.state_space.validation import nrmse_fit, share_outside
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.records import convolved
 from workbench.tables import markdown
-
-USES = ("one_step", "free_run")
-"""Uses of the predictor and of the simulator; each is also the name of a method of the model."""
-MODELS = ("predictor", "simulator")
-"""Model for each of the uses."""
-RESIDUAL_LAGS = 25
-"""Largest number of lags in the tests of residuals."""
-FEWEST_SCORED = 4
-"""Fewest samples, beyond a washout, on which a model is judged."""
-USUAL_ORDERS = (1, 2, 3, 4, 6, 8)
-"""Orders that are tried where none are given, as far as the record determines them."""
-SAMPLES_FOR_EACH = 2
-"""Fewest output samples from which each parameter of a model is estimated."""
-REST_SAMPLES = 50
-"""Samples at rest that are put before a record whose inputs never move."""
-USUAL_WASHOUT = 50
-"""Longest washout [samples] where none is given."""
-ESTIMATION_SHARE = 2 / 3
-"""Share of the record that methods may use where nothing is given."""
 
 CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
@@ -80,33 +39,9 @@ MOST_STATES_OF_DEVIATIONS = 24
 CHANCE = 3.0
 """Standard errors by which noise alone may exceed its own size where no input moves."""
 
-Fitter = Callable[[Experiments], InnovationsModel | None]
-"""Function of experiments that gives a model, or None."""
-Poles = Literal["stable", "marginal", "any"]
-
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModels:
-    """A model for each use, and the validation fits that chose their orders.
-
-    ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
-    simulators. ``sample_time`` [s] is the record's; ``candidates`` are those of a choice, if any.
-    """
-
-    predictor: InnovationsModel
-    simulator: InnovationsModel
-    scores: RealArray
-    sample_time: float = 1.0
-    candidates: Candidates | None = None
-
-    @property
-    def lti(self) -> StateSpace:
-        """The simulator's system from u to y, at the record's sampling time."""
-        return replace(self.simulator, sample_time=self.sample_time).system()
-
-
-@dataclass(frozen=True, eq=False)
-class StateSpaceFit(Program):
+class StateSpaceFit(RecordedQuestion, Program):
     """Linear models of a record in innovations form: one to predict it, one to simulate it.
 
     The predictor has the order of the best one-step fit in validation, the simulator that of the
@@ -154,188 +89,8 @@ class StateSpaceFit(Program):
         No record was given, or it is broken; or it is too short for the washout or the orders.
     """
 
-    u: Any
-    y: Any = None
-    estimation: int | None = None
-    orders: Sequence[int] | None = None
-    washout: int | None = None
-    title: str = field(default="record", kw_only=True)
-    sample_time: float | None = field(default=None, kw_only=True)
-    samples: SamplesAlong | None = field(default=None, kw_only=True)
-    direct: bool = field(default=True, kw_only=True)
-    delay: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
-    poles: Poles = field(default="marginal", kw_only=True)
-
     default_method: ClassVar[str] = "prediction-error"
     headline: ClassVar[str] = "fit_free_run_y1"
-
-    def __post_init__(self) -> None:
-        record = self.record
-        if self.poles not in ("stable", "marginal", "any"):
-            raise InputError(f'poles is {self.poles!r}; it must be "stable", "marginal" or "any"')
-        if not isinstance(self.direct, bool):
-            raise InputError(f"direct is {self.direct!r}; it must be True or False")
-        checked_delays(self.delay, record)
-        settle = object.__setattr__
-        if self.estimation is None:
-            settle(self, "estimation", round(ESTIMATION_SHARE * len(record)))
-        need_count("estimation", self.estimation)
-        shortest = min(round(self.estimated * VALIDATION_SHARE), len(record) - self.estimated)
-        if self.washout is None:
-            settle(self, "washout", max(1, min(USUAL_WASHOUT, shortest // 3)))
-        need_count("washout", self.washout)
-        if shortest <= self.washed + FEWEST_SCORED:
-            raise InputError(
-                f"{len(record)} samples with {self.estimation} for estimation leave parts of "
-                f"{shortest} to judge on; more than washout + {FEWEST_SCORED} = "
-                f"{self.washed + FEWEST_SCORED} are needed: "
-                "take a longer record or a shorter washout"
-            )
-        settle(self, "orders", self._settled_orders())
-
-    def _settled_orders(self) -> tuple[int, ...]:
-        """The orders that are tried, rising."""
-        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
-        if self.orders is None:
-            found = tuple(n for n in USUAL_ORDERS if self._determines(n, samples))
-            return found or (self._refused(USUAL_ORDERS[0], samples),)
-        if isinstance(self.orders, str) or not np.iterable(self.orders):
-            raise InputError(f"orders is {self.orders!r}; a list of whole numbers is needed")
-        for order in self.orders:
-            need_whole(order, "an order")
-        orders = tuple(sorted({int(order) for order in self.orders}))
-        if not orders:
-            raise InputError("no orders to choose from; give at least one")
-        for order in (orders[0], orders[-1]):
-            if not self._determines(order, samples):
-                self._refused(order, samples)
-        return orders
-
-    def _parameters(self, order: int) -> int:
-        """Number of free parameters of a model of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        return order * (2 * ny + nu) + ny * nu
-
-    def _determines(self, order: int, samples: int) -> bool:
-        """Whether so many samples determine models of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        known = bool(fitting_pasts(order, samples, nu, ny))
-        return known and SAMPLES_FOR_EACH * self._parameters(order) <= samples * ny
-
-    def determines_arx(self, order: int) -> bool:
-        """Whether the shortest part determines an ARX model of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
-        return samples - order >= SAMPLES_FOR_EACH * (1 + order * (nu + ny) + nu)
-
-    def _refused(self, order: int, samples: int) -> int:
-        """Raise `InputError`: so many samples do not determine models of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        raise InputError(
-            f"order {order} does not fit the data: its {self._parameters(order)} free parameters "
-            f"would be estimated from {samples * ny} output samples; at least "
-            f"{SAMPLES_FOR_EACH} for each parameter are needed, and an order of at most "
-            f"{largest_order(samples, nu, ny)}: choose lower orders (at least 1) or a longer record"
-        )
-
-    # --- the record ------------------------------------------------------------------------------
-
-    @cached_property
-    def record(self) -> Experiments:
-        """All experiments, one after the other."""
-        return as_experiments(self.u, self.y, self.sample_time, self.samples)
-
-    @property
-    def estimated(self) -> int:
-        """Number of samples that methods may use."""
-        return int(self.estimation or 0)
-
-    @property
-    def washed(self) -> int:
-        """Number of samples from which an initial state is estimated."""
-        return int(self.washout or 0)
-
-    @cached_property
-    def used(self) -> Experiments:
-        """The samples that methods may use; where no input moves in them, a step from rest."""
-        part = self.record.part(0, self.estimated)
-        still = len(part.still_inputs()) == part.u.shape[1]
-        return part.from_rest(REST_SAMPLES) if still else part
-
-    @cached_property
-    def rest(self) -> Experiments:
-        """The samples that judge the answer."""
-        return self.record.part(self.estimated, len(self.record))
-
-    @cached_property
-    def folds(self) -> list[tuple[Experiments, Experiments]]:
-        """Parts to estimate on and to validate on, within the samples that methods may use."""
-        return validation_folds(self.used)
-
-    @cached_property
-    def delays(self) -> tuple[int, ...]:
-        """Delay [samples] of each input; empty where none is delayed."""
-        if isinstance(self.delay, str):
-            found = estimated_delays(self.used)
-        else:
-            found = checked_delays(self.delay, self.record)
-        return found if any(found) else ()
-
-    @property
-    def largest_radius(self) -> float:
-        """Largest modulus of a pole."""
-        return {"stable": 1.0, "marginal": 1 + 1 / self.estimated, "any": np.inf}[self.poles]
-
-    # --- what methods need -----------------------------------------------------------------------
-
-    def validate(self, fit: Fitter) -> RealArray:
-        """Mean validation fits (uses, ny) [%] of a fitting function, over the folds.
-
-        They are minus infinity if it finds no model. Without folds they are what Akaike's final
-        prediction error expects of a record like the one that was fitted.
-        """
-        outputs = self.record.y.shape[1]
-        total = np.zeros((len(USES), outputs))
-        for used, left in self.folds:
-            model = fit(used)
-            if model is None:
-                return np.full_like(total, -np.inf)
-            total += self._fits_of(model, model, left) / len(self.folds)
-        if self.folds:
-            return total
-        model = fit(self.used)
-        if model is None:
-            return np.full_like(total, -np.inf)
-        factor = final_prediction_factor(self._parameters(model.order), len(self.used))
-        return 100 - factor * (100 - self._fits_of(model, model, self.used))
-
-    def fits(
-        self, predictor: InnovationsModel, simulator: InnovationsModel, u: RealArray, y: RealArray
-    ) -> RealArray:
-        """Fits (uses, ny) [%] of each output on a record u (N, nu), y (N, ny), without its washout.
-
-        They are one-step fits of the predictor and free-run fits of the simulator.
-        """
-        return self._fits_of(predictor, simulator, Experiments(u, y))
-
-    def _fits_of(
-        self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
-    ) -> RealArray:
-        runs = (predictor.one_step, simulator.free_run)
-        return np.array([scored_fit(run, record, self.washed) for run in runs])
-
-    @cached_property
-    def nonparametric(self) -> LocalPolynomial | None:
-        """Nonparametric response of the estimation part.
-
-        None where it has gaps, several experiments, too few samples, or an input that never moves.
-        """
-        if len(self.used.starts) > 1 or self.used.missing:
-            return None
-        try:
-            return local_polynomial(self.used.u, self.used.y)
-        except InputError:
-            return None
 
     @property
     def problem_size(self) -> float:
@@ -481,16 +236,6 @@ class StateSpaceFit(Program):
     def _fits(self, answer: IdentifiedModels, part: Experiments) -> RealArray:
         """Fits (uses, ny) [%] of the answer on a part of the record."""
         return self._fits_of(answer.predictor, answer.simulator, part)
-
-    def residual_tests(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
-        """`autocorrelation` and `cross_correlation` of one-step errors on the held-out samples."""
-        measured, made = scored_samples(model.one_step, self.rest, self.washed)
-        inputs = np.vstack(
-            [u[self.washed :] for u, _ in self.rest.pieces() if len(u) > self.washed]
-        )
-        errors = np.nan_to_num(measured - made)
-        lags = max(1, min(RESIDUAL_LAGS, len(errors) // 4))
-        return autocorrelation(errors, lags), cross_correlation(errors, inputs, lags)
 
     def tables(self, answer: IdentifiedModels) -> dict[str, str]:
         outputs = self.record.outputs

@@ -13,32 +13,27 @@ identification", Automatica 43(6), 2007.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.gains import (
+from workbench.identification.innovations.gains import (
     innovation_gain,
-    inside_circle,
     operating_point,
-    with_inputs,
 )
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.regression import (
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.regression import (
     LaggedTriangle,
     lagged_triangle,
     least_squares,
 )
+from workbench.identification.innovations.scaling import Scaling
+from workbench.identification.state_space.selection import best_fitting, fitting_pasts, refuse_order
 
-HORIZONS = (10, 15, 20, 30, 40)
-"""Lengths [samples] of the past from which `best_subspace` chooses."""
-SHORT_HORIZONS = (2, 3, 4, 6)
-"""Lengths [samples] of the past for records that are too short for the others."""
 RANK_ROUNDING = 1e-10
 """Smallest singular value of the states, relative to the largest, that is no rounding."""
 NO_NOISE = 1e-9
@@ -102,53 +97,6 @@ class SubspaceModels:
         return self._scaling.restored(model, self.record)
 
 
-@dataclass(frozen=True, eq=False)
-class Scaling:
-    """Means and spreads of the channels of experiments, at which everything is computed."""
-
-    u_mean: RealArray
-    u_spread: RealArray
-    y_mean: RealArray
-    y_spread: RealArray
-
-    @classmethod
-    def of(cls, record: Experiments) -> Scaling:
-        u_spread, y_spread = record.u.std(axis=0), np.nanstd(record.y, axis=0)
-        u_spread[u_spread == 0], y_spread[y_spread == 0] = 1.0, 1.0
-        return cls(record.u.mean(axis=0), u_spread, np.nanmean(record.y, axis=0), y_spread)
-
-    def scaled(self, u: RealArray, y: RealArray) -> tuple[RealArray, RealArray]:
-        """Inputs and outputs without means, at unit spread."""
-        return (u - self.u_mean) / self.u_spread, (y - self.y_mean) / self.y_spread
-
-    def restored(self, model: InnovationsModel, record: Experiments) -> InnovationsModel:
-        """A model of scaled signals, for the signals of the record."""
-        return replace(
-            model,
-            B=model.B / self.u_spread,
-            C=self.y_spread[:, None] * model.C,
-            D=self.y_spread[:, None] * model.D / self.u_spread,
-            K=model.K / self.y_spread,
-            u_offset=self.u_mean + self.u_spread * model.u_offset,
-            y_offset=self.y_mean + self.y_spread * model.y_offset,
-            sample_time=record.sample_time,
-            inputs=record.inputs,
-            outputs=record.outputs,
-        )
-
-    def applied(self, model: InnovationsModel) -> InnovationsModel:
-        """A model of the record's signals, for scaled ones: the inverse of `restored`."""
-        return replace(
-            model,
-            B=model.B * self.u_spread,
-            C=model.C / self.y_spread[:, None],
-            D=model.D * self.u_spread / self.y_spread[:, None],
-            K=model.K * self.y_spread,
-            u_offset=(model.u_offset - self.u_mean) / self.u_spread,
-            y_offset=(model.y_offset - self.y_mean) / self.y_spread,
-        )
-
-
 def _state_maps(lagged: LaggedTriangle, nu: int) -> tuple[RealArray, RealArray]:
     """Linear maps from the history to the states, best first, and their singular values.
 
@@ -198,15 +146,6 @@ def _regressed(lagged: LaggedTriangle, maps: RealArray, nu: int, direct: bool) -
     return InnovationsModel(A, B, C, D, K, u_offset, y_offset)
 
 
-def fitting_pasts(order: int, samples: int, nu: int, ny: int) -> tuple[int, ...]:
-    """The pasts that a record of so many samples allows for an order."""
-    for pasts in (HORIZONS, SHORT_HORIZONS):
-        found = tuple(past for past in pasts if order_fits(order, past, samples, nu, ny))
-        if found:
-            return found
-    return ()
-
-
 def best_subspace(
     u: RealArray, y: RealArray, order: int, largest_radius: float = 1.0
 ) -> InnovationsModel | None:
@@ -240,79 +179,3 @@ def best_subspace_of(
         for past in pasts
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius)
-
-
-def best_fitting(
-    models: Iterable[InnovationsModel | None],
-    record: Experiments,
-    *,
-    direct: bool = True,
-    largest_radius: float = 1.0,
-) -> InnovationsModel | None:
-    """The model that fits experiments best, None where there is none.
-
-    Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
-    """
-    usable = (model and allowed(model, record, direct, largest_radius) for model in models)
-    return least_of(usable, lambda model: _misfit(model, record))
-
-
-def least_of(
-    models: Iterable[InnovationsModel | None], misfit: Callable[[InnovationsModel], float]
-) -> InnovationsModel | None:
-    """The model whose misfit is least, and finite; None where there is none."""
-    best, least = None, np.inf
-    for model in models:
-        if model is not None and (size := misfit(model)) < least:
-            best, least = model, size
-    return best
-
-
-def allowed(
-    model: InnovationsModel, record: Experiments, direct: bool, largest_radius: float
-) -> InnovationsModel | None:
-    """The model with poles within the largest radius and a stable predictor, or None."""
-    if model.radius >= largest_radius and not np.isclose(model.radius, largest_radius, atol=1e-12):
-        A = inside_circle(model.A, min(largest_radius, 1 - 1e-9))
-        model = with_inputs(replace(model, A=A), list(record.pieces()), direct)
-    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
-        n, ny = model.order, len(model.C)
-        gain = innovation_gain(model.A, model.C, np.zeros((n + ny, n + ny)))
-        if gain is None:
-            return None
-        model = replace(model, K=gain)
-    return model
-
-
-def _misfit(model: InnovationsModel, record: Experiments) -> float:
-    """Sum of the relative errors of one-step predictions and, where they do not grow, free runs."""
-    spread = np.nanstd(record.y, axis=0)
-    simulated = model.radius <= 1 + 1 / len(record)
-    runs = (model.one_step, model.free_run) if simulated else (model.one_step,)
-    total = 0.0
-    for run in runs:
-        squares = sum(np.nansum((y - run(u, y, len(y))) ** 2, axis=0) for u, y in record.pieces())
-        total += float(np.mean(np.sqrt(squares / len(record)) / spread))
-    return total if np.isfinite(total) else np.inf
-
-
-def largest_order(samples: int, nu: int, ny: int) -> int:
-    """Largest order that a record of so many samples allows; 0 where it is too short for any."""
-    fitting = [p for p in (*HORIZONS, *SHORT_HORIZONS) if order_fits(1, p, samples, nu, ny)]
-    return max(fitting, default=0) * ny
-
-
-def order_fits(order: int, past: int, samples: int, nu: int, ny: int) -> bool:
-    """Whether a record is long enough for the vector autoregression, and that for the order."""
-    unknowns = past * (nu + ny) + nu
-    return 1 <= order <= past * ny and samples - past >= 2 * unknowns
-
-
-def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
-    """Raise InputError unless `order_fits`."""
-    if not order_fits(order, past, samples, nu, ny):
-        raise InputError(
-            f"order {order} with a past of {past} does not fit a record of {samples} samples: "
-            f"1 <= order <= {past * ny} and at least {past + 2 * (past * (nu + ny) + nu)} samples "
-            "are needed; lower the order, or the past, or take a longer record"
-        )

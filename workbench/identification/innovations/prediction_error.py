@@ -12,9 +12,9 @@ import numpy as np
 from workbench.arrays import BoolArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.criterion import Criterion
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.subspace import Scaling
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.scaling import Scaling
 
 MIN_LIKELIHOOD_GAIN = 1.0
 """Gain in log likelihood below which an iteration is the last: Akaike's penalty for one parameter.

@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
-from workbench.identification.state_space.recursions import observability, predictions
+from workbench.identification.innovations.recursions import observability, predictions
 
 STATE_SAMPLES = 300
 """Largest number of samples from which an initial state is estimated."""

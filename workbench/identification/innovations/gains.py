@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg import LinAlgError, schur, solve_discrete_are
 
 from workbench.arrays import RealArray
-from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.recursions import sensitivity_rows
-from workbench.identification.state_space.regression import triangle_of_blocks
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.recursions import sensitivity_rows
+from workbench.identification.innovations.regression import triangle_of_blocks
 
 LEAST_COVARIANCE = 1e-12
 """Covariance added to that of the noise, whose trace is 1: some states may have no noise."""

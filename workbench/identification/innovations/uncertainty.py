@@ -13,8 +13,8 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.criterion import Criterion
-from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.model import InnovationsModel
 
 HESSIAN_ROUNDING = 1e-11
 """Curvature, relative to the largest, below which a direction only changes the basis of states."""

@@ -24,8 +24,8 @@ import numpy as np
 
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.innovations import InnovationsModel, initial_state
-from workbench.identification.state_space.recursions import predictions, sensitivity_rows
+from workbench.identification.innovations.model import InnovationsModel, initial_state
+from workbench.identification.innovations.recursions import predictions, sensitivity_rows
 
 BLOCK = 512
 """Samples whose derivatives are formed at a time."""

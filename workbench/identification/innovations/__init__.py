@@ -1,0 +1,1 @@
+"""Models in innovations form: their recursions, prediction errors and what these determine."""

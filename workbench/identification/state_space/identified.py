@@ -1,0 +1,35 @@
+"""The answer of a state-space fit: a model for each use, and how they were chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.state_space.candidates import Candidates
+
+USES = ("one_step", "free_run")
+"""Uses of the predictor and of the simulator; each is also the name of a method of the model."""
+MODELS = ("predictor", "simulator")
+"""Model for each of the uses."""
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModels:
+    """A model for each use, and the validation fits that chose their orders.
+
+    ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
+    simulators. ``sample_time`` [s] is the record's; ``candidates`` are those of a choice, if any.
+    """
+
+    predictor: InnovationsModel
+    simulator: InnovationsModel
+    scores: RealArray
+    sample_time: float = 1.0
+    candidates: Candidates | None = None
+
+    @property
+    def lti(self) -> StateSpace:
+        """The simulator's system from u to y, at the record's sampling time."""
+        return replace(self.simulator, sample_time=self.sample_time).system()

@@ -1,0 +1,103 @@
+"""Which orders a record allows, and which of several models fits it best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.gains import innovation_gain, inside_circle, with_inputs
+from workbench.identification.innovations.model import InnovationsModel
+
+HORIZONS = (10, 15, 20, 30, 40)
+"""Lengths [samples] of the past from which `best_subspace` chooses."""
+SHORT_HORIZONS = (2, 3, 4, 6)
+"""Lengths [samples] of the past for records that are too short for the others."""
+
+
+def fitting_pasts(order: int, samples: int, nu: int, ny: int) -> tuple[int, ...]:
+    """The pasts that a record of so many samples allows for an order."""
+    for pasts in (HORIZONS, SHORT_HORIZONS):
+        found = tuple(past for past in pasts if order_fits(order, past, samples, nu, ny))
+        if found:
+            return found
+    return ()
+
+
+def largest_order(samples: int, nu: int, ny: int) -> int:
+    """Largest order that a record of so many samples allows; 0 where it is too short for any."""
+    fitting = [p for p in (*HORIZONS, *SHORT_HORIZONS) if order_fits(1, p, samples, nu, ny)]
+    return max(fitting, default=0) * ny
+
+
+def order_fits(order: int, past: int, samples: int, nu: int, ny: int) -> bool:
+    """Whether a record is long enough for the vector autoregression, and that for the order."""
+    unknowns = past * (nu + ny) + nu
+    return 1 <= order <= past * ny and samples - past >= 2 * unknowns
+
+
+def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
+    """Raise InputError unless `order_fits`."""
+    if not order_fits(order, past, samples, nu, ny):
+        raise InputError(
+            f"order {order} with a past of {past} does not fit a record of {samples} samples: "
+            f"1 <= order <= {past * ny} and at least {past + 2 * (past * (nu + ny) + nu)} samples "
+            "are needed; lower the order, or the past, or take a longer record"
+        )
+
+
+def best_fitting(
+    models: Iterable[InnovationsModel | None],
+    record: Experiments,
+    *,
+    direct: bool = True,
+    largest_radius: float = 1.0,
+) -> InnovationsModel | None:
+    """The model that fits experiments best, None where there is none.
+
+    Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
+    """
+    usable = (model and allowed(model, record, direct, largest_radius) for model in models)
+    return least_of(usable, lambda model: _misfit(model, record))
+
+
+def least_of(
+    models: Iterable[InnovationsModel | None], misfit: Callable[[InnovationsModel], float]
+) -> InnovationsModel | None:
+    """The model whose misfit is least, and finite; None where there is none."""
+    best, least = None, np.inf
+    for model in models:
+        if model is not None and (size := misfit(model)) < least:
+            best, least = model, size
+    return best
+
+
+def allowed(
+    model: InnovationsModel, record: Experiments, direct: bool, largest_radius: float
+) -> InnovationsModel | None:
+    """The model with poles within the largest radius and a stable predictor, or None."""
+    if model.radius >= largest_radius and not np.isclose(model.radius, largest_radius, atol=1e-12):
+        A = inside_circle(model.A, min(largest_radius, 1 - 1e-9))
+        model = with_inputs(replace(model, A=A), list(record.pieces()), direct)
+    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
+        n, ny = model.order, len(model.C)
+        gain = innovation_gain(model.A, model.C, np.zeros((n + ny, n + ny)))
+        if gain is None:
+            return None
+        model = replace(model, K=gain)
+    return model
+
+
+def _misfit(model: InnovationsModel, record: Experiments) -> float:
+    """Sum of the relative errors of one-step predictions and, where they do not grow, free runs."""
+    spread = np.nanstd(record.y, axis=0)
+    simulated = model.radius <= 1 + 1 / len(record)
+    runs = (model.one_step, model.free_run) if simulated else (model.one_step,)
+    total = 0.0
+    for run in runs:
+        squares = sum(np.nansum((y - run(u, y, len(y))) ** 2, axis=0) for u, y in record.pieces())
+        total += float(np.mean(np.sqrt(squares / len(record)) / spread))
+    return total if np.isfinite(total) else np.inf
