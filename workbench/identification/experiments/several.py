@@ -190,7 +190,9 @@ def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
 
 def _holds_arrays(values: Any) -> bool:
     """Whether a list holds experiments rather than numbers or rows of numbers."""
-    return len(values) == 0 or any(hasattr(each, "shape") and np.ndim(each) for each in values)
+    return len(values) == 0 or any(
+        hasattr(each, "data_vars") or (hasattr(each, "shape") and np.ndim(each)) for each in values
+    )
 
 
 def _refuse_other_channels(first: Signals, other: Signals, number: int) -> None:
