@@ -87,6 +87,12 @@ MATHEMATICS = {
 }
 """What each method is, by Program; a combination of other methods counts as nothing of its own."""
 MATHEMATICS["MatrixCoverForLoop"] = MATHEMATICS["MatrixCover"]
+MATHEMATICS["ClosedLoopFit"] = MATHEMATICS["StateSpaceFit"] | {
+    "direct": "descent of prediction errors",
+    "two-stage": "a response to the excitation",
+    "instrumental-variables": "instruments",
+    "indirect": "a loop that is opened",
+}
 MATHEMATICS["MixedSensitivity"] = MATHEMATICS["HinfSynthesis"]
 
 

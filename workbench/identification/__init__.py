@@ -1,6 +1,8 @@
 """From experiments to models: excitation, responses with confidence, physical parameters."""
 
 from workbench.identification.choice import methods as choice_methods
+from workbench.identification.closed_loop import methods as closed_loop_methods
+from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments import crest_factor_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.experiments.distortion import (
@@ -58,6 +60,7 @@ from workbench.identification.transfer_functions.regression import (
 
 __all__ = [
     "Assumptions",
+    "ClosedLoopFit",
     "CrestFactor",
     "Experiments",
     "FittedParameter",
@@ -81,6 +84,7 @@ __all__ = [
     "as_experiments",
     "as_record",
     "choice_methods",
+    "closed_loop_methods",
     "crest_factor_methods",
     "filtered_least_squares",
     "fit_parameters",

@@ -36,6 +36,8 @@ class Experiments:
         Sampling time [s].
     inputs, outputs, input_units, output_units
         Names and units of the channels.
+    excitation
+        What drove a closed loop from outside (N, nr), where that was recorded.
     """
 
     u: RealArray
@@ -46,6 +48,7 @@ class Experiments:
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
     input_units: tuple[str, ...] = field(default=(), kw_only=True)
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
+    excitation: RealArray | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.u)
@@ -63,12 +66,16 @@ class Experiments:
     def part(self, first: int, end: int) -> Experiments:
         """The samples from ``first`` to before ``end``; an experiment may be cut there."""
         inside = tuple(start - first for start in self.starts if first < start < end)
-        return replace(self, u=self.u[first:end], y=self.y[first:end], starts=(0, *inside))
+        driven = None if self.excitation is None else self.excitation[first:end]
+        return replace(
+            self, u=self.u[first:end], y=self.y[first:end], starts=(0, *inside), excitation=driven
+        )
 
     def delayed(self, delays: Sequence[int]) -> Experiments:
         """The experiments with each input later by so many samples.
 
-        The first samples, whose inputs were before the experiment, are left out.
+        The first samples, whose inputs were before the experiment, are left out, and so is the
+        excitation.
         """
         longest = max(delays, default=0)
         if longest == 0:
@@ -89,6 +96,7 @@ class Experiments:
             u=np.vstack([u for u, _ in parts]),
             y=np.vstack([y[longest:] for _, y in parts]),
             starts=tuple(int(start) for start in starts),
+            excitation=None,
         )
 
     def from_rest(self, samples: int) -> Experiments:

@@ -59,6 +59,17 @@ def arx(
     found = least_squares(r[:, :columns], r[:, -ny:])
     lags = found[:, lagged.history].reshape(ny, order, m)
     D = found[:, lagged.history.stop :] if direct else np.zeros((ny, nu))
+    model = scaling.restored(arx_from_lags(lags, D, found[:, 0]), late)
+    return replace(model, delay=tuple(delay)) if any(delay) else model
+
+
+def arx_from_lags(lags: RealArray, D: RealArray, level: RealArray) -> InnovationsModel:
+    """Observer form of y(t) = level + D u(t) + sum over k of lags[:, k] (u, y)(t - k - 1) + e(t).
+
+    ``lags`` has shape (ny, order, nu + ny), D (ny, nu), ``level`` (ny,).
+    """
+    ny, order = lags.shape[:2]
+    nu = D.shape[1]
     past_in, past_out = lags[:, :, :nu], lags[:, :, nu:]
     A = np.eye(order * ny, k=ny)
     A[:, :ny] = np.moveaxis(past_out, 1, 0).reshape(order * ny, ny)
@@ -66,10 +77,9 @@ def arx(
     B = np.moveaxis(past_in, 1, 0).reshape(order * ny, nu) + K @ D
     C = np.eye(ny, order * ny)
     forcing = np.zeros(order * ny)
-    forcing[:ny] = found[:, 0]
+    forcing[:ny] = level
     offsets = operating_point(A, B, C, D, forcing, np.zeros(ny))
-    model = scaling.restored(InnovationsModel(A, B, C, D, K, *offsets), late)
-    return replace(model, delay=tuple(delay)) if any(delay) else model
+    return InnovationsModel(A, B, C, D, K, *offsets)
 
 
 def impulse_response(

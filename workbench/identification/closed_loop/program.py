@@ -1,0 +1,72 @@
+"""A plant in a closed loop, of which an excitation from outside was recorded too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.identification.experiments.several import Experiments, as_experiments
+from workbench.identification.state_space.program import StateSpaceFit
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoopFit(StateSpaceFit):
+    """Models of a plant in a loop u = r - C y, from a record of r, u and y.
+
+    Feedback carries the noise of y into u, so that methods for open loops are biased. Those of this
+    Program are not, each under an assumption of its own, which its help says.
+
+    Parameters
+    ----------
+    excitation
+        What was added to the plant's input from outside, or any signal that depends on it alone:
+        an array with as many samples as u and y. It must not depend on the noise.
+    controller
+        The controller C from y to -u, sampled as the record; method "indirect" needs it.
+
+    The others are those of `StateSpaceFit`.
+
+    Raises
+    ------
+    InputError
+        As for `StateSpaceFit`, of the excitation too; several experiments; a controller in
+        continuous time, or with other channels than the record.
+    """
+
+    excitation: Any = field(default=None, kw_only=True)
+    controller: StateSpace | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        controller = self.controller
+        if controller is None:
+            return
+        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
+        if (controller.noutputs, controller.ninputs) != (nu, ny):
+            raise InputError(
+                f"the controller has {controller.ninputs} inputs and {controller.noutputs} "
+                f"outputs; it takes the {ny} outputs of the plant and gives its {nu} inputs"
+            )
+        if not controller.isdtime(strict=True):
+            raise InputError("the controller is in continuous time; sample it as the record is")
+
+    @cached_property
+    def record(self) -> Experiments:
+        """The record, with its excitation."""
+        plain = as_experiments(self.u, self.y, self.sample_time, self.samples)
+        if self.excitation is None:
+            raise InputError(
+                "excitation is missing: give what was added to the loop from outside, or take a "
+                "StateSpaceFit with direct=False, whose noise model must then be right"
+            )
+        driven = as_experiments(self.excitation, self.y, self.sample_time, self.samples)
+        if len(plain.starts) > 1 or len(driven.starts) > 1 or len(driven) != len(plain):
+            raise InputError(
+                "one experiment without gaps in u and in the excitation is needed; cut the record"
+            )
+        return replace(plain, excitation=np.asarray(driven.u))
