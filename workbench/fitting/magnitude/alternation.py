@@ -139,7 +139,9 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
     firsts = starts(levels[low])
     runs = zip(firsts, np.append(firsts[1:], places.size), strict=True)
     # Up to the next run no place of the other sign is as large, and only those of this sign count.
-    tops = [places[a + np.argmax(np.where(signs[a:b] == signs[a], size[a:b], 0.0))] for a, b in runs]
+    tops = [
+        places[a + np.argmax(np.where(signs[a:b] == signs[a], size[a:b], 0.0))] for a, b in runs
+    ]
     return float(levels[low]), np.array(tops)
 
 

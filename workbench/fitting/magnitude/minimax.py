@@ -13,7 +13,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 MAX_EXCHANGE_ROUNDS = 12
-"""Most solutions of one step's linear program; each adds the signs that the last answer violated."""
+"""Most solutions of a step's linear program; each adds the signs that the last answer violated."""
 LARGEST_CHANGE = 1e6
 """Largest change of a coefficient of N or D in a step; D has the mean 1, and N is of its size."""
 

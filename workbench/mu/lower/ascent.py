@@ -13,7 +13,7 @@ import numpy as np
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL, eigenvectors
 from workbench.mu.lower.parameters import set_delta, set_gradient, set_parameters
-from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair, square
+from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair, squared_size
 from workbench.mu.lower.realise import (
     FINAL_TOLERANCE,
     SEARCH_TOLERANCE,
@@ -53,7 +53,9 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
     w, v = workspace(table, delta.shape[0], delta.shape[1])
     x, y = eigenvectors(M @ delta, value + 0j)
     w[X, : len(M)], w[Y, : len(M)] = x, y
-    return polished(M, table, delta, climb(M, table, delta, value, 0.0, delta, w, v), w)
+    return polished_perturbation(
+        M, table, delta, climb(M, table, delta, value, 0.0, delta, w, v), w
+    )
 
 
 @unchecked_kernel
@@ -70,12 +72,12 @@ def _distance(first, second):  # type: ignore[no-untyped-def]
     largest = 0.0
     for i in range(first.shape[0]):
         for j in range(first.shape[1]):
-            largest = max(largest, square(first[i, j] - second[i, j]))
+            largest = max(largest, squared_size(first[i, j] - second[i, j]))
     return np.sqrt(largest)
 
 
 @unchecked_kernel
-def polished(M, table, delta, value, w):  # type: ignore[no-untyped-def]
+def polished_perturbation(M, table, delta, value, w):  # type: ignore[no-untyped-def]
     """Make a real eigenvalue real to rounding; Delta is kept where that does not succeed."""
     set_sensitivity(M, w)
     there = w[LOOP + 2 * w.shape[1] :]

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import Q, X, inner_product, square
+from workbench.mu.lower.rayleigh import Q, X, inner_product, squared_size
 from workbench.mu.lower.realise import set_block
 
 
@@ -30,7 +30,7 @@ def set_parameters(delta, table, v, p):  # type: ignore[no-untyped-def]
             for i in range(r, r + nr):
                 total = 0.0
                 for j in range(c, c + nc):
-                    total += square(delta[i, j])
+                    total += squared_size(delta[i, j])
                 if total > most:
                     row, most = i, total
             scale = 1.0 / np.sqrt(most)

@@ -30,7 +30,7 @@ TINY_PIVOT = 1e-15
 
 
 @unchecked_kernel
-def square(z):  # type: ignore[no-untyped-def]
+def squared_size(z):  # type: ignore[no-untyped-def]
     """Squared size of a complex number, without the square root and the scaling of abs."""
     return z.real * z.real + z.imag * z.imag
 
@@ -45,11 +45,11 @@ def inner_product(w, a, start_a, b, start_b, count):  # type: ignore[no-untyped-
 
 
 @unchecked_kernel
-def length(w, row, start, count):  # type: ignore[no-untyped-def]
+def part_length(w, row, start, count):  # type: ignore[no-untyped-def]
     """Euclidean norm of a part of a row."""
     total = 0.0
     for i in range(start, start + count):
-        total += square(w[row, i])
+        total += squared_size(w[row, i])
     return np.sqrt(total)
 
 
@@ -69,12 +69,12 @@ def _factor(w, n, shift):  # type: ignore[no-untyped-def]
         for j in range(n):
             entry = w[LOOP + i, j] - (shift if i == j else 0j)
             w[L + i, j] = entry
-            largest = max(largest, square(entry))
+            largest = max(largest, squared_size(entry))
     least = TINY_PIVOT * np.sqrt(largest) + 1e-140
     for k in range(n):
-        place, most = k, square(w[L + k, k])
+        place, most = k, squared_size(w[L + k, k])
         for i in range(k + 1, n):
-            size = square(w[L + i, k])
+            size = squared_size(w[L + i, k])
             if size > most:
                 place, most = i, size
         w[EXCHANGES, k] = complex(place, 0.0)
@@ -127,7 +127,7 @@ def _solve(w, n):  # type: ignore[no-untyped-def]
         scale = 1.0 / largest
         for i in range(n):
             w[row, i] *= scale
-            total += square(w[row, i])
+            total += squared_size(w[row, i])
         scale = 1.0 / np.sqrt(total)
         for i in range(n):
             w[row, i] *= scale
@@ -148,7 +148,7 @@ def rayleigh_step(w, n, shift):  # type: ignore[no-untyped-def]
             total += w[LOOP + i, j] * w[X, j]
         over += np.conj(w[Y, i]) * total
         under += np.conj(w[Y, i]) * w[X, i]
-    size = square(under)
+    size = squared_size(under)
     if not size > 1e-26:
         return complex(np.nan, np.nan)
     return over * np.conj(under) * (1.0 / size)

@@ -18,7 +18,7 @@ from workbench.mu.lower.rayleigh import (
     Y,
     inner_product,
     rayleigh_step,
-    square,
+    squared_size,
 )
 
 NEWTON_STEPS = 12
@@ -74,7 +74,7 @@ def followed(M, table, delta, near, w):  # type: ignore[no-untyped-def]
     """
     set_loop(M, table, delta, w)
     value = rayleigh_step(w, len(M), near)
-    if not 1e-280 < square(value) < 1e280:
+    if not 1e-280 < squared_size(value) < 1e280:
         return complex(np.nan, np.nan)
     set_sensitivity(M, w)
     return value
@@ -84,7 +84,7 @@ def followed(M, table, delta, near, w):  # type: ignore[no-untyped-def]
 def set_sensitivity(M, w):  # type: ignore[no-untyped-def]
     """Set the q with d lambda = q* (d Delta) x for the eigenvectors x, y of M Delta."""
     under = inner_product(w, Y, 0, X, 0, len(M))
-    scale = under * (1.0 / square(under))
+    scale = under * (1.0 / squared_size(under))
     for j in range(M.shape[1]):
         total = 0j
         for i in range(len(M)):
@@ -188,7 +188,7 @@ def realise(M, table, delta, near, free, tolerance, w):  # type: ignore[no-untyp
     some_real, some_complex = blocks_of(table)
     for _ in range(NEWTON_STEPS):
         value = followed(M, table, delta, near, w)
-        size = np.sqrt(square(value))
+        size = np.sqrt(squared_size(value))
         if not size > 0:
             break
         effect = 0j
@@ -197,7 +197,7 @@ def realise(M, table, delta, near, free, tolerance, w):  # type: ignore[no-untyp
         elif some_complex:
             effect = phase_effect(delta, table, w) if some_real else value
         level = abs(effect.real) > 1e-12 * size
-        settled = square(value - near) <= (FOLLOWED_CHANGE * size) ** 2
+        settled = squared_size(value - near) <= (FOLLOWED_CHANGE * size) ** 2
         if settled and abs(value.imag) <= tolerance * size and value.real > 0:
             weight = np.conj(effect) * (1.0 / effect.real) if level else 1.0 + 0j
             return value.real, phase, weight

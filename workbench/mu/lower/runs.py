@@ -12,7 +12,17 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
-from workbench.mu.lower.rayleigh import EFFECTS, B, Q, U, X, Y, inner_product, length, square
+from workbench.mu.lower.rayleigh import (
+    EFFECTS,
+    B,
+    Q,
+    U,
+    X,
+    Y,
+    inner_product,
+    part_length,
+    squared_size,
+)
 from workbench.mu.lower.realise import (
     SEARCH_TOLERANCE,
     best_unknown,
@@ -79,13 +89,13 @@ def _power_run(M, table, reals, moving, steps, delta, w):  # type: ignore[no-unt
             for j in range(rows):
                 entry += M[i, j] * w[B, j]
             w[Y, i] = entry
-            total += square(entry)
+            total += squared_size(entry)
         if not total > 1e-280:
             return 0.0
         growth = np.sqrt(total)
         for i in range(columns):
             entry = w[Y, i] * (1.0 / growth)
-            change = max(change, square(entry - w[X, i]))
+            change = max(change, squared_size(entry - w[X, i]))
             w[X, i] = entry
         _align(table, reals, moving, delta, w)
         total = 0.0
@@ -94,7 +104,7 @@ def _power_run(M, table, reals, moving, steps, delta, w):  # type: ignore[no-unt
             for i in range(columns):
                 entry += np.conj(M[i, j]) * w[Y, i]
             w[U, j] = entry
-            total += square(entry)
+            total += squared_size(entry)
         if not total > 1e-280:
             return 0.0
         scale = 1.0 / np.sqrt(total)
@@ -115,9 +125,9 @@ def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
     """
     for k in range(len(table)):
         r, nr, c, nc = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
-        size_a = length(w, X, c, nc)
+        size_a = part_length(w, X, c, nc)
         if table[k, 0] == FULL:
-            size_u = length(w, U, r, nr)
+            size_u = part_length(w, U, r, nr)
             both = size_a * size_u
             for i in range(nr):
                 for j in range(nc):
@@ -133,10 +143,10 @@ def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
             product = inner_product(w, X, c, U, r, nr)
             value = complex(reals[k], 0.0)
             if table[k, 0] != REAL:
-                size = square(product)
+                size = squared_size(product)
                 value = product * (1.0 / np.sqrt(size)) if size > 1e-280 else 1.0 + 0j
             elif moving:
-                old = length(w, B, r, nr) / size_a if size_a > 1e-200 else 1.0
+                old = part_length(w, B, r, nr) / size_a if size_a > 1e-200 else 1.0
                 reals[k] = min(max((-old if reals[k] < 0 else old) + product.real, -1.0), 1.0)
                 value = complex(reals[k], 0.0)
             set_block(delta, table, k, value)
@@ -154,12 +164,12 @@ def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
     value = 0j
     for _ in range(ALIGNING_STEPS):
         value = followed(M, table, delta, complex(level, 0.0), w)
-        if not square(value) > 0:
+        if not squared_size(value) > 0:
             return 0j
         for j in range(M.shape[1]):
             w[U, j] = w[Q, j]
         _align(table, reals, False, delta, w)
-    return complex(np.sqrt(square(value)), 0.0)
+    return complex(np.sqrt(squared_size(value)), 0.0)
 
 
 @unchecked_kernel
@@ -172,7 +182,7 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
     """
     for _ in range(LINEARISED_STEPS):
         value = followed(M, table, delta, near, w)
-        if not square(value) > 0:
+        if not squared_size(value) > 0:
             break
         balance = 0.0
         for k in range(len(table)):
@@ -218,7 +228,7 @@ def _restored(M, table, delta, near, w):  # type: ignore[no-untyped-def]
     """A nearly real positive eigenvalue (0: none) after the shortest moves of the real blocks."""
     for _ in range(RESTORING_STEPS):
         value = followed(M, table, delta, near, w)
-        size = square(value)
+        size = squared_size(value)
         if not size > 0:
             break
         if value.real < 0 and abs(value.imag) <= NEARLY_REAL * -value.real:
@@ -227,7 +237,10 @@ def _restored(M, table, delta, near, w):  # type: ignore[no-untyped-def]
                     delta[i, j] = -delta[i, j]
             near = -value
             continue
-        if abs(value.imag) <= NEARLY_REAL * value.real and square(value - near) <= 1e-4 * size:
+        if (
+            abs(value.imag) <= NEARLY_REAL * value.real
+            and squared_size(value - near) <= 1e-4 * size
+        ):
             return value.real
         total = 0.0
         for k in range(len(table)):

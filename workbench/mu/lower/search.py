@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
-from workbench.mu.lower.ascent import climb, copy_delta, polished
+from workbench.mu.lower.ascent import climb, copy_delta, polished_perturbation
 from workbench.mu.lower.edges import (
     MOST_POINTS,
     point_count,
@@ -96,7 +96,7 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
                 copy_pair(w, X, BEST)
         if values[m] > 0:
             copy_pair(w, BEST, X)
-            values[m] = polished(Ms[m], table, deltas[m], values[m], w)
+            values[m] = polished_perturbation(Ms[m], table, deltas[m], values[m], w)
     return values, deltas
 
 
