@@ -71,6 +71,11 @@ MATHEMATICS = {
     "SwitchedStability": SOLVERS | {"descent": "quasi-Newton descent"},
     "CrestFactor": NONLINEAR | {"schroeder": "a closed form", "clipping": "clipping"},
     "ParameterFit": NONLINEAR | {"scipy": "Gauss-Newton steps", "evolution": "a population"},
+    "RationalModelFit": NONLINEAR
+    | {
+        "levenberg-marquardt": "Gauss-Newton steps without numerators",
+        "instruments": "linear regressions with instruments",
+    },
     "StateSpaceFit": {
         "subspace": "a long autoregression",
         "moesp": "projections",

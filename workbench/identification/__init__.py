@@ -38,6 +38,15 @@ from workbench.identification.parameters.program import (
 )
 from workbench.identification.polynomials import methods as polynomial_methods
 from workbench.identification.polynomials.regressions import arx, impulse_response
+from workbench.identification.rational_models import methods as rational_model_methods
+from workbench.identification.rational_models.estimate import (
+    RationalModelEstimate,
+    fit_rational_model,
+)
+from workbench.identification.rational_models.model import CommonPoleModel
+from workbench.identification.rational_models.program import RationalModelFit
+from workbench.identification.rational_models.storage import RationalModels
+from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.responses.assumptions import Assumptions
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.responses.periodic import (
@@ -61,6 +70,7 @@ from workbench.identification.transfer_functions.regression import (
 __all__ = [
     "Assumptions",
     "ClosedLoopFit",
+    "CommonPoleModel",
     "CrestFactor",
     "Experiments",
     "FittedParameter",
@@ -70,10 +80,14 @@ __all__ = [
     "LocalPolynomial",
     "MeasuredRecord",
     "MeasuredResponse",
+    "ModelUncertainty",
     "Multisine",
     "ParameterEstimate",
     "ParameterFit",
     "PeriodicResponse",
+    "RationalModelEstimate",
+    "RationalModelFit",
+    "RationalModels",
     "ResponseEstimate",
     "SampledRecord",
     "SpectralResponse",
@@ -88,6 +102,7 @@ __all__ = [
     "crest_factor_methods",
     "filtered_least_squares",
     "fit_parameters",
+    "fit_rational_model",
     "from_periods",
     "harmonic_distortion",
     "impulse_response",
@@ -100,6 +115,7 @@ __all__ = [
     "parameter_methods",
     "polynomial_methods",
     "random_multisine",
+    "rational_model_methods",
     "read_record",
     "read_response",
     "read_variables",

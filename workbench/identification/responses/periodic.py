@@ -124,6 +124,9 @@ class PeriodicResponse(ResponseEstimate):
         Number of periods averaged.
     assumptions
         Results of the tests on the noise.
+    covariance
+        Covariance E[error error^H] (F, outputs inputs, outputs inputs) of the entries of the
+        response, row by row.
     """
 
     input_covariance: np.ndarray
@@ -131,6 +134,7 @@ class PeriodicResponse(ResponseEstimate):
     cross_covariance: np.ndarray
     periods: int
     assumptions: Assumptions
+    covariance: np.ndarray
 
 
 def from_periods(
@@ -192,20 +196,23 @@ def from_periods(
     du, dy = inputs - mean_u[:, None], outputs - mean_y[:, None]
     residual = dy - response[:, None] @ du
     spare = count * (periods - 1)
-    noise = np.sum(np.abs(residual) ** 2, axis=(1, 3)) / spare
-    gain = np.sum(np.abs(inverse) ** 2, axis=1)
+    noise = _covariance(residual, residual) / spare
+    gain = np.einsum("fei,fej->fij", inverse, inverse.conj())
+    spread = np.einsum("foq,fij->foiqj", noise, gain) / periods
+    size = response[0].size
     covariance = _covariance(du, du) / spare
     _warn_of_weak_input(frequencies, mean_u, covariance, periods)
     return PeriodicResponse(
         frequency=frequencies,
         response=response,
-        variance=noise[:, :, None] * gain[:, None, :] / periods,
+        variance=np.einsum("foioi->foi", spread).real,
         degrees=2.0 * spare,
         input_covariance=covariance,
         output_covariance=_covariance(dy, dy) / spare,
         cross_covariance=_covariance(dy, du) / spare,
         periods=periods,
         assumptions=assess(np.moveaxis(residual, 1, -1).reshape(-1, periods)),
+        covariance=spread.reshape(len(frequencies), size, size),
     )
 
 

@@ -1,0 +1,1 @@
+"""Rational models of measured responses, weighted by the variance, with confidence."""

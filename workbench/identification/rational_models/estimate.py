@@ -1,0 +1,151 @@
+"""From a measured response to a rational model with bands, in one call."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Certificate
+from workbench.errors import SolverError
+from workbench.heavy_types import Figure, StateSpace
+from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.rational_models.figures import response_figure
+from workbench.identification.rational_models.model import CommonPoleModel
+from workbench.identification.rational_models.program import RationalModelFit
+from workbench.identification.rational_models.residual_tests import ResidualTests
+from workbench.identification.rational_models.uncertainty import ModelUncertainty
+from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.solution import solve
+from workbench.solvers import Options
+
+DEGREES_PER_ENTRY = 6.0
+"""Degrees of freedom for each entry from which covariance matrices are used as weights."""
+
+
+@dataclass(frozen=True, eq=False)
+class RationalModelEstimate:
+    """A rational model of a response, its uncertainty, and what the residuals say of it.
+
+    ``candidates`` holds the tests of every order that was tried.
+    """
+
+    model: CommonPoleModel
+    uncertainty: ModelUncertainty
+    tests: ResidualTests
+    candidates: dict[int, ResidualTests]
+    certificate: Certificate
+
+    def __repr__(self) -> str:
+        p, m = self.model.shape
+        verdict = "accepted" if self.tests.accepted else "rejected"
+        return (
+            f"RationalModelEstimate: order {self.model.order}, {p} outputs, {m} inputs; cost "
+            f"{self.tests.cost:.4g}, expected {self.tests.expected:.4g}: {verdict}"
+        )
+
+    @property
+    def lti(self) -> StateSpace:
+        """A realisation without the delays."""
+        return self.model.lti
+
+    def response(self, omega: ArrayLike) -> ComplexArray:
+        """Responses (F, p, m) at omega [rad/s]."""
+        return self.model.response(omega)
+
+    def magnitude_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+        """Half-widths (F, p, m) of intervals of the magnitudes."""
+        return self.uncertainty.magnitude_band(omega, confidence)
+
+    def radius(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
+        """Radii (F, p, m) of discs that hold the true responses."""
+        return self.uncertainty.radius(omega, confidence)
+
+    def plot(self, confidence: float = 0.95) -> Figure:
+        """Data and model over frequency, with the band of the model."""
+        data = self.uncertainty.structure.data
+        return response_figure(data, self.model, self.uncertainty, confidence)
+
+
+def fit_rational_model(
+    estimate: ResponseEstimate,
+    orders: int | Sequence[int] = (2, 4, 6, 8),
+    *,
+    excess: Any = 0,
+    sample_time: float | None = None,
+    stable: bool = False,
+    delay: Any = 0.0,
+    delay_bounds: tuple[float, float] | None = None,
+    method: str = "levenberg-marquardt",
+    options: Options | None = None,
+) -> RationalModelEstimate:
+    """Rational model of a measured response, each datum weighted by its variance.
+
+    Parameters
+    ----------
+    estimate
+        The response. Where it tells the covariance of its entries, and enough periods were
+        averaged, the entries are weighted together, else each by its variance.
+    orders
+        Numbers of poles to choose from, or the one to take.
+    excess, sample_time, stable, delay, delay_bounds
+        The same as for `RationalModelFit`.
+    method
+        ``"levenberg-marquardt"``, ``"instruments"`` or ``"ipopt"``.
+    options
+        Time limit for the method.
+
+    Raises
+    ------
+    InputError
+        The same as for `RationalModelFit`.
+    SolverError
+        No valid answer; the message says which check fails.
+
+    Warns
+    -----
+    IdentificationWarning
+        No order is accepted: bands by the variance alone are then too narrow.
+    """
+    tried = [int(orders)] if isinstance(orders, int | np.integer) else list(orders)
+    program = RationalModelFit(
+        estimate.omega,
+        estimate.response,
+        _weighting(estimate),
+        tried,
+        excess,
+        sample_time,
+        stable,
+        delay,
+        delay_bounds,
+        estimate.degrees,
+    )
+    solution = solve(program, method, options)
+    if solution.certificate is None or not solution.certificate.valid:
+        failures = () if solution.certificate is None else solution.certificate.failures
+        raise SolverError("; ".join([f"{method}: {solution.message}", *failures]))
+    answer = solution.answer
+    tests = program.tests(answer.model)
+    if not tests.accepted:
+        warnings.warn(program.facts(answer)[0], IdentificationWarning, stacklevel=2)
+    return RationalModelEstimate(
+        answer.model,
+        program.uncertainty(answer.model),
+        tests,
+        {model.order: program.tests(model) for model in answer.models},
+        solution.certificate,
+    )
+
+
+def _weighting(estimate: ResponseEstimate) -> np.ndarray:
+    """Covariance matrices where they are known well enough, else variances."""
+    covariance = getattr(estimate, "covariance", None)
+    entries = estimate.response[0].size
+    if covariance is None or estimate.degrees < DEGREES_PER_ENTRY * entries:
+        return estimate.variance
+    return np.asarray(covariance)

@@ -1,0 +1,89 @@
+"""Methods of the rational model fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.executor import Context
+from workbench.identification.rational_models.point import FitPoint
+from workbench.identification.rational_models.program import RationalModelFit
+from workbench.identification.rational_models.sections import section_descent
+from workbench.identification.rational_models.starts import first_points
+from workbench.identification.rational_models.steps import descended, linear_step
+from workbench.identification.rational_models.storage import RationalModels
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+
+REFINED_STARTS = 6
+"""Starts of each order that are refined, the cheapest first."""
+MOST_REGRESSIONS = 200
+"""Most regressions with instruments from one start."""
+SETTLED_COST = 1e-12
+"""Relative change of the cost at which regressions with instruments end."""
+
+Refinement = Callable[[FitPoint], FitPoint]
+
+
+@method(RationalModelFit, "levenberg-marquardt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _levenberg_marquardt(program: RationalModelFit, context: Context) -> Claim:
+    """Damped Gauss-Newton steps of the poles, numerators eliminated, from several starts."""
+    return _by_order(program, context, descended, REFINED_STARTS)
+
+
+def _unfit_for_instruments(program: RationalModelFit) -> str | None:
+    """Reason why regressions cannot answer a program; None if they can."""
+    if program.delay_bounds is not None:
+        return "a delay is not linear in any equation error; give it, or take another method"
+    return None
+
+
+@method(
+    RationalModelFit,
+    "instruments",
+    optimal=False,
+    unfit=_unfit_for_instruments,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
+def _instruments(program: RationalModelFit, context: Context) -> Claim:
+    """Linear regressions with refined instruments, repeated until they settle."""
+    return _by_order(program, context, _by_instruments, REFINED_STARTS)
+
+
+@method(RationalModelFit, "ipopt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _ipopt(program: RationalModelFit, context: Context) -> Claim:
+    """Nonlinear program in second-order sections, with exact second derivatives."""
+    return _by_order(program, context, lambda point: section_descent(point, context), 2)
+
+
+def _by_order(
+    program: RationalModelFit, context: Context, refine: Refinement, starts: int
+) -> Claim:
+    """The cheapest refined point of each order; each is a start of the next order."""
+    found: list[FitPoint] = []
+    for order in context.track(list(program.orders), "orders"):
+        points = first_points(program.structure, order, starts, found[-1:])
+        refined = [refine(point) for point in points]
+        found.append(min(refined, key=lambda point: point.cost))
+    if not all(np.isfinite(point.cost) for point in found):
+        return None, Outcome.FAILED, "no start gives a model with finite errors"
+    models = tuple(point.model() for point in found)
+    return RationalModels(models, program.choose(models)), Outcome.SOLVED, ""
+
+
+def _by_instruments(point: FitPoint) -> FitPoint:
+    """The cheapest point that regressions with the model's own slopes pass."""
+    best = point
+    for _ in range(MOST_REGRESSIONS if point.poles.size else 0):
+        after = linear_step(point, point.slopes[:, : point.poles.size])
+        if after is None:
+            break
+        settled = abs(after.cost - point.cost) <= SETTLED_COST * point.cost
+        point = after
+        if point.cost <= best.cost:
+            best = point
+        if settled:
+            break
+    return best
