@@ -48,11 +48,21 @@ from workbench.identification.rational_models.program import RationalModelFit
 from workbench.identification.rational_models.storage import RationalModels
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.responses.assumptions import Assumptions
+from workbench.identification.responses.linear_approximation import (
+    LinearApproximation,
+    best_linear_approximation,
+)
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.identification.responses.local_rational import local_rational
 from workbench.identification.responses.periodic import (
     PeriodicResponse,
     ResponseEstimate,
     from_periods,
+)
+from workbench.identification.responses.periodic_local import (
+    PeriodicLocalResponse,
+    PeriodicStream,
+    periodic_local_polynomial,
 )
 from workbench.identification.responses.spectral import SpectralResponse, spectral_response
 from workbench.identification.responses.step import step_response
@@ -77,6 +87,7 @@ __all__ = [
     "IdentificationWarning",
     "InnovationsModel",
     "LineDistortion",
+    "LinearApproximation",
     "LocalPolynomial",
     "MeasuredRecord",
     "MeasuredResponse",
@@ -84,7 +95,9 @@ __all__ = [
     "Multisine",
     "ParameterEstimate",
     "ParameterFit",
+    "PeriodicLocalResponse",
     "PeriodicResponse",
+    "PeriodicStream",
     "RationalModelEstimate",
     "RationalModelFit",
     "RationalModels",
@@ -99,6 +112,7 @@ __all__ = [
     "as_record",
     "choice_methods",
     "closed_loop_methods",
+    "best_linear_approximation",
     "crest_factor_methods",
     "filtered_least_squares",
     "fit_parameters",
@@ -109,11 +123,13 @@ __all__ = [
     "line_amplitudes",
     "line_distortion",
     "local_polynomial",
+    "local_rational",
     "odd_lines",
     "output_error",
     "parameter_evolution",
     "parameter_methods",
     "polynomial_methods",
+    "periodic_local_polynomial",
     "random_multisine",
     "rational_model_methods",
     "read_record",

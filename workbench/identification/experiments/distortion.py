@@ -100,7 +100,7 @@ def line_distortion(
     odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
     parts = [_evaluated(one, transients, 2) for one in (periods[:, lines], odd, even)]
     noises = [one.var(axis=0, ddof=1) / len(one) for one in parts[1:]]
-    return _distortion([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
+    return distortion_of_lines([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
 
 
 def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
@@ -130,7 +130,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
     kinds = slice(2, None, 2), slice(1, None, 2)
     means = [lines[0][:, :1], *(lines[0][:, one] for one in kinds)]
     noises = [noise[:, one].ravel() for one in kinds]
-    return _distortion([one.ravel() for one in means], noises, 4)
+    return distortion_of_lines([one.ravel() for one in means], noises, 4)
 
 
 def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
@@ -144,7 +144,7 @@ def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArr
     return kept
 
 
-def _distortion(
+def distortion_of_lines(
     means: Sequence[ComplexArray], noises: Sequence[RealArray], degrees: int
 ) -> LineDistortion:
     """Distortion from mean amplitudes at excited, odd and even lines, and variances of the latter.

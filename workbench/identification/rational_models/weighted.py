@@ -13,6 +13,8 @@ from workbench.errors import InputError
 from workbench.fitting.samples import as_frequencies
 from workbench.input_checks import as_array
 
+HERMITIAN_ROUNDING = 1e-9
+"""Relative distance of a covariance from a Hermitian one that is rounding."""
 LEAST_EIGENVALUE = 1e-12
 """Smallest eigenvalue of a covariance scaled to a unit diagonal, below which it is singular."""
 
@@ -116,13 +118,14 @@ def _refuse_indefinite(covariance: ComplexArray, variances: bool, omega: RealArr
     """Raise `InputError` where a covariance is not Hermitian positive definite."""
     bad = ~np.isfinite(covariance).all(axis=(1, 2))
     if variances:
-        bad |= ~((covariance.real > 0) & (covariance.imag == 0)).all(axis=(1, 2))
+        real = np.abs(covariance.imag) <= HERMITIAN_ROUNDING * covariance.real
+        bad |= ~((covariance.real > 0) & real).all(axis=(1, 2))
     elif not bad.any():
         diagonal = np.einsum("fii->fi", covariance).real
         bad |= ~(diagonal > 0).all(axis=1)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         unit = covariance * scale[:, :, None] * scale[:, None, :]
-        bad |= np.abs(unit - unit.conj().swapaxes(1, 2)).max(axis=(1, 2)) > 1e-9
+        bad |= np.abs(unit - unit.conj().swapaxes(1, 2)).max(axis=(1, 2)) > HERMITIAN_ROUNDING
         bad |= np.linalg.eigvalsh(unit)[:, 0] < LEAST_EIGENVALUE
     if bad.any():
         raise InputError(

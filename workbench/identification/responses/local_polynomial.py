@@ -50,6 +50,8 @@ class LocalPolynomial:
         return result
 
 
+UNEXCITED = 1e-8
+"""Size of an input's slope over a band, relative to the input there, that is rounding."""
 LINES_AT_ONCE = 8192
 """Lines whose bands are held at once."""
 
@@ -80,20 +82,21 @@ def local_polynomial(
     ------
     InputError
         The same as for `checked_record`; too few lines in the band for its unknowns, or in the
-        record for the band; or numbers that are not such lines.
+        record for the band; an input that excites too few of them; or numbers that are not such
+        lines.
     """
     u, y = checked_record(u, y)
     samples, nu = u.shape
     unknowns = (degree + 1) * (nu + 1)
     width = unknowns + 8 if lines is None else lines
     # Leave out line 0, the mean, which is removed, and the last line of an even record, a real one.
-    U, Y = (_spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
+    U, Y = (spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
     if width <= unknowns or width > len(U):
         raise InputError(
             f"bands of {width} lines in a record that has {len(U)}: more than {unknowns} are "
             f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
         )
-    chosen = np.arange(len(U)) if at is None else _numbers(at, len(U)) - 1
+    chosen = np.arange(len(U)) if at is None else line_numbers(at, len(U)) - 1
     size = Y.shape[1] * nu
     response = np.empty((chosen.size, Y.shape[1], nu), complex)
     covariance = np.empty((chosen.size, size, size), complex)
@@ -109,7 +112,7 @@ def line_frequencies(samples: int) -> RealArray:
     return np.arange(1, (samples + 1) // 2) / samples
 
 
-def _spectrum(x: RealArray) -> ComplexArray:
+def spectrum(x: RealArray) -> ComplexArray:
     """Transform (lines, channels) of a record without its mean, scaled by 1/sqrt(N)."""
     found = np.empty((len(x) // 2 + 1, x.shape[1]), complex)
     for k, channel in enumerate(x.T):  # one channel at a time, since each is copied
@@ -118,7 +121,7 @@ def _spectrum(x: RealArray) -> ComplexArray:
     return found
 
 
-def _numbers(at: ArrayLike, last: int) -> np.ndarray:
+def line_numbers(at: ArrayLike, last: int) -> np.ndarray:
     """Rising whole numbers from 1 to the last line, or an InputError."""
     given = np.asarray(at)
     whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
@@ -143,6 +146,13 @@ def _at_lines(
 
     # Scale each column to norm 1, because the inputs may differ by orders of magnitude.
     scale = np.linalg.norm(regressors, axis=1)
+    parts = scale.reshape(len(chosen), degree + 1, nu + 1)
+    dark = (parts <= UNEXCITED * parts[:, :1]).any(axis=(1, 2))
+    if dark.any():
+        raise InputError(
+            f"an input excites too few lines about line {chosen[np.argmax(dark)] + 1} for degree "
+            f"{degree}: take `periodic_local_polynomial` for periodic inputs, or more lines"
+        )
     Q, R = np.linalg.qr(regressors / scale[:, None])
     theta = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ Y[band]) / scale[..., None]
     left = Y[band] - regressors @ theta

@@ -1,0 +1,86 @@
+"""Best linear approximation of a nonlinear plant from several realisations of its excitation.
+
+With random phases and one amplitude spectrum, a nonlinear plant answers as its best linear
+approximation and a distortion that looks like noise, but is the same in every period. Only other
+realisations make it vary. So the scatter over realisations is distortion and noise, the scatter
+over periods noise alone (J. Schoukens, R. Pintelon, T. Dobrowiecki and Y. Rolain, Automatica 41(3),
+2005; R. Pintelon and J. Schoukens, System Identification, 2nd ed., 2012, section 4.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.responses.periodic import ResponseEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class LinearApproximation(ResponseEstimate):
+    """The mean of responses to several realisations; its variance is by noise and distortion.
+
+    Parameters
+    ----------
+    covariance
+        Covariance (F, ny nu, ny nu) of the entries of the mean, row by row, by both.
+    noise_variance
+        Variance (F, ny, nu) of the mean by noise alone.
+    distortion_variance
+        Variance (F, ny, nu) that distortion gives to the response of one realisation: unbiased, so
+        that it is negative about as often as positive where there is none.
+    realisations
+        Number of realisations.
+    """
+
+    covariance: np.ndarray
+    noise_variance: RealArray
+    distortion_variance: RealArray
+    realisations: int
+
+
+def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearApproximation:
+    """The best linear approximation from responses to independent realisations.
+
+    Parameters
+    ----------
+    responses
+        At least two responses at the same frequencies, each to another realisation of random phases
+        and with the variance of its noise alone, as of `periodic_local_polynomial`.
+
+    Raises
+    ------
+    InputError
+        Fewer than two responses, or other frequencies or sizes in one of them.
+    """
+    given = list(responses)
+    if len(given) < 2:
+        raise InputError(
+            f"{len(given)} realisation given: two are needed to tell distortion, which is the same "
+            "in every period, from the response"
+        )
+    first = given[0]
+    for number, each in enumerate(given[1:], 2):
+        same = each.response.shape == first.response.shape
+        if not same or not np.allclose(each.frequency, first.frequency, rtol=1e-9):
+            raise InputError(f"realisation {number} has other frequencies or sizes than the first")
+    values = np.stack([each.response for each in given])
+    count = len(given)
+    mean = values.mean(axis=0)
+    left = (values - mean).reshape(count, len(mean), -1)
+    covariance = np.einsum("rfa,rfb->fab", left, left.conj()) / (count * (count - 1))
+    variance = np.einsum("faa->fa", covariance).real.reshape(mean.shape)
+    noise = np.mean([each.variance for each in given], axis=0) / count
+    return LinearApproximation(
+        frequency=first.frequency,
+        response=mean,
+        variance=variance,
+        degrees=2.0 * (count - 1),
+        covariance=covariance,
+        noise_variance=noise,
+        distortion_variance=count * (variance - noise),
+        realisations=count,
+    )

@@ -1,0 +1,104 @@
+"""Frequency response and its variance from one arbitrary record, by the local rational method.
+
+In a narrow band around each frequency, response and transient of an output are rational functions
+with one denominator, which both have in a linear plant. A resonance as narrow as a few lines, which
+polynomials blur, is followed exactly. The equation error is linear in the coefficients, so that the
+output's noise enters the regressors: where noise is large, polynomials of more lines are better.
+
+Source: T. McKelvey and G. Guérin, Non-parametric frequency response estimation using a local
+rational model, 16th IFAC Symposium on System Identification, 2012.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import checked_record
+from workbench.identification.responses.local_polynomial import (
+    LINES_AT_ONCE,
+    LocalPolynomial,
+    line_numbers,
+    spectrum,
+)
+
+SPARE_LINES = 12
+"""Lines of a band beyond the unknowns, where their number is not given."""
+
+
+def local_rational(
+    u: ArrayLike,
+    y: ArrayLike,
+    degree: int = 2,
+    lines: int | None = None,
+    *,
+    at: ArrayLike | None = None,
+) -> LocalPolynomial:
+    """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
+
+    Parameters
+    ----------
+    degree
+        Degree of numerators, transients and denominators.
+    lines
+        Number of lines of a band; by default twelve more than the unknowns.
+    at
+        Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
+
+    Raises
+    ------
+    InputError
+        The same as for `local_polynomial`.
+    """
+    u, y = checked_record(u, y)
+    samples, nu = u.shape
+    unknowns = (degree + 1) * (nu + 1) + degree
+    width = unknowns + SPARE_LINES if lines is None else lines
+    U, Y = (spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
+    if width <= unknowns or width > len(U):
+        raise InputError(
+            f"bands of {width} lines in a record that has {len(U)}: more than {unknowns} are "
+            f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
+        )
+    chosen = np.arange(len(U)) if at is None else line_numbers(at, len(U)) - 1
+    ny = Y.shape[1]
+    response = np.empty((chosen.size, ny, nu), complex)
+    covariance = np.empty((chosen.size, ny * nu, ny * nu), complex)
+    noise = np.empty((chosen.size, ny, ny), complex)
+    for start in range(0, chosen.size, LINES_AT_ONCE):
+        part = slice(start, start + LINES_AT_ONCE)
+        response[part], covariance[part], noise[part] = _in_bands(U, Y, chosen[part], degree, width)
+    return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
+
+
+def _in_bands(
+    U: ComplexArray, Y: ComplexArray, chosen: np.ndarray, degree: int, width: int
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Responses, their covariances and noise covariances at lines of these numbers (F,), from 0."""
+    nu, ny = U.shape[1], Y.shape[1]
+    unknowns = (degree + 1) * (nu + 1) + degree
+    first = np.clip(chosen - width // 2, 0, len(U) - width)
+    band = first[:, None] + np.arange(width)
+    offset = 2.0 * (band - chosen[:, None]) / width
+    powers = offset[..., None] ** np.arange(degree + 1)
+    columns = np.concatenate([U[band], np.ones((*band.shape, 1))], axis=2)
+    known = (powers[..., None] * columns[:, :, None]).reshape(*band.shape, -1)
+    response = np.empty((len(chosen), ny, nu), complex)
+    left = np.empty((len(chosen), width, ny), complex)
+    maps = np.empty((len(chosen), ny, nu, width), complex)
+    for output in range(ny):
+        values = Y[band, output]
+        own = -powers[..., 1:] * values[..., None]
+        regressors = np.concatenate([known, own], axis=2)
+        scale = np.linalg.norm(regressors, axis=1)
+        inverse = np.linalg.pinv(regressors / scale[:, None]) / scale[..., None]
+        theta = (inverse @ values[..., None])[..., 0]
+        response[:, output] = theta[:, :nu]
+        left[:, :, output] = values - (regressors @ theta[..., None])[..., 0]
+        maps[:, output] = inverse[:, :nu]
+    noise = left.swapaxes(1, 2) @ left.conj() / (width - unknowns)
+    shared = np.einsum("foiw,fqjw->foiqj", maps, maps.conj())
+    covariance = noise[:, :, None, :, None] * shared
+    return response, covariance.reshape(len(chosen), ny * nu, ny * nu), noise

@@ -1,0 +1,348 @@
+"""Response to a periodic excitation from a record with transients, by local polynomials.
+
+Between the lines of the excitation a record of several periods has only its transient and noise.
+There the transient, which is smooth over frequency, is fitted by a polynomial in a narrow band
+about each excited line, and taken off at that line; what the fit leaves is the noise. So no period
+is thrown away, two are enough, and the variance is one of noise alone: transients and nonlinear
+distortion do not enter it, since the distortion of a periodic excitation is periodic.
+
+Distortion shows at harmonics that are not excited: an even nonlinearity at even ones, an odd one at
+odd ones. Its part at an excited harmonic is taken from the silent odd ones near by, in proportion
+to the size of the response, since most of it passes the same resonances.
+
+Source: R. Pintelon, J. Schoukens, G. Vandersteen and K. Barbe, Mechanical Systems and Signal
+Processing 24, 2010, part II ("robust method"); J. Schoukens, R. Pintelon and Y. Rolain, Mastering
+System Identification in 100 Exercises, 2012, chapter 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, IntegerArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.distortion import LineDistortion, distortion_of_lines
+from workbench.identification.experiments.quality import as_record, require_alive
+from workbench.identification.responses.line_sums import LineSums
+from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import need_count, need_whole
+
+SPARE_LINES = 8
+"""Lines of a band beyond the unknowns of its polynomial."""
+LEAST_SPARE = 3
+"""The same at the ends of the spectrum, where a band is cut."""
+UNEXCITED = 1e-8
+"""Amplitude of an input, relative to the largest at any line, that excites nothing."""
+NEAREST_SILENT = 6
+"""Silent odd harmonics from which the distortion at an excited one is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicLocalResponse(ResponseEstimate):
+    """A response at the excited harmonics, with the covariance that noise gives it.
+
+    Parameters
+    ----------
+    covariance
+        Covariance (F, ny nu, ny nu) of the entries of the response, row by row, by noise alone.
+    distorted_variance
+        E|error|^2 (F, ny, nu) of the best linear approximation: by noise and by the distortion that
+        this one realisation of the excitation causes. NaN without silent odd harmonics.
+    distortion
+        Distortion of each output at the silent harmonics; None where not both an odd and an even
+        one between the excited ones are silent.
+    transient
+        Share (F, ny) of the power at the excited lines that was the transient's.
+    """
+
+    covariance: ComplexArray
+    distorted_variance: RealArray
+    distortion: tuple[LineDistortion, ...] | None
+    transient: RealArray
+
+
+class PeriodicStream:
+    """A periodic record that arrives in pieces, and its response when it is whole.
+
+    Parameters
+    ----------
+    period
+        Samples of a period.
+    periods
+        Number of periods of the record, at least 2.
+    lines
+        Excited harmonics (F,) of the period, rising, from 1 to below half the period; None: all.
+    degree
+        Degree of the polynomials of the transient.
+
+    Raises
+    ------
+    InputError
+        Numbers out of range.
+    """
+
+    def __init__(
+        self, period: int, periods: int, lines: ArrayLike | None = None, degree: int = 2
+    ) -> None:
+        need_count("period", period)
+        need_whole(degree, "degree")
+        if periods < 2 or degree < 0:
+            raise InputError(
+                f"{periods} periods and degree {degree}: two periods and degree 0 at least are "
+                "needed, since only lines between the excited ones tell noise and transient"
+            )
+        last = (period - 1) // 2
+        given = np.arange(1, last + 1) if lines is None else np.asarray(lines)
+        self.lines: IntegerArray = LineSums(period, periods, given, 1).harmonics
+        self.degree = int(degree)
+        self._records: list[LineSums] = []
+        self._periods, self._period = int(periods), int(period)
+        self._inputs = 0
+
+    def _new_sums(self) -> LineSums:
+        """Empty sums at every harmonic from the first excited one to the last."""
+        wanted = self.degree + 1 + SPARE_LINES
+        reach = 1
+        while sum(r % self._periods != 0 for r in range(-reach, reach + 1)) < wanted:
+            reach += 1
+        every = np.arange(self.lines[0], self.lines[-1] + 1)
+        return LineSums(self._period, self._periods, every, reach)
+
+    def add(self, u: ArrayLike, y: ArrayLike, experiment: int = 0) -> None:
+        """Add the next samples u (N, nu) and y (N, ny) of an experiment, numbered from 0.
+
+        Raises
+        ------
+        InputError
+            Other shapes, values that are not finite, or more samples than were announced.
+        """
+        u, y = (np.asarray(x, float) for x in (u, y))
+        if u.ndim != 2 or y.ndim != 2 or len(u) != len(y):
+            raise InputError(f"u {u.shape} and y {y.shape} must be (N, nu) and (N, ny)")
+        need_whole(experiment, "experiment")
+        if not 0 <= experiment <= len(self._records):
+            raise InputError(f"experiment {experiment} comes after {len(self._records)}")
+        if experiment == len(self._records):
+            self._records.append(self._new_sums())
+        self._inputs = self._inputs or u.shape[1]
+        if u.shape[1] != self._inputs:
+            raise InputError(f"{u.shape[1]} inputs after {self._inputs}")
+        self._records[experiment].add(np.hstack([y, u]))
+
+    def response(self, sample_rate: float = 1.0) -> PeriodicLocalResponse:
+        """The response, when all samples have arrived; ``sample_rate`` [Hz].
+
+        Raises
+        ------
+        InputError
+            Samples are missing; not as many experiments as inputs; or a band has too few lines.
+        """
+        if len(self._records) != max(self._inputs, 1):
+            raise InputError(f"{self._inputs} inputs need as many experiments")
+        sums = self._records[0]
+        spectra = np.stack([record.transform() for record in self._records], axis=-1)
+        spectra = np.moveaxis(spectra, 0, 1)  # (harmonics, offsets, channels, experiments)
+        clean, noise, growth, spare = _without_transient(
+            spectra, sums.offsets, sums.harmonics * self._periods, self._periods,
+            self._period * self._periods, self.degree,
+        )  # fmt: skip
+        at = np.searchsorted(sums.harmonics, self.lines)
+        outputs = clean.shape[1] - self._inputs
+        Y, U = clean[at, :outputs], clean[at, outputs:]
+        sizes = np.linalg.svd(U, compute_uv=False)
+        dark = sizes[:, -1] <= UNEXCITED * sizes[:, 0].max()
+        if dark.any():
+            k = int(self.lines[np.argmax(dark)])
+            raise InputError(f"the inputs do not excite harmonic {k}, or move together there")
+        inverse = np.linalg.inv(U)
+        G = Y @ inverse
+        ways = np.concatenate([np.broadcast_to(np.eye(outputs), (len(G), outputs, outputs)), -G], 2)
+        own = ways @ (noise[at] * growth[at, None, None]) @ ways.conj().swapaxes(1, 2)
+        gain = np.einsum("fei,fej->fij", inverse, inverse.conj())
+        spread = np.einsum("foq,fij->foiqj", own, gain)
+        degrees = 2.0 * spare * len(self._records)
+        silent = np.setdiff1d(sums.harmonics, self.lines)
+        found = _Distortion(
+            clean, noise * growth[:, None, None], sums.harmonics, self.lines, G, outputs, degrees
+        )
+        extra = found.near(self.lines)
+        variance = np.einsum("foioi->foi", spread).real
+        middle = spectra[at, sums.offsets.size // 2, :outputs]
+        power = np.sum(np.abs(middle) ** 2, axis=-1)
+        share = np.sum(np.abs(middle - Y) ** 2, axis=-1) / np.where(power > 0, power, 1.0)
+        size = G[0].size
+        return PeriodicLocalResponse(
+            frequency=self.lines * sample_rate / self._period,
+            response=G,
+            variance=variance,
+            degrees=degrees,
+            covariance=spread.reshape(len(G), size, size),
+            distorted_variance=variance
+            + extra[:, :, None] * np.einsum("fii->fi", gain).real[:, None, :],
+            distortion=found.tests(silent),
+            transient=share,
+        )
+
+
+def periodic_local_polynomial(
+    u: ArrayLike,
+    y: ArrayLike,
+    period: int,
+    lines: ArrayLike | None = None,
+    degree: int = 2,
+    *,
+    sample_rate: float = 1.0,
+) -> PeriodicLocalResponse:
+    """Response from u to y at the excited harmonics of a periodic excitation.
+
+    Parameters
+    ----------
+    u
+        Inputs, (N, nu) of one experiment with a single input, or (N, nu, experiments) of as many
+        experiments as inputs.
+    y
+        Outputs, (N, ny) or (N, ny, experiments).
+    period
+        Samples of a period. The last whole periods of the record are used, at least two.
+    lines
+        Excited harmonics (F,) of the period, rising; None: every one below half the sampling rate.
+    degree
+        Degree of the polynomials of the transient.
+    sample_rate
+        Sampling frequency [Hz].
+
+    Raises
+    ------
+    InputError
+        Other shapes, values that are not finite, dead channels, fewer than two periods, inputs that
+        do not excite a line, or not as many experiments as inputs.
+    """
+    pair = []
+    for name, given in (("u", u), ("y", y)):
+        values = as_record(given, name)
+        values = values[..., None] if values.ndim == 2 else values
+        if values.ndim != 3:
+            raise InputError(f"{name} has shape {values.shape}; (N, channels, experiments) needed")
+        require_alive(np.moveaxis(values, 0, -1), name)
+        pair.append(values)
+    inputs, outputs = pair
+    if len(inputs) != len(outputs) or inputs.shape[2] != outputs.shape[2]:
+        raise InputError(f"u has shape {inputs.shape}, y {outputs.shape}: they do not belong")
+    need_count("period", period)
+    stream = PeriodicStream(period, len(inputs) // period, lines, degree)
+    first = len(inputs) % period
+    for experiment in range(inputs.shape[2]):
+        stream.add(inputs[first:, :, experiment], outputs[first:, :, experiment], experiment)
+    return stream.response(sample_rate)
+
+
+def _without_transient(
+    spectra: ComplexArray,
+    offsets: IntegerArray,
+    centres: IntegerArray,
+    periods: int,
+    samples: int,
+    degree: int,
+) -> tuple[ComplexArray, ComplexArray, RealArray, int]:
+    """Amplitudes without transient, covariance of the noise, its growth, spare lines of a band.
+
+    Parameters
+    ----------
+    spectra
+        (K, offsets, channels, experiments) about the lines ``centres`` (K,).
+
+    Returns
+    -------
+    tuple
+        Amplitudes (K, channels, experiments); covariance (K, channels, channels) of the noise at a
+        line; the factor (K,) by which the fitted transient adds to it; and the least number of
+        lines of a band beyond its unknowns.
+    """
+    inside = (centres[:, None] + offsets >= 1) & (centres[:, None] + offsets < samples / 2)
+    usable = inside & (offsets % periods != 0)
+    count, channels, experiments = len(centres), spectra.shape[2], spectra.shape[3]
+    clean = np.empty((count, channels, experiments), complex)
+    noise = np.empty((count, channels, channels), complex)
+    growth = np.empty(count)
+    middle, least = offsets.size // 2, offsets.size
+    patterns, which = np.unique(usable, axis=0, return_inverse=True)
+    for number, pattern in enumerate(patterns):
+        rows = np.flatnonzero(which.ravel() == number)
+        spare = int(pattern.sum()) - (degree + 1)
+        if spare < LEAST_SPARE:
+            raise InputError(
+                f"the band about line {centres[rows[0]]} of {samples} samples has {pattern.sum()} "
+                f"lines for degree {degree}: take more periods, a lower degree, or higher lines"
+            )
+        least = min(least, spare)
+        powers = (offsets[pattern, None] / offsets[-1]) ** np.arange(degree + 1)
+        Q, R = np.linalg.qr(powers)
+        ahead = np.linalg.solve(R.T, np.eye(degree + 1)[0]) @ Q.T  # value of the fit at offset 0
+        band = spectra[rows][:, pattern]
+        clean[rows] = spectra[rows, middle] - np.einsum("r,krce->kce", ahead, band)
+        left = band - np.einsum("rs,ksce->krce", Q @ Q.T, band)
+        noise[rows] = np.einsum("krce,krde->kcd", left, left.conj()) / (spare * experiments)
+        growth[rows] = 1.0 + ahead @ ahead
+    return clean, noise, growth, least
+
+
+class _Distortion:
+    """Distortion at the silent harmonics: what the response does not make of the input there."""
+
+    def __init__(
+        self,
+        clean: ComplexArray,
+        noise: ComplexArray,
+        harmonics: IntegerArray,
+        lines: IntegerArray,
+        response: ComplexArray,
+        outputs: int,
+        degrees: float,
+    ) -> None:
+        self.harmonics, self.lines, self.degrees = harmonics, lines, degrees
+        everywhere = np.empty((harmonics.size, *response.shape[1:]), complex)
+        for i, j in np.ndindex(response.shape[1:]):
+            everywhere[:, i, j] = np.interp(harmonics, lines, response[:, i, j])
+        self.left = clean[:, :outputs] - everywhere @ clean[:, outputs:]
+        ways = np.concatenate(
+            [np.broadcast_to(np.eye(outputs), (len(clean), outputs, outputs)), -everywhere], axis=2
+        )
+        spread = ways @ noise @ ways.conj().swapaxes(1, 2)
+        self.noise = np.einsum("kii->ki", spread).real
+        self.size = np.sum(np.abs(everywhere) ** 2, axis=2)
+        self.clean = clean[:, :outputs]
+
+    def near(self, lines: IntegerArray) -> RealArray:
+        """Mean square (F, ny) of the distortion in one experiment at the silent odd harmonics near
+        each line, without the noise's share; not negative."""
+        silent = np.setdiff1d(self.harmonics, self.lines)
+        silent = silent[silent % 2 == 1]
+        if not silent.size:
+            return np.full((lines.size, self.left.shape[1]), np.nan)
+        at = np.searchsorted(self.harmonics, silent)
+        square = np.mean(np.abs(self.left[at]) ** 2, axis=-1) - self.noise[at]
+        square = square / np.maximum(self.size[at], np.finfo(float).tiny)
+        count = min(NEAREST_SILENT, silent.size)
+        nearest = np.argsort(np.abs(lines[:, None] - silent), axis=1)[:, :count]
+        own = self.size[np.searchsorted(self.harmonics, lines)]
+        found: RealArray = own * np.maximum(square[nearest].mean(axis=1), 0.0)
+        return found
+
+    def tests(self, silent: IntegerArray) -> tuple[LineDistortion, ...] | None:
+        """Distortion of each output; None without silent harmonics of both kinds."""
+        parts = [silent[silent % 2 == parity] for parity in (1, 0)]
+        if not all(part.size for part in parts):
+            return None
+        excited, odd, even = (
+            np.searchsorted(self.harmonics, part) for part in (self.lines, *parts)
+        )
+        found = []
+        for output in range(self.left.shape[1]):
+            values = [self.clean[excited, output], self.left[odd, output], self.left[even, output]]
+            noises = [np.repeat(self.noise[at, output], self.left.shape[-1]) for at in (odd, even)]
+            means = [each.ravel() for each in values]
+            found.append(distortion_of_lines(means, noises, int(self.degrees)))
+        return tuple(found)
