@@ -37,6 +37,7 @@ KINDS = {
     "CircleCover": "Covers by circles",
     "MagnitudeFit": "Magnitude fits",
     "ResponseFit": "Response fits",
+    "RationalModelFit": "Rational models of responses",
     "SwitchedStability": "Dwell times of switched loops",
     "FaultEstimation": "Fault filters",
     "StateSpaceFit": "State-space models of records",

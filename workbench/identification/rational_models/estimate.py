@@ -15,7 +15,7 @@ from workbench.certificate import Certificate
 from workbench.errors import SolverError
 from workbench.heavy_types import Figure, StateSpace
 from workbench.identification.experiments.quality import IdentificationWarning
-from workbench.identification.rational_models.figures import response_figure
+from workbench.identification.rational_models.figures import rational_model_figure
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.program import RationalModelFit
 from workbench.identification.rational_models.residual_tests import ResidualTests
@@ -69,7 +69,7 @@ class RationalModelEstimate:
     def plot(self, confidence: float = 0.95) -> Figure:
         """Data and model over frequency, with the band of the model."""
         data = self.uncertainty.structure.data
-        return response_figure(data, self.model, self.uncertainty, confidence)
+        return rational_model_figure(data, self.model, self.uncertainty, confidence)
 
 
 def fit_rational_model(

@@ -19,7 +19,7 @@ LEAST_BAND = 1e-2
 """Lower end of a band that would reach 0, as a share of the magnitude: an end to be seen."""
 
 
-def response_figure(
+def rational_model_figure(
     data: WeightedResponse,
     model: CommonPoleModel,
     uncertainty: ModelUncertainty,
@@ -64,7 +64,7 @@ def response_figure(
     return figure
 
 
-def residual_figure(data: WeightedResponse, residual: ComplexArray) -> Figure:
+def rational_residual_figure(data: WeightedResponse, residual: ComplexArray) -> Figure:
     """Magnitudes of the residuals of every entry, in standard deviations."""
     figure, (panel,) = figures.axes()
     for i, j in np.ndindex(data.shape):

@@ -12,13 +12,15 @@ from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.program import RationalModelFit
 from workbench.identification.rational_models.sections import section_descent
 from workbench.identification.rational_models.starts import first_points
-from workbench.identification.rational_models.steps import descended, linear_step
+from workbench.identification.rational_models.steps import gauss_newton_minimum, linear_step
 from workbench.identification.rational_models.storage import RationalModels
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 REFINED_STARTS = 6
 """Starts of each order that are refined, the cheapest first."""
+SHARES = tuple(0.5**k for k in range(12))
+"""Shares of a regression's change that are tried, until the cost falls."""
 MOST_REGRESSIONS = 200
 """Most regressions with instruments from one start."""
 SETTLED_COST = 1e-12
@@ -30,7 +32,7 @@ Refinement = Callable[[FitPoint], FitPoint]
 @method(RationalModelFit, "levenberg-marquardt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _levenberg_marquardt(program: RationalModelFit, context: Context) -> Claim:
     """Damped Gauss-Newton steps of the poles, numerators eliminated, from several starts."""
-    return _by_order(program, context, descended, REFINED_STARTS)
+    return _by_order(program, context, gauss_newton_minimum, REFINED_STARTS)
 
 
 def _unfit_for_instruments(program: RationalModelFit) -> str | None:
@@ -74,16 +76,15 @@ def _by_order(
 
 
 def _by_instruments(point: FitPoint) -> FitPoint:
-    """The cheapest point that regressions with the model's own slopes pass."""
-    best = point
+    """The point that regressions with the model's own slopes reach, the cost falling."""
     for _ in range(MOST_REGRESSIONS if point.poles.size else 0):
-        after = linear_step(point, point.slopes[:, : point.poles.size])
+        instruments = point.slopes[:, : point.poles.size]
+        tried = (linear_step(point, instruments, share) for share in SHARES)
+        after = next((each for each in tried if each and each.cost < point.cost), None)
         if after is None:
             break
-        settled = abs(after.cost - point.cost) <= SETTLED_COST * point.cost
+        settled = point.cost - after.cost <= SETTLED_COST * point.cost
         point = after
-        if point.cost <= best.cost:
-            best = point
         if settled:
             break
-    return best
+    return point

@@ -355,8 +355,8 @@ class RationalModelFit(Program):
     def figures(self, answer: RationalModels) -> dict[str, Figure]:
         data, model = self.structure.data, answer.model
         return {
-            "response": drawn.response_figure(data, model, self.uncertainty(model)),
-            "residuals": drawn.residual_figure(data, self.residual(model)),
+            "response": drawn.rational_model_figure(data, model, self.uncertainty(model)),
+            "residuals": drawn.rational_residual_figure(data, self.residual(model)),
         }
 
     def to_dataset(self, answer: RationalModels) -> Dataset:

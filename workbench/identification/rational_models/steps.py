@@ -24,7 +24,7 @@ UNSEEN = 1e-10
 """Singular value of scaled slopes, relative to the largest, of a direction that no data tell."""
 
 
-def descended(point: FitPoint) -> FitPoint:
+def gauss_newton_minimum(point: FitPoint) -> FitPoint:
     """The minimum of the cost that steps of Levenberg and Marquardt reach from a point."""
     damping = 1e-3
     for _ in range(MOST_STEPS):
@@ -109,14 +109,15 @@ def held_rows(point: FitPoint) -> RealArray:
     return np.array(rows).reshape(len(rows), count)
 
 
-def linear_step(point: FitPoint, instruments: RealArray) -> FitPoint | None:
+def linear_step(point: FitPoint, instruments: RealArray, share: float = 1.0) -> FitPoint | None:
     """The point whose denominator solves a linear equation error, weighted by the present one.
 
     The equation is sum z (N - D data) / D0 = 0 with instruments z (rows, n), each without what the
     numerators can make of it. With the regressors themselves as instruments this is an iteration of
     C. K. Sanathanan and J. Koerner (IEEE Trans. Autom. Control 8(1), 1963); with the slopes of the
     model it is one of refined instrumental variables, whose fixed points are minima of the cost (R.
-    S. Blom and P. M. J. Van den Hof, CDC 2010). A free delay stays as it is.
+    S. Blom and P. M. J. Van den Hof, CDC 2010). Only a share of the change is made. A free delay
+    stays as it is.
     """
     data = point.structure.data
     n = point.poles.size
@@ -129,5 +130,5 @@ def linear_step(point: FitPoint, instruments: RealArray) -> FitPoint | None:
     change = np.linalg.lstsq(matrix / scale, right)[0] / scale
     if not np.isfinite(change).all():
         return None
-    padded = np.append(change, np.zeros(int(point.structure.free_delay)))
+    padded = np.append(share * change, np.zeros(int(point.structure.free_delay)))
     return _tried(point, padded)
