@@ -20,6 +20,7 @@ from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
+from workbench.uncertainty.covers.of_estimate import cover_of_estimate
 from workbench.uncertainty.covers.orientation import (
     Orientation,
     cheapest,
@@ -69,6 +70,7 @@ __all__ = [
     "contains",
     "cover_conic",
     "cover_methods",
+    "cover_of_estimate",
     "delay",
     "dynamics",
     "feedback",

@@ -122,8 +122,12 @@ def two_sided_normal(confidence: float) -> float:
     return float(stats.norm.ppf((1 + confidence) / 2))
 
 
-def disc_radius(covariance: RealArray, confidence: float) -> RealArray:
-    """Radii of discs that hold normal numbers with covariances (..., 2, 2) of both parts."""
+def disc_radius(covariance: RealArray, confidence: float, dimension: int = 2) -> RealArray:
+    """Radii of discs that hold normal numbers with covariances (..., 2, 2) of both parts.
+
+    With the number of estimated coefficients as ``dimension``, all discs hold at once: each is the
+    shadow of the ellipsoid of the coefficients (H. Scheffe, The Analysis of Variance, 1959).
+    """
     largest = np.linalg.eigvalsh(covariance)[..., -1]
-    found: RealArray = np.sqrt(stats.chi2.ppf(confidence, 2) * np.maximum(largest, 0.0))
+    found: RealArray = np.sqrt(stats.chi2.ppf(confidence, dimension) * np.maximum(largest, 0.0))
     return found

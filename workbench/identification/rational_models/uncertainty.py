@@ -95,12 +95,16 @@ class ModelUncertainty:
         found: RealArray = parts @ parts.swapaxes(-1, -2)
         return found
 
-    def radius(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
-        """Radius (F, p, m) of a disc about each entry that holds the true one at one frequency.
+    def radius(
+        self, omega: ArrayLike, confidence: float = 0.95, *, everywhere: bool = False
+    ) -> RealArray:
+        """Radius (F, p, m) of a disc about each entry that holds the true one.
 
-        ``confidence`` is the least probability that it does.
+        ``confidence`` is the least probability that the disc at one frequency does; or, if
+        ``everywhere``, that all discs do together, of every entry and at every frequency.
         """
-        return disc_radius(self.response_covariance(omega), confidence)
+        dimension = self._root.shape[1] if everywhere else 2
+        return disc_radius(self.response_covariance(omega), confidence, dimension)
 
     def magnitude_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
         """Half-widths (F, p, m) of intervals of the magnitudes, to first order."""

@@ -1,0 +1,103 @@
+"""The uncertainty model of one plant from its estimate: discs that hold it at a stated confidence.
+
+About the estimated response the plants of the estimate's confidence ellipsoid fill a set at every
+frequency. A disc contains it, to first order in the errors, and a weight covers the radii of the
+discs. So the true plant lies in the cover with the stated probability, at all frequencies together,
+if the model structure can follow it.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.fitting.samples import as_count, as_frequencies
+from workbench.identification.rational_models.uncertainty import ModelUncertainty
+from workbench.input_checks import need_tolerance
+from workbench.solvers import Options
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.weights import complex_weight
+
+COVERED_DECADE_POINTS = 100
+"""Frequencies in a decade at which discs are computed, beside those of the data."""
+
+
+def cover_of_estimate(
+    uncertainty: ModelUncertainty,
+    order: int,
+    confidence: float = 0.95,
+    *,
+    entry: tuple[int, int] = (0, 0),
+    form: Literal["multiplicative", "additive"] = "multiplicative",
+    omega: ArrayLike | None = None,
+    options: Options | None = None,
+) -> UncertaintyModel:
+    """Cover of one entry of an estimated continuous-time model, by discs at a confidence.
+
+    Its ``system`` and ``structure`` are the linear fractional transformation that mu synthesis
+    takes.
+
+    Parameters
+    ----------
+    uncertainty
+        Distribution of the estimates, as `fit_rational_model` gives it.
+    order
+        Order of the complex weight.
+    confidence
+        Probability, between 0 and 1, that the true response is in all discs.
+    entry
+        Output and input.
+    form
+        Form of the model, as of `UncertaintyModel`.
+    omega
+        Frequencies (F,) [rad/s] to cover; None: the band of the data.
+    options
+        Accuracy and time limit of the fit of the weight.
+
+    Raises
+    ------
+    InputError
+        A sampled model, a model with a delay, another entry, or a confidence out of range.
+    SolverError
+        No weight of that order covers the discs.
+    """
+    need_tolerance(confidence)
+    order = as_count("order", order)
+    model, data = uncertainty.model, uncertainty.structure.data
+    if model.sample_time is not None:
+        raise InputError("a model in continuous time is needed, not a sampled one")
+    i, j = entry
+    p, m = model.shape
+    if not (0 <= i < p and 0 <= j < m):
+        raise InputError(f"entry is {entry!r}; the model has {p} outputs and {m} inputs")
+    if model.delay[i, j]:
+        raise InputError(
+            f"entry {entry!r} has a delay of {model.delay[i, j]:.4g} s: fit a model without one, "
+            "or give its rational part a weight of its own"
+        )
+    if omega is None:
+        low, high = float(data.omega[0]), float(data.omega[-1])
+        count = int(np.ceil(np.log10(high / low) * COVERED_DECADE_POINTS)) + 2
+        grid = np.union1d(np.geomspace(low, high, count), data.omega)
+    else:
+        grid = as_frequencies(omega)
+    nominal = model.entries[i][j]
+
+    def wanted(at: RealArray) -> RealArray:
+        radius: RealArray = uncertainty.radius(at, confidence, everywhere=True)[:, i, j]
+        return radius / np.abs(nominal.response(at)) if form == "multiplicative" else radius
+
+    # The weight covers straight lines in log-log scale from one frequency to the next. They are
+    # raised by twice what the radii between exceed them, most near a resonance.
+    radius, middle = wanted(grid), np.sqrt(grid[1:] * grid[:-1])
+    excess = np.max(wanted(middle) / np.sqrt(radius[1:] * radius[:-1]), initial=1.0) - 1.0
+    radius = radius * (1.0 + 2.0 * excess)
+    weight = complex_weight(
+        grid, radius, np.ones_like(radius), order, Context(options=options or Options())
+    )
+    return UncertaintyModel(nominal, weight, form=form)
