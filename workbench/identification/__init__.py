@@ -45,6 +45,7 @@ from workbench.identification.rational_models.estimate import (
 )
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.program import RationalModelFit
+from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
 from workbench.identification.rational_models.storage import RationalModels
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.responses.assumptions import Assumptions
@@ -103,6 +104,7 @@ __all__ = [
     "RationalModels",
     "ResponseEstimate",
     "SampledRecord",
+    "SignPerturbedRegion",
     "SpectralResponse",
     "StateSpaceFit",
     "SteppedSine",

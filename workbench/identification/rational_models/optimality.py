@@ -39,7 +39,7 @@ def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
     data = structure.data
     values = model.response(data.omega)
     residual = _rows(data.whitened(values - data.response))
-    directions, poles = _directions(structure, model, values)
+    directions, poles = model_directions(structure, model, values)
     rows = _rows(data.whitened(directions))
     size = np.linalg.norm(rows, axis=0)
     if not (np.isfinite(rows).all() and np.isfinite(residual).all()):
@@ -53,7 +53,7 @@ def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
     return float(np.linalg.norm(u.T[seen] @ residual))
 
 
-def _directions(
+def model_directions(
     structure: ModelStructure, model: CommonPoleModel, values: ComplexArray
 ) -> tuple[ComplexArray, slice]:
     """Changes (F, p, m, P) of the response, and which of them change the denominator."""

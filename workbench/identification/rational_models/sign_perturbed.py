@@ -1,0 +1,102 @@
+"""Confidence regions of rational models that are theorems for finite data: sign-perturbed sums.
+
+For the true model the residuals are the errors of the data. Where these are independent from one
+frequency to the next and as likely as their negatives, sums of slopes times residuals with random
+signs are alike in distribution to the sum without, so that each of all m sums is as likely the
+largest as any other. The region holds the models whose own sum is not among the q largest, and
+contains the true model with probability exactly 1 - q / m, for any number of frequencies and any
+distribution of the errors.
+
+Source: B. C. Csaji, M. C. Campi and E. Weyer, IEEE Trans. Signal Processing 63(1), 2015.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.rational_models.model import CommonPoleModel
+from workbench.identification.rational_models.optimality import DEPENDENT, model_directions
+from workbench.identification.rational_models.structure import ModelStructure
+from workbench.input_checks import need_count
+
+COUNT_ROUNDING = 1e-9
+"""Distance of a number of sums from a whole one that is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class SignPerturbedRegion:
+    """The region of models of a structure at an exact confidence.
+
+    Parameters
+    ----------
+    structure
+        Structure and data. Their covariance is only a weight: a wrong one makes the region larger,
+        not less right.
+    confidence
+        1 - q / m with a whole number q from 1 to m - 1.
+    sums
+        m, the number of sums, the one without random signs included.
+    seed
+        Seed of the signs and of the order in which equal sums count.
+
+    Raises
+    ------
+    InputError
+        Another number of sums, or a confidence that is no such fraction.
+    """
+
+    structure: ModelStructure
+    confidence: float = 0.95
+    sums: int = 100
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        need_count("sums", self.sums)
+        left = (1.0 - self.confidence) * self.sums
+        whole = abs(left - round(left)) <= COUNT_ROUNDING * self.sums
+        if not (whole and 1 <= round(left) < self.sums):
+            raise InputError(
+                f"confidence is {self.confidence}; with {self.sums} sums it must be 1 - q / "
+                f"{self.sums} for a whole number q from 1 to {self.sums - 1}"
+            )
+
+    @cached_property
+    def _signs(self) -> RealArray:
+        """Signs (m, F), the first row all ones."""
+        rng = np.random.default_rng(self.seed)
+        signs = rng.choice([-1.0, 1.0], size=(self.sums, self.structure.data.omega.size))
+        signs[0] = 1.0
+        return signs
+
+    @cached_property
+    def _order(self) -> RealArray:
+        """A random order (m,) of the sums, which decides between equal ones."""
+        return np.random.default_rng([self.seed, 1]).permutation(self.sums).astype(float)
+
+    def rank(self, model: CommonPoleModel) -> int:
+        """Number of sums that are smaller than the model's own, from 0 to m - 1."""
+        structure, data = self.structure, self.structure.data
+        values = model.response(data.omega)
+        residual = data.whitened(values - data.response)
+        slopes = data.whitened(model_directions(structure, model, values)[0])
+        count = slopes.shape[-1]
+        parts = [np.stack([each.real, each.imag], axis=1) for each in (slopes, residual)]
+        rows = parts[0].reshape(-1, count)
+        size = np.linalg.norm(rows, axis=0)
+        u, s, _ = np.linalg.svd(rows[:, size > 0] / size[size > 0], full_matrices=False)
+        frame = u[:, s > DEPENDENT * s.max(initial=0.0)]
+        products = frame.reshape(data.omega.size, -1, frame.shape[1])
+        each = np.einsum("frk,fr->fk", products, parts[1].reshape(data.omega.size, -1))
+        lengths = np.sum((self._signs @ each) ** 2, axis=1)
+        below = lengths < lengths[0]
+        below |= (lengths == lengths[0]) & (self._order < self._order[0])
+        return int(below.sum())
+
+    def contains(self, model: CommonPoleModel) -> bool:
+        """Whether a model is in the region."""
+        return self.rank(model) < self.sums - round((1.0 - self.confidence) * self.sums)
