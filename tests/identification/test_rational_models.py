@@ -213,8 +213,8 @@ def coverage(records, periods, matrices, seed):
 
 
 def test_bands_hold_in_a_few_records():
-    held, _, valid = coverage(60, 8, True, 1)
-    assert valid == 60
+    held, _, valid = coverage(40, 8, True, 1)
+    assert valid == 40
     assert (np.abs(held[:2] - 0.95) < 0.04).all() and held[2] > 0.94
 
 

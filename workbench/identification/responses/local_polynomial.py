@@ -10,6 +10,7 @@ and FRF models for multivariable systems", Mechanical Systems and Signal Process
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.quality import IdentificationWarning, checked_record
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,12 @@ def local_polynomial(
     ------
     InputError
         The same as for `checked_record`; too few lines in the band for its unknowns, or in the
-        record for the band; an input that excites too few of them; or numbers that are not such
-        lines.
+        record for the band; or numbers that are not such lines.
+
+    Warns
+    -----
+    IdentificationWarning
+        An input excites too few lines of a band, as a periodic one does: the response is NaN there.
     """
     u, y = checked_record(u, y)
     samples, nu = u.shape
@@ -149,10 +154,14 @@ def _at_lines(
     parts = scale.reshape(len(chosen), degree + 1, nu + 1)
     dark = (parts <= UNEXCITED * parts[:, :1]).any(axis=(1, 2))
     if dark.any():
-        raise InputError(
-            f"an input excites too few lines about line {chosen[np.argmax(dark)] + 1} for degree "
-            f"{degree}: take `periodic_local_polynomial` for periodic inputs, or more lines"
+        warnings.warn(
+            f"an input excites too few lines about line {chosen[np.argmax(dark)] + 1} and "
+            f"{dark.sum() - 1} others for degree {degree}: their response is NaN; take "
+            "`periodic_local_polynomial` for periodic inputs, or more lines",
+            IdentificationWarning,
+            stacklevel=3,
         )
+        regressors[dark], scale[dark] = np.eye(width, unknowns), 1.0  # not used
     Q, R = np.linalg.qr(regressors / scale[:, None])
     theta = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ Y[band]) / scale[..., None]
     left = Y[band] - regressors @ theta
@@ -160,5 +169,7 @@ def _at_lines(
     inverse = np.linalg.inv(R)[:, :nu] / scale[:, :nu, None]
     spread = inverse @ inverse.conj().swapaxes(1, 2)
     covariance = np.einsum("fij,fkl->fikjl", noise, spread)
+    for unknown in (theta, covariance, noise):
+        unknown[dark] = np.nan
     size = Y.shape[1] * nu
     return theta[:, :nu].swapaxes(1, 2), covariance.reshape(len(chosen), size, size), noise
