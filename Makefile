@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis notebooks clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -81,6 +81,10 @@ study: $(READY)
 	rm -rf results/reference/compare results/reference/cells
 	cp -r results/study/compare results/study/cells results/reference/
 	$(BIN)/python docs/study.py
+
+# Run the notebooks of the course and keep their outputs.
+notebooks: $(READY)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m workbench.course.execution notebooks/[0-9]*.ipynb
 
 $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv

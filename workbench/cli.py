@@ -120,6 +120,24 @@ def init(folder: Path, data: str, **given: Any) -> None:
 
 
 @main.command()
+@click.option(
+    "--to",
+    "folder",
+    type=click.Path(path_type=Path),
+    default=Path("notebooks"),
+    show_default=True,
+    help="Where to put them.",
+)
+def notebooks(folder: Path) -> None:
+    """Copy the course, ten Jupyter notebooks, to a folder of yours."""
+    from workbench.course import copy_notebooks
+
+    for file in copy_notebooks(folder):
+        click.echo(file)
+    click.echo(f"\nnext: pip install jupyterlab; jupyter lab {folder}")
+
+
+@main.command()
 @click.argument("name")
 @AS_JSON
 def show(name: str, as_json: bool) -> None:
@@ -382,15 +400,26 @@ def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, as_json: bool) -> 
     show_default=True,
     help="Where to put them, below a folder for each problem and key.",
 )
-def draw(paths: tuple[Path, ...], folder: Path) -> None:
-    """Figures (SVG, PNG) and tables (Markdown) of the results folders at or below PATHS."""
+@click.option(
+    "--style",
+    type=click.Choice(["screen", "paper"]),
+    default="screen",
+    show_default=True,
+    help="For a screen as SVG and PNG, or for a paper as PDF, SVG and, where LaTeX is found, PGF.",
+)
+@click.option(
+    "--width", default="column", show_default=True, help="On paper: column, page, or a number [mm]."
+)
+def draw(paths: tuple[Path, ...], folder: Path, style: str, width: str) -> None:
+    """Figures and tables (Markdown) of the results folders at or below PATHS."""
     from workbench.bench.results import Run
     from workbench.bench.verify import finished_folders
 
     for path in paths:
         for found in finished_folders(path):
             one = Run(found)
-            for file in one.draw(folder / one.problem / one.key):
+            place = folder / one.problem / one.key
+            for file in one.draw(place, style=style, width=_width(width)):
                 click.echo(file)
 
 
@@ -458,6 +487,14 @@ def _tell_unfit() -> None:
     """Say which problem files and names are left out, and why."""
     for sentence in registry().unfit:
         click.echo(f"workbench: left out: {sentence}", err=True)
+
+
+def _width(text: str) -> str | float:
+    """A number [mm], or a word for `paper_style` to judge."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 _UNITS = {"": 1, "B": 1, "kB": 1000, "MB": 1000**2, "GB": 1000**3}

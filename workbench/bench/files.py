@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from workbench.bench.question import plain
 from workbench.bench.trust.untrusted import file_stem
+from workbench.figures.formats import png, svg
 from workbench.heavy_types import Figure
 
 
@@ -54,33 +54,3 @@ class Picture:
 def picture(figure: Figure) -> Picture:
     """A figure as PNG and SVG."""
     return Picture(png(figure), svg(figure))
-
-
-def png(figure: Figure) -> bytes:
-    """A figure as pixels, at its own resolution."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    _lay_out(figure)
-    file, canvas = io.BytesIO(), cast(Any, FigureCanvasAgg(figure))
-    canvas.print_png(file, metadata={"Software": None})
-    return file.getvalue()
-
-
-def svg(figure: Figure) -> bytes:
-    """A figure as vectors, its letters as paths."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    _lay_out(figure)
-    file, canvas = io.BytesIO(), cast(Any, FigureCanvasSVG(figure))
-    with mpl.rc_context({"svg.hashsalt": "workbench", "svg.fonttype": "path"}):
-        canvas.print_svg(file, metadata={"Date": None})
-    return file.getvalue()
-
-
-def _lay_out(figure: Figure) -> None:
-    """Place the parts of a figure, once: ``savefig`` would do it, and draw, twice per format."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")

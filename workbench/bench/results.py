@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import fnmatch
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +31,8 @@ from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
 from workbench.certificate import Certificate
 from workbench.errors import ResultError
+from workbench.figures.printed import PrintedFigure
+from workbench.figures.styles import drawn_in, printing_style, settle
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
 from workbench.solution import certified_answer, proof_task
@@ -180,18 +182,69 @@ class Run(Fed):
     def show(self, figure: str | None = None) -> Picture:
         """The figure that people look at (default: the first), as an image for a notebook."""
         figures = self.figures
-        if not figures:
-            raise ResultError(f"{self.problem} has no figure")
-        name = figure or next(iter(figures))
-        if name not in figures:
-            raise ResultError(f"no figure {name!r} here; there are {', '.join(figures)}")
-        return picture(figures[name])
+        return picture(figures[self._figure_name(figures, figure)])
 
-    def draw(self, folder: str | Path) -> list[Path]:
-        """Write every figure as SVG and PNG, and every table as Markdown, into a folder.
+    def figure(
+        self, name: str | None = None, *, style: str = "paper", width: str | float = "column"
+    ) -> PrintedFigure:
+        """A figure (default: the first) drawn for a paper, to be saved as PDF, SVG and PGF.
+
+        Parameters
+        ----------
+        name
+            One of `figures`.
+        style
+            "paper": letters of 7 and 8 points that go with Times, thin lines, no title over all.
+        width
+            "column" (88.9 mm), "page" (181.9 mm), or a number [mm].
 
         Raises
         ------
+        InputError
+            Another style or width.
+        ResultError
+            There is no such figure.
+        """
+        (printed,) = self._printed(style, width, lambda drawn: [self._figure_name(drawn, name)])
+        return printed
+
+    def _printed(
+        self, style: str, width: str | float, choose: Callable[[dict[str, Figure]], Iterable[str]]
+    ) -> list[PrintedFigure]:
+        """The chosen ones of all figures, drawn for a paper."""
+        for_paper = printing_style(style, width)
+        with drawn_in(for_paper):
+            drawn = self.figures
+            return [
+                PrintedFigure(file_stem(name), drawn[name], for_paper, settle(drawn[name]))
+                for name in choose(drawn)
+            ]
+
+    def _figure_name(self, figures: Mapping[str, Figure], name: str | None) -> str:
+        if not figures:
+            raise ResultError(f"{self.problem} has no figure")
+        if name is not None and name not in figures:
+            raise ResultError(f"no figure {name!r} here; there are {', '.join(figures)}")
+        return name or next(iter(figures))
+
+    def draw(
+        self, folder: str | Path, *, style: str = "screen", width: str | float = "column"
+    ) -> list[Path]:
+        """Write every figure and every table (as Markdown) into a folder; the files.
+
+        Parameters
+        ----------
+        folder
+            It is made if it is missing.
+        style
+            "screen": SVG and PNG; "paper": as `figure` draws and saves them.
+        width
+            On paper, as `figure` takes it.
+
+        Raises
+        ------
+        InputError
+            Another style or width.
         ResultError
             The folder is a sealed results folder, or cannot be written.
         """
@@ -201,11 +254,16 @@ class Run(Fed):
         ):
             raise ResultError(f"{place} lies in a sealed results folder: name another one")
         try:
-            files = [
-                file
-                for name, figure in self.figures.items()
-                for file in picture(figure).save(place, name)
-            ]
+            if style == "screen":
+                files = [
+                    file
+                    for name, figure in self.figures.items()
+                    for file in picture(figure).save(place, name)
+                ]
+            else:
+                files = [
+                    file for one in self._printed(style, width, list) for file in one.save(place)
+                ]
             for name, table in self.tables.items():
                 place.mkdir(parents=True, exist_ok=True)
                 files.append(place / f"{file_stem(name)}.md")

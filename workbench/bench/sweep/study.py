@@ -83,12 +83,10 @@ def _short(value: Any) -> str:
 
 def _drawn(values: DataArray, problem: str) -> Figure:
     """A metric over the first parameter, a line for each value of the others."""
-    import matplotlib.pyplot as plt
-
     from workbench import figures
 
     first, *others = values.dims
-    figure, panel = plt.subplots(figsize=(7.4, 4.4), layout="constrained")
+    figure, (panel,) = figures.axes(size=(7.4, 4.4))
     x = values[first].values
     numbers = np.issubdtype(x.dtype, np.number)
     at = x if numbers else np.arange(x.size)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.figures.styles import current_style
 from workbench.heavy_types import Axes, Figure
 
 # Okabe and Ito's colours, which colour-blind readers tell apart.
@@ -18,34 +19,21 @@ BLACK, BLUE, ORANGE, GREEN = "#222222", "#0072b2", "#d55e00", "#009e73"
 PURPLE, SKY, AMBER = "#cc79a7", "#56b4e9", "#e69f00"
 CYCLE = (BLUE, ORANGE, GREEN, PURPLE, SKY, AMBER, BLACK)
 
-STYLE: Any = {
-    "axes.grid": True,
-    "axes.labelsize": 10,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 11,
-    "figure.constrained_layout.use": True,
-    "axes.formatter.limits": (-3, 5),  # else the labels of small numbers run into each other
-    "axes.formatter.use_mathtext": True,
-    "figure.dpi": 120,
-    "font.size": 10,
-    "grid.alpha": 0.25,
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 9,
-    "lines.linewidth": 1.3,
-    "svg.fonttype": "none",
-}
-
 
 def axes(
     rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (7.0, 4.2), **keywords: Any
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of the house style and its axes, row by row. ``size`` in inches."""
+    """A figure of the current style and its axes, row by row.
+
+    ``size`` [inch] is what it has on a screen; a style with a width of its own keeps the
+    proportions.
+    """
     import matplotlib as mpl
     from cycler import cycler
 
-    with mpl.rc_context({**STYLE, "axes.prop_cycle": cycler(color=CYCLE)}):
-        figure: Figure = _shown_figure()(figsize=size)
+    style = current_style()
+    with mpl.rc_context({**style.settings, "axes.prop_cycle": cycler(color=CYCLE)}):
+        figure: Figure = _shown_figure()(figsize=style.size(size, rows))
         grid = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, list(grid.flat)
 

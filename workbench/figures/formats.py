@@ -1,0 +1,79 @@
+"""Figures as the bytes of a file; the same figure gives the same bytes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+from workbench.heavy_types import Figure
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as pixels, at its own resolution."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    lay_out(figure)
+    file, canvas = io.BytesIO(), cast(Any, FigureCanvasAgg(figure))
+    canvas.print_png(file, metadata={"Software": None})
+    return file.getvalue()
+
+
+def svg(figure: Figure) -> bytes:
+    """A figure as vectors, its letters as paths."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    lay_out(figure)
+    file, canvas = io.BytesIO(), cast(Any, FigureCanvasSVG(figure))
+    settings = {"svg.hashsalt": "workbench", "svg.fonttype": "path"}
+    with mpl.rc_context(settings), _own_resolution(figure):
+        canvas.print_svg(file, metadata={"Date": None})
+    return file.getvalue()
+
+
+@contextmanager
+def _own_resolution(figure: Figure) -> Iterator[None]:
+    """Give a figure its resolution back: vectors are drawn at 72 points to the inch."""
+    resolution = figure.dpi
+    try:
+        yield
+    finally:
+        figure.dpi = resolution
+
+
+def lay_out(figure: Figure) -> None:
+    """Place the parts of a figure, once: ``savefig`` would do it, and draw, twice per format."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
+def pdf(figure: Figure) -> bytes:
+    """A figure as vectors for print, its fonts in the file, as the settings at hand say."""
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+    lay_out(figure)
+    file, canvas = io.BytesIO(), cast(Any, FigureCanvasPdf(figure))
+    with _own_resolution(figure):
+        canvas.print_pdf(file, metadata={"CreationDate": None})
+    return file.getvalue()
+
+
+def write_pgf(figure: Figure, file: Path, program: str) -> list[Path]:
+    r"""Write commands for \input in LaTeX, their letters measured by a TeX program; the files.
+
+    What the figure has of pixels goes into files beside, which the commands name.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_pgf import FigureCanvasPgf
+
+    lay_out(figure)
+    canvas = cast(Any, FigureCanvasPgf(figure))
+    settings = {"pgf.texsystem": program, "pgf.rcfonts": False}
+    with mpl.rc_context(settings), _own_resolution(figure):
+        canvas.print_pgf(str(file))
+    return [file, *sorted(file.parent.glob(f"{file.stem}-img*.png"))]

@@ -1,0 +1,86 @@
+"""Figures for a paper: vectors of the width that its page has, and TeX where there is a TeX."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from workbench.errors import ResultError
+from workbench.figures import formats
+from workbench.figures.styles import FigureStyle, drawn_in
+from workbench.heavy_types import Figure
+
+TEX_PROGRAMS = ("pdflatex", "xelatex", "lualatex")
+"""Programs that measure the letters of a PGF figure, the quickest first."""
+
+
+def tex_program() -> str | None:
+    """The TeX program that is found here; None without one."""
+    return next((name for name in TEX_PROGRAMS if shutil.which(name)), None)
+
+
+@dataclass(frozen=True)
+class PrintedFigure:
+    """A figure as a paper prints it. A notebook shows it.
+
+    ``caption`` is the title over all panels that it has on a screen: a paper says it below.
+    """
+
+    name: str
+    figure: Figure
+    style: FigureStyle
+    caption: str = ""
+
+    @cached_property
+    def png(self) -> bytes:
+        """Pixels, 300 to the inch."""
+        return formats.png(self.figure)
+
+    @cached_property
+    def svg(self) -> bytes:
+        """Vectors, letters as paths."""
+        return formats.svg(self.figure)
+
+    @cached_property
+    def pdf(self) -> bytes:
+        """Vectors, letters in fonts that are part of the file."""
+        with drawn_in(self.style):
+            return formats.pdf(self.figure)
+
+    def write_pgf(self, file: str | Path) -> list[Path]:
+        r"""Write commands for \input in a LaTeX document, in its own fonts; the files.
+
+        What the figure has of pixels goes into files beside, which the commands name.
+
+        Raises
+        ------
+        ResultError
+            No TeX program is found: none can measure the letters.
+        """
+        program = tex_program()
+        if program is None:
+            raise ResultError(
+                f"a PGF figure needs LaTeX: put {', '.join(TEX_PROGRAMS[:-1])} or "
+                f"{TEX_PROGRAMS[-1]} on the path, or take the PDF"
+            )
+        with drawn_in(self.style):
+            return formats.write_pgf(self.figure, Path(file), program)
+
+    def save(self, folder: str | Path, name: str | None = None) -> list[Path]:
+        """Write PDF and SVG, and PGF where a TeX program is found; the files.
+
+        ``name`` of the files is the figure's own unless it is given. The folder is made if it is
+        missing.
+        """
+        place = Path(folder)
+        stem = name or self.name
+        place.mkdir(parents=True, exist_ok=True)
+        files = [place / f"{stem}.pdf", place / f"{stem}.svg"]
+        for file, content in zip(files, (self.pdf, self.svg), strict=True):
+            file.write_bytes(content)
+        return files + (self.write_pgf(place / f"{stem}.pgf") if tex_program() else [])
+
+    def _repr_png_(self) -> bytes:
+        return self.png
