@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from workbench.course.execution import (
+    COLOURS,
     code_of_solutions,
     differences,
     few_colours,
@@ -75,12 +76,12 @@ def test_what_is_kept_is_small_sealed_and_without_warnings():
 
 def test_a_kept_picture_has_few_colours():
     file = io.BytesIO()
-    Image.effect_noise((300, 200), 90.0).convert("RGB").save(file, format="PNG")
+    Image.effect_noise((1800, 1200), 90.0).convert("RGB").save(file, format="PNG")
     one = notebook()
     data = {"image/png": base64.b64encode(file.getvalue()).decode(), "text/plain": "<Picture>"}
     one.cells[0].outputs = [nbformat.v4.new_output("display_data", data=data)]
     (output,) = keep_small(one).cells[0].outputs
     kept = base64.b64decode(output.data["image/png"])
     assert list(output.data) == ["image/png"] and len(kept) < len(file.getvalue()) / 2
-    assert Image.open(io.BytesIO(kept)).size == (300, 200)
-    assert len(Image.open(io.BytesIO(few_colours(kept))).getcolors()) <= 48
+    assert Image.open(io.BytesIO(kept)).size == (900, 600)
+    assert len(Image.open(io.BytesIO(few_colours(kept))).getcolors()) <= COLOURS

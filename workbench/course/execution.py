@@ -21,8 +21,8 @@ from typing import Any
 
 SOLUTION, VARIES = "solution", "varies"
 """Tags of cells: a solution, hidden until asked for; outputs that differ from run to run."""
-COLOURS = 48
-"""Colours of a kept picture: enough for curves with smooth edges, a third of the bytes."""
+COLOURS, WIDEST = 32, 900
+"""Colours of a kept picture, enough for curves with smooth edges, and its width [pixel] at most."""
 LONGEST_CELL = 600.0
 """Seconds after which a cell is stopped."""
 NUMBER_TOLERANCE = 0.02
@@ -127,12 +127,14 @@ def _small(output: Any) -> Any:
 
 
 def few_colours(png: bytes) -> bytes:
-    """A picture with a palette of `COLOURS`."""
+    """A picture with a palette of `COLOURS`, no wider than `WIDEST`."""
     from PIL import Image
 
     file = io.BytesIO()
     with Image.open(io.BytesIO(png)) as picture:
-        picture.convert("RGB").quantize(COLOURS).save(file, format="PNG", optimize=True)
+        coloured = picture.convert("RGB")
+        coloured.thumbnail((WIDEST, coloured.height))
+        coloured.quantize(COLOURS).save(file, format="PNG", optimize=True)
     return file.getvalue()
 
 
