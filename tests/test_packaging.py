@@ -10,11 +10,13 @@ import venv
 import zipfile
 from pathlib import Path
 
+import nbformat
 import pytest
 import yaml
 from packaging.requirements import Requirement
 
 import workbench as wb
+from workbench.course.execution import executed
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = "Scripts" if os.name == "nt" else "bin"
@@ -66,6 +68,21 @@ def test_wheel_runs_a_named_problem_from_another_folder(elsewhere, installed, tm
     assert where.startswith(str(installed))
 
 
+@pytest.mark.filterwarnings("default")  # of the notebook client's own event loop
+def test_the_course_is_copied_from_a_wheel_and_runs_there(
+    elsewhere, installed, tmp_path, monkeypatch
+):
+    elsewhere("-m", "workbench", "notebooks", "--to", "course")
+    notebooks = sorted((tmp_path / "course").glob("*.ipynb"))
+    assert len(notebooks) == 10
+    monkeypatch.setenv("PYTHONPATH", str(installed))
+    kept = nbformat.read(notebooks[0], as_version=4)
+    kept.cells.append(nbformat.v4.new_code_cell("print(wb.__file__)"))
+    made = executed(kept, tmp_path / "course")
+    assert made.cells[-1].outputs[0].text.startswith(str(installed))
+    assert list((tmp_path / "course").glob("results/cd/focus/circles/*/SHA256SUMS"))
+
+
 IMPORT_ALL = """
 import sys
 import workbench.plants
@@ -87,8 +104,8 @@ def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
 def test_wheel_has_every_file_of_the_checkout(installed):
-    """Sources and data files: what git keeps of `workbench` and `problems`."""
-    listed = ["git", "ls-files", "workbench", "problems"]
+    """Sources, data files, notebooks: what git keeps of `workbench`, `problems` and `notebooks`."""
+    listed = ["git", "ls-files", "workbench", "problems", "notebooks"]
     kept = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True)
     for name in map(Path, kept.stdout.splitlines()):
         if name == Path("workbench/plants/__init__.py"):
@@ -96,6 +113,8 @@ def test_wheel_has_every_file_of_the_checkout(installed):
         inside = name
         if name.parts[0] == "problems":
             inside = Path("workbench/plants", *name.parts[1:])
+        elif name.parts[0] == "notebooks":
+            inside = Path("workbench/course", name)
         assert (installed / inside).is_file(), name
 
 

@@ -10,9 +10,9 @@ from PIL import Image
 from workbench.course.execution import (
     COLOURS,
     code_of_solutions,
-    differences,
     few_colours,
     keep_small,
+    output_differences,
     stale,
 )
 
@@ -55,11 +55,11 @@ def test_code_of_solutions_is_that_of_tagged_cells():
     ],
 )
 def test_numbers_may_differ_by_little_and_words_not_at_all(before, after, alike):
-    assert (differences(notebook(before), notebook(after)) == []) == alike
+    assert (output_differences(notebook(before), notebook(after)) == []) == alike
 
 
 def test_what_varies_is_not_compared():
-    assert differences(notebook("2 s", ["varies"]), notebook("7 s", ["varies"])) == []
+    assert output_differences(notebook("2 s", ["varies"]), notebook("7 s", ["varies"])) == []
 
 
 def test_what_is_kept_is_small_sealed_and_without_warnings():

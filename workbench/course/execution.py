@@ -1,8 +1,8 @@
 """Run the notebooks of the course, keep small outputs, and tell when those are stale.
 
-``python -m workbench.course.execution notebooks/*.ipynb`` makes the outputs anew; ``make notebooks``
-calls it. A solution is a Markdown cell tagged "solution": its text and code stand in an HTML
-element that the reader opens, and tests run the code.
+``make notebooks`` calls ``python -m workbench.course.execution`` to make the outputs anew. A
+solution is a Markdown cell tagged "solution": its text and code stand in an HTML element that the
+reader opens, and tests run the code.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ def executed(notebook: Any, folder: Path, *, solutions: bool = False) -> Any:
     nbclient.exceptions.CellExecutionError
         A cell fails.
     """
-    import nbformat
     from nbclient import NotebookClient
 
+    nbformat = _nbformat()
     ours = nbformat.from_dict(notebook)
     for cell in ours.cells:
         if cell.cell_type == "code":
@@ -99,6 +99,13 @@ def keep_small(notebook: Any) -> Any:
         "workbench": {_DIGEST: sources_digest(notebook)},
     }
     return notebook
+
+
+def _nbformat() -> Any:
+    """The library, whose functions have no types; it comes with the extra "test"."""
+    import nbformat
+
+    return nbformat
 
 
 def _worth_keeping(output: Any) -> bool:
@@ -138,7 +145,7 @@ def few_colours(png: bytes) -> bytes:
     return file.getvalue()
 
 
-def differences(kept: Any, made: Any) -> list[str]:
+def output_differences(kept: Any, made: Any) -> list[str]:
     """What two runs of a notebook say differently, a line for each cell; pictures are counted.
 
     Numbers may differ by `NUMBER_TOLERANCE`; cells tagged "varies" are passed over.
@@ -178,8 +185,7 @@ def _alike(before: str, after: str) -> bool:
 
 def remake(file: Path) -> float:
     """Run a notebook in an empty folder and write its outputs into the file; seconds it took."""
-    import nbformat
-
+    nbformat = _nbformat()
     notebook = nbformat.read(file, as_version=4)
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:

@@ -28,7 +28,7 @@ def svg(figure: Figure) -> bytes:
 
     lay_out(figure)
     file, canvas = io.BytesIO(), cast(Any, FigureCanvasSVG(figure))
-    settings = {"svg.hashsalt": "workbench", "svg.fonttype": "path"}
+    settings: Any = {"svg.hashsalt": "workbench", "svg.fonttype": "path"}
     with mpl.rc_context(settings), _own_resolution(figure):
         canvas.print_svg(file, metadata={"Date": None})
     return file.getvalue()
@@ -73,7 +73,10 @@ def write_pgf(figure: Figure, file: Path, program: str) -> list[Path]:
 
     lay_out(figure)
     canvas = cast(Any, FigureCanvasPgf(figure))
-    settings = {"pgf.texsystem": program, "pgf.rcfonts": False}
+    settings: Any = {"pgf.texsystem": program, "pgf.rcfonts": False}
     with mpl.rc_context(settings), _own_resolution(figure):
         canvas.print_pgf(str(file))
+    # Tick labels use a command that only Matplotlib's own documents define.
+    defined = "\\providecommand{\\mathdefault}[1]{#1}%\n"
+    file.write_text(defined + file.read_text(encoding="utf-8"), encoding="utf-8")
     return [file, *sorted(file.parent.glob(f"{file.stem}-img*.png"))]

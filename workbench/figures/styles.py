@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ WIDTHS = {"column": 88.9, "page": 181.9}
 NARROWEST, WIDEST = 40.0, 420.0
 """Limits of a width [mm] that is given as a number: narrower is no figure, wider no page."""
 
-SCREEN: Mapping[str, Any] = {
+SCREEN: Any = {
     "axes.grid": True,
     "axes.labelsize": 10,
     "axes.spines.right": False,
@@ -35,7 +35,7 @@ SCREEN: Mapping[str, Any] = {
     "lines.linewidth": 1.3,
     "svg.fonttype": "none",
 }
-PAPER: Mapping[str, Any] = {
+PAPER: Any = {
     **SCREEN,
     "axes.labelsize": 8,
     "axes.linewidth": 0.6,
@@ -64,7 +64,7 @@ _PANEL_INCHES, _OUTSIDE_INCHES = 1.2, 0.4
 class FigureStyle:
     """Settings of Matplotlib, and the width [inch] that figures have; None: each its own."""
 
-    settings: Mapping[str, Any]
+    settings: Any
     width: float | None = None
 
     def size(self, wanted: tuple[float, float], rows: int) -> tuple[float, float]:
@@ -133,7 +133,7 @@ def drawn_in(style: FigureStyle) -> Iterator[None]:
 
     token = _CURRENT.set(style)
     try:
-        with mpl.rc_context(dict(style.settings)):
+        with mpl.rc_context(style.settings):
             yield
     finally:
         _CURRENT.reset(token)

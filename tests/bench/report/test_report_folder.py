@@ -12,10 +12,10 @@ from html_page import Make, Page, run_pages
 
 from workbench import figures
 from workbench.batch import workers
-from workbench.bench.files import png
 from workbench.bench.report import failed_runs, kept, report
 from workbench.bench.store import Store, seal
 from workbench.errors import ResultError
+from workbench.figures.formats import png
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 

@@ -12,10 +12,10 @@ from html_page import Make, Page
 
 import workbench as wb
 from workbench import figures
-from workbench.bench.files import png
 from workbench.bench.report import single_page
 from workbench.cli import main
 from workbench.errors import ResultError
+from workbench.figures.formats import png
 
 
 def test_the_figures_are_inside(make: Make, shown: Callable[..., None], tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from html_page import Page
 
 from workbench import figures
 from workbench.bench.comparison.styles import GID
-from workbench.bench.files import svg
 from workbench.bench.report.points import every_cell, scaled
 from workbench.bench.report.toggles import has_methods, telling, toggled
 from workbench.errors import ResultError
+from workbench.figures.formats import svg
 from workbench.heavy_types import Figure
 
 HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from workbench.bench.files import png, svg
 from workbench.bench.project import add_problems, added_problems
 from workbench.bench.report.points import every_cell
 from workbench.bench.report.toggles import has_methods, telling
 from workbench.bench.results import COMPARISON, Run
 from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
+from workbench.figures.formats import png, svg
 from workbench.heavy_types import Figure
 
 

@@ -46,7 +46,7 @@ def telling(source: bytes, told: Sequence[Told]) -> bytes:
     Parameters
     ----------
     source
-        The figure (`workbench.bench.files.svg`).
+        The figure (`workbench.figures.formats.svg`).
     told
         What its markers say, part by part in the order of the drawing. A part without an entry
         says the name of its method.
