@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis notebooks clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis docs notebooks clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -85,6 +85,11 @@ study: $(READY)
 # Run the notebooks of the course and keep their outputs.
 notebooks: $(READY)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m workbench.course.execution notebooks/[0-9]*.ipynb
+
+# The site, below docs/_build/html. What is slow to make is kept from one build to the next.
+docs: $(READY)
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
 
 $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv
