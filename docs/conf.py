@@ -28,6 +28,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "myst_nb",
     "docstrings",
+    "outputs",
     "gallery",
     "api_pages",
 ]
@@ -67,15 +68,15 @@ default_role = "py:obj"
 suppress_warnings = ["ref.python"]  # a bare name of an attribute may be that of several classes
 python_use_unqualified_type_names = True
 
-bibtex_bibfiles = ["reference/references.bib"]
+bibtex_bibfiles = ["../workbench/guidance/references.bib"]
 bibtex_reference_style = "author_year"
 bibtex_default_style = "plain"
 
 # --- pages --------------------------------------------------------------------------------------
 
 MATHJAX = Path(importlib.util.find_spec("sphinx-mathjax-offline").origin).parent
-html_static_path = ["_static", str(MATHJAX / "static" / "mathjax" / "tex-svg.js")]
-mathjax_path = "tex-svg.js"
+html_static_path = ["_static", str(MATHJAX / "static" / "mathjax" / "tex-svg-full.js")]
+mathjax_path = "tex-svg-full.js"
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"workbench {release}"

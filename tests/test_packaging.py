@@ -28,7 +28,7 @@ def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q"]
     subprocess.run([*command, "-w", folder, ROOT], check=True)
-    return next(folder.glob("workbench-*.whl"))
+    return next(folder.glob("robust_workbench-*.whl"))
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from workbench.batch import ended, workers
 from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
+from workbench.guidance.completion import method_names, parameter_names, problem_names
 from workbench.solvers import Options
 from workbench.terminal import (
     print_comparison,
@@ -63,7 +64,11 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(workbench.__version__)
+@click.version_option(
+    workbench.__version__,
+    prog_name="robust-workbench",
+    message=f"%(prog)s %(version)s (workbench at {Path(workbench.__file__).parent})",
+)
 @click.option(
     "--problems", multiple=True, metavar="DIR", help="Discover problems in this folder too."
 )
@@ -77,7 +82,7 @@ def main(problems: tuple[str, ...], results: str | None) -> None:
 
 
 @main.command("list")
-@click.argument("pattern", default="*")
+@click.argument("pattern", default="*", shell_complete=problem_names)
 @AS_JSON
 def list_(pattern: str, as_json: bool) -> None:
     """Names of the problems that fit PATTERN, one line each."""
@@ -138,7 +143,7 @@ def notebooks(folder: Path) -> None:
 
 
 @main.command()
-@click.argument("name")
+@click.argument("name", shell_complete=problem_names)
 @AS_JSON
 def show(name: str, as_json: bool) -> None:
     """Source, help, parameters and methods of a problem."""
@@ -152,10 +157,40 @@ def show(name: str, as_json: bool) -> None:
 
 
 @main.command()
-@click.argument("patterns", nargs=-1, required=True)
-@click.option("--method", help="Method [default: the problem's own].")
+@click.argument("name", shell_complete=problem_names)
+def cite(name: str) -> None:
+    """BibTeX of the software, the thesis and the methods that a problem's results rest on."""
+    from workbench.guidance.citation import citation
+
+    click.echo(citation(name))
+
+
+@main.command()
+@click.option("--no-test", is_flag=True, help="Leave out the self-test of some seconds.")
+def doctor(no_test: bool) -> None:
+    """Versions, solvers, threads, cache, and a self-test whose answers are certified."""
+    from workbench.guidance.doctor import examination
+
+    well = True
+    for one in examination(test=not no_test):
+        sign = "  " if one.well else "! "
+        click.echo(f"{sign}{one.topic:<28}{one.found}")
+        if one.advice:
+            click.echo(f"{'':30}-> {one.advice}")
+        well = well and one.well
+    sys.exit(0 if well else 1)
+
+
+@main.command()
+@click.argument("patterns", nargs=-1, required=True, shell_complete=problem_names)
+@click.option("--method", help="Method [default: the problem's own].", shell_complete=method_names)
 @click.option(
-    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="A parameter of the problem."
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A parameter of the problem.",
+    shell_complete=parameter_names,
 )
 @click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
 @click.option("--time-limit", type=float, help="Seconds for each solve.")
@@ -225,8 +260,8 @@ def run(
 
 
 @main.command()
-@click.argument("pattern")
-@click.option("--methods", metavar="A,B,C", help="Methods to compare.")
+@click.argument("pattern", shell_complete=problem_names)
+@click.option("--methods", metavar="A,B,C", help="Methods to compare.", shell_complete=method_names)
 @click.option("--all-methods", is_flag=True, help="Compare every method of each problem.")
 @click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
@@ -306,7 +341,7 @@ def compare(
 
 
 @main.command()
-@click.argument("name")
+@click.argument("name", shell_complete=problem_names)
 @click.option(
     "--over", "axes", multiple=True, required=True, metavar="KEY=A,B,C", help="Values to sweep."
 )
@@ -424,7 +459,7 @@ def draw(paths: tuple[Path, ...], folder: Path, style: str, width: str) -> None:
 
 
 @main.command()
-@click.argument("pattern", default="*")
+@click.argument("pattern", default="*", shell_complete=problem_names)
 @AS_JSON
 def results(pattern: str, as_json: bool) -> None:
     """The stored results of the problems that fit PATTERN."""

@@ -81,11 +81,12 @@ def page(name: str, examples: str) -> str:
 
 
 def directive(room: str, name: str, kind: str) -> str:
-    """The directive of autodoc for a public name."""
+    """The directive of autodoc for a public name; one that the top offers too is indexed there."""
     if kind == "module":
         module = getattr(importlib.import_module(room), name)
         return f"``{name}``\n    {(inspect.getdoc(module) or '').splitlines()[0]}\n"
-    return f".. auto{kind}:: {room}.{name}\n"
+    twice = room != "workbench" and name in public_names(importlib.import_module("workbench"))
+    return f".. auto{kind}:: {room}.{name}\n" + ("   :no-index:\n" if twice else "")
 
 
 def make(app: Any) -> None:
@@ -103,8 +104,8 @@ def make(app: Any) -> None:
     tree = "\n".join(ROOMS)
     write_page(
         folder / "index.md",
-        "# Functions and classes\n\nEvery public name of the library, with its docstring. Each page "
-        "begins with examples; they run in the tests.\n\n| room | what it holds |\n| --- | --- |\n"
+        "# Functions and classes\n\nEvery public name of the library, with its docstring. A page "
+        "begins with examples, which run in the tests.\n\n| room | what it holds |\n| --- | --- |\n"
         + "\n".join(heads)
         + f"\n\n```{{toctree}}\n:hidden:\n:maxdepth: 1\n\n{tree}\n```\n",
     )

@@ -1,4 +1,4 @@
-"""Docstrings of the library as reStructuredText: what its authors write for `help()` is safe there."""
+"""Docstrings of the library as reStructuredText: what is written for `help()` is safe there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def escaped(text: str) -> str:
     parts = NOT_CODE.split(text)
     for i in range(0, len(parts), 2):
         parts[i] = re.sub(r"(?<!\\)([|*])", r"\\\1", parts[i])
-    return "".join(parts)
+    return re.sub(r"(`[^`]+`)(?=\w)", r"\1\\ ", "".join(parts))  # as in `Rational`s
 
 
 def with_formulas(lines: list[str]) -> list[str]:

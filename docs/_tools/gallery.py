@@ -32,9 +32,19 @@ GROUPS = {
 
 
 def stored() -> dict[str, Run]:
-    """The reference run of each problem that has one."""
-    runs = (wb.open_run(folder) for folder in finished_folders(REFERENCE))
+    """The reference run of each problem that has one; of several, that nearest to its defaults."""
+    runs = [wb.open_run(folder) for folder in finished_folders(REFERENCE)]
+    runs.sort(key=lambda run: (defaults_met(run), run.key))
     return {run.problem: run for run in runs}
+
+
+def defaults_met(run: Run) -> int:
+    """How many parameters of a run are those that its problem has by itself."""
+    if run.problem not in registry().entries:
+        return 0
+    known = registry().find(run.problem).parameters
+    given = run.info["parameters"]
+    return sum(one.default == given.get(name) for name, one in known.items())
 
 
 def drawn(run: Run, images: Path) -> Path | None:
@@ -100,8 +110,8 @@ def make(app: Any) -> None:
     tree = "\n".join(group.replace("/", "-") for group in GROUPS if group in places)
     write_page(
         pages / "index.md",
-        "# Gallery\n\nEvery named problem with its figure, its headline number, its certificate and the "
-        "command that computes it. The pages are made from the committed reference results.\n\n"
+        "# Gallery\n\nEvery named problem with its figure, its headline number, its certificate "
+        "and the command that computes it. The pages are made from the committed reference results.\n\n"
         "::::{grid} 1 2 3 3\n:gutter: 3\n\n" + "\n".join(cards) + "\n::::\n\n"
         f"```{{toctree}}\n:hidden:\n\n{tree}\n```\n",
     )
@@ -113,7 +123,8 @@ def _card(group: str, entries: list[Any], runs: dict[str, Run], images: Path) ->
     first = next((p for p in pictures if p), None)
     picture = f":img-top: ../_build/gallery/{first.name}\n" if first else ""
     return (
-        f":::{{grid-item-card}} {GROUPS[group]}\n:link: {group.replace('/', '-')}\n:link-type: doc\n"
+        f":::{{grid-item-card}} {GROUPS[group]}\n:link: {group.replace('/', '-')}\n"
+        ":link-type: doc\n"
         f"{picture}\n{len(entries)} problems\n:::\n"
     )
 

@@ -68,7 +68,7 @@ class Cluster(Executor):
         if workers is not None and address != LOCAL:
             raise InputError(f"{address} has its own workers: their number cannot be chosen")
         if importlib.util.find_spec("distributed") is None:
-            raise ClusterError("Dask is not installed: pip install 'workbench[dask]'")
+            raise ClusterError("Dask is not installed: pip install 'robust-workbench[dask]'")
         self._arrive, self._threads = arrive, threads
         self._own = LocalCluster(workers or CORES) if address == LOCAL else None
         self.address = address if self._own is None else self._own.address

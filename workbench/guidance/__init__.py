@@ -1,0 +1,1 @@
+"""Help for a user at the command line: what is installed here, what to cite, what to complete."""

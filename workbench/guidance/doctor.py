@@ -1,0 +1,165 @@
+"""What the workbench stands on here: versions, solvers, threads, cache, and whether it works."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import workbench
+from workbench.bench.project import registry, results_root
+from workbench.errors import WorkbenchError
+from workbench.solvers import conic_solvers
+
+SOLVERS = ("clarabel", "scs", "cvxopt", "highspy", "osqp", "piqp", "qoco", "sdpa-python")
+"""Distributions of conic solvers that are known by name."""
+GROUND = ("numpy", "scipy", "numba", "control", "cvxpy", "casadi", "python-flint", "xarray")
+"""Distributions whose version can change an answer or a time."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A line of the examination: what it is, what was found, and what to do, if anything."""
+
+    topic: str
+    found: str
+    advice: str = ""
+    well: bool = True
+
+
+def examination(*, test: bool = True) -> Iterator[Finding]:
+    """What is found, one after the other; with ``test`` the self-test at the end."""
+    place = Path(workbench.__file__).parent
+    yield Finding("robust-workbench", f"{workbench.__version__}, imported from {place}")
+    yield _twins()
+    yield Finding("python", f"{platform.python_version()}, {platform.platform()}")
+    for name in GROUND:
+        yield _package(name)
+    yield _slycot()
+    yield _solvers()
+    yield _threads()
+    yield _cache()
+    yield _compiler()
+    yield Finding("problems", f"{len(registry().entries)} named", "; ".join(registry().unfit))
+    yield Finding("results", str(results_root()))
+    if test:
+        yield from _self_test()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _package(name: str) -> Finding:
+    found = _version(name)
+    if found is None:
+        return Finding(name, "missing", f"pip install {name}", well=False)
+    return Finding(name, found)
+
+
+def _twins() -> Finding:
+    """Whether the other distribution that is imported as `workbench` is here too."""
+    other = _version("workbench")
+    if other is None or _version("robust-workbench") is None:
+        return Finding("import name", "workbench is this project's alone")
+    words = "one of both has overwritten files of the other: use an environment for each"
+    return Finding("import name", f"the distribution workbench {other} is here too", words, False)
+
+
+def _slycot() -> Finding:
+    found = _version("slycot")
+    if found is not None:
+        return Finding("slycot", found)
+    words = (
+        "methods of SLICOT and what needs its routines (reduction, Gramians) will stop with an "
+        "error that says so: pip install slycot, or conda install -c conda-forge slycot"
+    )
+    return Finding("slycot", "missing", words, well=False)
+
+
+def _solvers() -> Finding:
+    """The solvers that are asked by name, and how to get more."""
+    named = ", ".join(solver.name for solver in conic_solvers())
+    missing = [name for name in SOLVERS if _version(name) is None]
+    if missing:
+        words = f"pip install 'robust-workbench[solvers]' brings {', '.join(missing)}"
+        return Finding("conic solvers", named, words)
+    return Finding("conic solvers", f"{named}; more by [tool.workbench] solvers = [...]")
+
+
+def _threads() -> Finding:
+    """Libraries of linear algebra with their threads."""
+    import numpy as np
+    from threadpoolctl import threadpool_info
+
+    np.linalg.norm(np.eye(2), 2)  # loads the library
+    pools = {
+        f"{one['internal_api']} {one.get('version') or ''}".strip(): one["num_threads"]
+        for one in threadpool_info()
+    }
+    told = ", ".join(f"{name}: {count} threads" for name, count in pools.items())
+    cores = os.cpu_count() or 1
+    words = ""
+    if any(count > 1 for count in pools.values()) and "OPENBLAS_NUM_THREADS" not in os.environ:
+        words = "for many small problems at once (--jobs): export OPENBLAS_NUM_THREADS=1"
+    return Finding("linear algebra", f"{told}; {cores} cores", words)
+
+
+def _cache() -> Finding:
+    """Where Numba keeps what it compiled, and whether it can."""
+    place = Path(os.environ.get("NUMBA_CACHE_DIR", Path(workbench.__file__).parent))
+    if os.access(place, os.W_OK):
+        return Finding("cache of Numba", str(place))
+    words = (
+        "it cannot be written, so that every start compiles: export NUMBA_CACHE_DIR=~/.cache/numba"
+    )
+    return Finding("cache of Numba", str(place), words, well=False)
+
+
+def _compiler() -> Finding:
+    """A compiler of C, for the exported controllers alone."""
+    found = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    return Finding("C compiler", found or "none; only tests of exported C code need one")
+
+
+TESTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("smallest circles", "cd/focus/circles", {"frequencies": 5}),
+    ("bound of mu", "quick/mass-spring/mu-upper", {}),
+    ("H-infinity synthesis", "quick/unstable-first-order/hinf", {}),
+    ("dwell time", "quick/cart/dwell", {}),
+)
+"""Name, problem and parameters of the self-test: a few seconds, each with its certificate."""
+
+
+def _self_test() -> Iterator[Finding]:
+    """Small problems of several kinds, answered and certified in a folder that is thrown away."""
+    before = os.environ.get("WORKBENCH_RESULTS")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["WORKBENCH_RESULTS"] = folder
+        try:
+            for title, name, parameters in TESTS:
+                started = time.perf_counter()
+                try:
+                    run = workbench.run(name, fresh=True, **parameters)
+                    said = "certificate holds" if run.holds else f"{run.outcome}: no certificate"
+                    well, advice = run.holds, "" if run.holds else run.outcome.advice
+                except (WorkbenchError, ImportError, OSError) as error:
+                    said, well, advice = f"{type(error).__name__}: {error}", False, ""
+                took = time.perf_counter() - started
+                advice = advice or ("" if well else f"workbench run {name} --verbose says more")
+                yield Finding(f"test: {title}", f"{said}, {took:.1f} s", advice, well)
+        finally:
+            if before is None:
+                del os.environ["WORKBENCH_RESULTS"]
+            else:
+                os.environ["WORKBENCH_RESULTS"] = before
