@@ -111,7 +111,8 @@ def make(app: Any) -> None:
     write_page(
         pages / "index.md",
         "# Gallery\n\nEvery named problem with its figure, its headline number, its certificate "
-        "and the command that computes it. The pages are made from the committed reference results.\n\n"
+        "and the command that computes it. The pages are made from the committed reference "
+        "results.\n\n"
         "::::{grid} 1 2 3 3\n:gutter: 3\n\n" + "\n".join(cards) + "\n::::\n\n"
         f"```{{toctree}}\n:hidden:\n\n{tree}\n```\n",
     )

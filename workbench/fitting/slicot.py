@@ -7,6 +7,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational, from_system
+from workbench.systems.slicot import slicot_routine
 
 
 def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: bool) -> Rational:
@@ -20,12 +21,13 @@ def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: 
         SLICOT fails; the message is its own.
     """
     import control
-    import slycot
+
+    sb10yd_routine = slicot_routine("sb10yd")
 
     scale = float(np.sqrt(omega[0] * omega[-1]))  # time; SB10YD works on the unit circle
     size = float(np.exp(np.mean(np.log(np.abs(response)))))
     try:
-        _, a, b, c, d = slycot.sb10yd(
+        _, a, b, c, d = sb10yd_routine(
             0, int(minimum_phase), omega.size,
             response.real / size, response.imag / size, omega / scale, order, 0.0,
         )  # fmt: skip

@@ -13,6 +13,7 @@ import numpy as np
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
+from workbench.systems.slicot import slicot_routine
 
 
 def gramian_factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
@@ -27,7 +28,7 @@ def gramian_factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray
 
 def _hammarling(A: RealArray, C: RealArray) -> RealArray:
     """Upper triangular R with A^T R^T R + R^T R A = -C^T C."""
-    from slycot import sb03od
+    sb03od = slicot_routine("sb03od")
     from slycot.exceptions import SlycotResultWarning
 
     n = len(A)

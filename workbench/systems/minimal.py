@@ -10,6 +10,7 @@ from workbench.systems.balancing import balanced
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
+from workbench.systems.slicot import slicot_routine
 from workbench.systems.standard_plant import standard_plant
 
 STAIRCASE_TOLERANCES = (1e-7, 1e-9, 1e-11, 1e-13)
@@ -38,7 +39,7 @@ def minimal(
     InputError
         A hidden unstable mode is not a copy of a remaining mode.
     """
-    from slycot import tb01pd
+    tb01pd = slicot_routine("tb01pd")
 
     n = len(A)
     if n == 0:

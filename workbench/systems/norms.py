@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.systems.balancing import balanced
 from workbench.systems.realisation import Matrices
+from workbench.systems.slicot import slicot_routine
 
 
 def stable(A: np.ndarray) -> bool:
@@ -27,7 +28,7 @@ def norm(system: Matrices, tolerance: float = 1e-9) -> float:
     lost in the rounding of large entries. Raises SlycotArithmeticError where SLICOT does not
     converge.
     """
-    from slycot import ab13dd
+    ab13dd = slicot_routine("ab13dd")
 
     D = system[3]
     A, B, C = balanced(*system[:3])

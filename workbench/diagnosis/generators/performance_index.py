@@ -22,6 +22,7 @@ from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import to_continuous
+from workbench.systems.slicot import slicot_routine
 
 FIRST_FREQUENCIES = 60
 """Number of frequencies with which the search starts."""
@@ -183,7 +184,7 @@ def _joined(
 
 def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
     """The controllable and observable part of a system, by SLICOT TB01PD."""
-    from slycot import tb01pd
+    tb01pd = slicot_routine("tb01pd")
 
     n, m, p = len(A), B.shape[1], len(C)
     if not n:

@@ -13,9 +13,15 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.slicot import sb10yd
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
+from workbench.systems.slicot import slycot_missing
 
 
-@method(MagnitudeFit, "sb10yd", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _without_slycot(program: MagnitudeFit) -> str | None:
+    """Why the routine cannot be asked; None where it can."""
+    return slycot_missing()
+
+
+@method(MagnitudeFit, "sb10yd", optimal=False, unfit=_without_slycot, accuracy=ANY_ACCURACY_ALIKE)
 def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
     """SLICOT SB10YD on the minimum-phase response of the magnitude, then the best gain."""
     none = np.zeros(0, dtype=complex)

@@ -12,6 +12,7 @@ from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.fitting.slicot import sb10yd
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
+from workbench.systems.slicot import slycot_missing
 
 
 def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
@@ -24,7 +25,7 @@ def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
     zero = data.omega[data.response == 0]
     if zero.size:
         return f"the response is zero at {zero[0]:.6g} rad/s"
-    return None
+    return slycot_missing()
 
 
 @method(ResponseFit, "sb10yd", optimal=False, unfit=_unfit_for_sb10yd, accuracy=ANY_ACCURACY_ALIKE)

@@ -10,6 +10,7 @@ from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Full
+from workbench.systems.slicot import slicot_routine, slycot_missing
 
 
 def _unfit(program: MuUpperBound) -> str | None:
@@ -20,13 +21,13 @@ def _unfit(program: MuUpperBound) -> str | None:
             return f"its blocks must be square, not {block.rows} by {block.columns}"
         if block.rows > 1 and not isinstance(block, Full):
             return f"it knows no repeated scalars; one is repeated {block.rows} times"
-    return None
+    return slycot_missing()
 
 
 @method(MuUpperBound, "ab13md", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _ab13md(program: MuUpperBound, context: Context) -> Claim:
     """SLICOT AB13MD, one matrix after the other; the bound is recomputed from its D and G."""
-    import slycot
+    ab13md = slicot_routine("ab13md")
 
     structure = program.structure
     sizes = np.array([block.rows for block in structure])
@@ -38,7 +39,7 @@ def _ab13md(program: MuUpperBound, context: Context) -> Claim:
     for i in context.track(range(len(matrices)), "matrices"):
         size = np.ldexp(1.0, np.frexp(np.abs(matrices[i]).max())[1])
         if matrices[i].any():
-            claimed[i], d, g, _ = slycot.ab13md(matrices[i] / size, sizes, kinds)
+            claimed[i], d, g, _ = ab13md(matrices[i] / size, sizes, kinds)
             claimed[i] *= size
             D[i], G[i] = d**2, g * size
 

@@ -23,6 +23,7 @@ from workbench.synthesis.hinf.methods import claimed
 from workbench.synthesis.hinf.program import HinfSynthesis
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
+from workbench.systems.slicot import slicot_routine
 from workbench.systems.standard_plant import StandardPlant
 
 MOST_STATES = 20
@@ -92,7 +93,7 @@ def _weighed(plant: StandardPlant) -> StandardPlant:
 
     Unlike the Riccati equations, the inequalities add all these matrices, X and Y in one sum.
     """
-    from slycot import tb01id
+    tb01id = slicot_routine("tb01id")
 
     parts = plant.A.copy(), plant.B.copy(), plant.C.copy()
     _, A, B, C, _ = tb01id(plant.states, plant.B.shape[1], len(plant.C), 0.0, *parts)

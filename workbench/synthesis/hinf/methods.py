@@ -19,6 +19,7 @@ from workbench.synthesis.hinf.riccati import MANY_RISES, InfeasibleError, centra
 from workbench.systems.bilinear import to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.slicot import slicot_routine, slycot_missing
 
 LEAST_DISTANCE = 1e-3
 """Least relative distance kept above the least level; closer to it, the poles of K become very fast
@@ -90,7 +91,9 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
 
 def _static(program: HinfSynthesis) -> str | None:
     """Why SB10AD cannot take the program; None where it can."""
-    return None if program.scaled.plant.states else "SB10AD needs a plant with states"
+    if not program.scaled.plant.states:
+        return "SB10AD needs a plant with states"
+    return slycot_missing()
 
 
 @method(
@@ -102,7 +105,7 @@ def _static(program: HinfSynthesis) -> str | None:
 )
 def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
     """SLICOT SB10AD with its own bisection on the scaled plant; K is made 1e-3 above its level."""
-    from slycot import sb10ad
+    sb10ad = slicot_routine("sb10ad")
 
     normal, step = program.scaled, distance(context)
     plant = normal.plant

@@ -23,6 +23,7 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
+from workbench.systems.slicot import slicot_routine
 
 DiscretisationMethod = Literal["tustin", "zoh", "foh"]
 """Discretisation methods: bilinear transform, and holds of order zero and one."""
@@ -134,7 +135,7 @@ def block_diagonal(
     A: RealArray, B: RealArray, C: RealArray
 ) -> tuple[RealArray, RealArray, RealArray]:
     """The realisation with separate blocks of real poles and complex pairs (SLICOT MB03RD)."""
-    from slycot import mb03rd
+    mb03rd = slicot_routine("mb03rd")
 
     n = len(A)
     if n == 0:
