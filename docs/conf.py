@@ -37,7 +37,7 @@ root_doc = "index"
 
 # --- Markdown and its code ----------------------------------------------------------------------
 
-myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath", "linkify"][:4]
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb", ".rst": "restructuredtext"}
@@ -47,7 +47,7 @@ nb_execution_cache_path = str(BUILT / "cells")
 nb_execution_in_temp = True  # what a page writes stays out of the sources
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-nb_execution_excludepatterns = [] if os.environ.get("WORKBENCH_DOCS_NOTEBOOKS") else ["course/*"]
+nb_execution_excludepatterns = ["course/*"]  # their outputs are kept in the repository
 nb_merge_streams = True
 # Pages find what an earlier build computed; the kernel keeps to the threads that tests use.
 os.environ["WORKBENCH_RESULTS"] = str(BUILT / "results")

@@ -71,7 +71,7 @@ class DualSimplex:
 def _pivoted(
     rows: RealArray, right: RealArray, gain: RealArray, working: NDArray[np.int_]
 ) -> tuple[RealArray, bool]:
-    """The optimum from a dual feasible working set (n,), which is replaced by that of the optimum."""
+    """The optimum from a dual feasible working set (n,), replaced by that of the optimum."""
     count = gain.size
     inverse = np.linalg.inv(rows[working])
     y = inverse @ right[working]
