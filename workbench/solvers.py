@@ -16,7 +16,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Any, Protocol
 
-from workbench.errors import InputError
+from workbench.errors import InputError, SolverError
 
 ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
 """Accuracy levels: the relative optimality gap that a method which claims optimality must meet."""
@@ -335,3 +335,30 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
+
+
+SLYCOT_ADVICE = (
+    "slycot is not installed: pip install slycot, or conda install -c conda-forge slycot"
+)
+"""What is said where slycot, which some platforms lack, is not installed."""
+
+
+@cache
+def slycot_missing() -> str | None:
+    """Why SLICOT cannot be asked; None where it can."""
+    return None if importlib.util.find_spec("slycot") is not None else SLYCOT_ADVICE
+
+
+def slicot_routine(name: str) -> Any:
+    """A routine of SLICOT, such as "ab13dd".
+
+    Raises
+    ------
+    SolverError
+        slycot is not installed.
+    """
+    if slycot_missing() is not None:
+        raise SolverError(f"SLICOT's {name.upper()} is needed here; {SLYCOT_ADVICE}")
+    import slycot
+
+    return getattr(slycot, name)

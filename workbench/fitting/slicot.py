@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational, from_system
-from workbench.systems.slicot import slicot_routine
+from workbench.solvers import slicot_routine
 
 
 def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: bool) -> Rational:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
-from workbench.systems.slicot import slicot_routine
+from workbench.solvers import slicot_routine
 
 
 def gramian_factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:

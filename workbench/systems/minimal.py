@@ -6,11 +6,11 @@ import numpy as np
 
 from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.solvers import slicot_routine
 from workbench.systems.balancing import balanced
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
-from workbench.systems.slicot import slicot_routine
 from workbench.systems.standard_plant import standard_plant
 
 STAIRCASE_TOLERANCES = (1e-7, 1e-9, 1e-11, 1e-13)

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from workbench.solvers import slicot_routine
 from workbench.systems.balancing import balanced
 from workbench.systems.realisation import Matrices
-from workbench.systems.slicot import slicot_routine
 
 
 def stable(A: np.ndarray) -> bool:

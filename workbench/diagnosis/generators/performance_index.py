@@ -21,8 +21,8 @@ from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
+from workbench.solvers import slicot_routine
 from workbench.systems.bilinear import to_continuous
-from workbench.systems.slicot import slicot_routine
 
 FIRST_FREQUENCIES = 60
 """Number of frequencies with which the search starts."""

@@ -12,8 +12,7 @@ from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
 from workbench.fitting.slicot import sb10yd
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
-from workbench.systems.slicot import slycot_missing
+from workbench.solvers import Outcome, slycot_missing
 
 
 def _without_slycot(program: MagnitudeFit) -> str | None:

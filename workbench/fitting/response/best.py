@@ -11,8 +11,7 @@ from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.fitting.slicot import sb10yd
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
-from workbench.systems.slicot import slycot_missing
+from workbench.solvers import Outcome, slycot_missing
 
 
 def _unfit_for_sb10yd(program: ResponseFit) -> str | None:

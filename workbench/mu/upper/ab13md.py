@@ -8,9 +8,8 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
+from workbench.solvers import Outcome, slicot_routine, slycot_missing
 from workbench.structure import Full
-from workbench.systems.slicot import slicot_routine, slycot_missing
 
 
 def _unfit(program: MuUpperBound) -> str | None:

@@ -12,14 +12,13 @@ from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
+from workbench.solvers import Outcome, slicot_routine, slycot_missing
 from workbench.synthesis.hinf.levels import CANCELLED_SHARE, level_ends, without_control
 from workbench.synthesis.hinf.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
 from workbench.synthesis.hinf.riccati import MANY_RISES, InfeasibleError, central_of
 from workbench.systems.bilinear import to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
-from workbench.systems.slicot import slicot_routine, slycot_missing
 
 LEAST_DISTANCE = 1e-3
 """Least relative distance kept above the least level; closer to it, the poles of K become very fast

@@ -12,6 +12,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
+from workbench.solvers import slicot_routine
 from workbench.synthesis.implementation.sampled_loop import (
     need_fitting,
     plant_and_sign,
@@ -23,7 +24,6 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
-from workbench.systems.slicot import slicot_routine
 
 DiscretisationMethod = Literal["tustin", "zoh", "foh"]
 """Discretisation methods: bilinear transform, and holds of order zero and one."""

@@ -1,13 +1,14 @@
 """Without slycot everything imports, SLICOT's methods are unfit, and errors say what to do."""
 
+import importlib.util
 import subprocess
 import sys
 
 import pytest
 
 import workbench as wb
+from workbench import solvers
 from workbench.errors import SolverError, WorkbenchError
-from workbench.systems import slicot
 
 WITHOUT = """
 import importlib.abc, sys
@@ -34,10 +35,15 @@ def test_everything_imports_without_it(tmp_path):
 
 @pytest.fixture
 def absent(monkeypatch):
-    monkeypatch.setattr(slicot, "find_spec", lambda name: None)
-    slicot.slycot_missing.cache_clear()
+    real = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, *rest: None if name == "slycot" else real(name, *rest),
+    )
+    solvers.slycot_missing.cache_clear()
     yield
-    slicot.slycot_missing.cache_clear()
+    solvers.slycot_missing.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -51,4 +57,4 @@ def test_methods_of_slicot_are_unfit(absent, name, method):
 
 def test_a_routine_says_that_it_is_needed(absent):
     with pytest.raises(SolverError, match=r"AB13DD is needed.*conda"):
-        slicot.slicot_routine("ab13dd")
+        solvers.slicot_routine("ab13dd")
