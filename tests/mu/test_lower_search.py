@@ -37,7 +37,7 @@ def structure_of_four(rng):
 def thorough(M, structure):
     """Values (B,) of ascents from power iterations, and of vertices, edges and levels."""
     search = _Search(MuLowerBound(M, structure), Context(Options()))
-    values, deltas = power_batch(search.M, search.table, *search.starts(6), True)
+    values, deltas = power_batch(search.M, search.table, *search.starts(6))
     for start in range(len(values)):
         for m in np.flatnonzero(values[start] > 0):
             value = ascend(search.M[m], search.table, deltas[start, m], values[start, m])
@@ -58,11 +58,9 @@ def test_the_search_finds_what_a_hundred_times_slower_one_finds(seed):
         if case == 0:
             M = M.real + 0j
         slow, fast = thorough(M, structure), proposals(M, structure, "best").value
-        assert (fast[slow == 0] >= 0).all()
         ratios += list(fast[slow > 0] / slow[slow > 0])
-    assert np.mean(ratios) >= 1 - 1e-4
-    assert np.min(ratios) >= 0.9
-    assert np.mean(np.array(ratios) < 1 - 1e-6) <= 0.01
+    assert np.mean(ratios) >= 1 - 1e-5
+    assert np.min(ratios) >= 0.998
 
 
 @pytest.mark.parametrize("structure", [MIXED, Structure([Real(1)] * 3)], ids=["mixed", "real"])

@@ -36,7 +36,7 @@ RUN_KINDS = "MLHL"
 held, in a power iteration (H) or at a level (L)."""
 RUN_LEVELS = 0.8, 1.8
 """Levels at which an eigenvalue is looked for, as multiples of the best known one."""
-AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 8}
+AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 6}
 """Ascents that must reach the best value before a search ends early, by the kinds of block."""
 FEWEST_AGREEING, AGREEING_ROWS = 3, 64
 """As many ascents must agree in any case, but for large matrices no more than so many over the
@@ -84,9 +84,7 @@ def _power(program: MuLowerBound, context: Context) -> Claim:
 def _power_search(search: _Search) -> None:
     """Keep what the power iteration finds."""
     for chunk in search.chunks("power iteration"):
-        values, deltas = power_batch(
-            search.M[chunk], search.table, *search.starts(POWER_STARTS), False
-        )
+        values, deltas = power_batch(search.M[chunk], search.table, *search.starts(POWER_STARTS))
         best = np.argmax(values, axis=0)
         search.improve(chunk, values.max(axis=0), deltas[best, np.arange(values.shape[1])])
 
@@ -109,7 +107,7 @@ def _ipopt(program: MuLowerBound, context: Context) -> Claim:
 
 @method(MuLowerBound, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: MuLowerBound, context: Context) -> Claim:
-    """The best of power iterations with local ascents and, for real blocks, their vertices."""
+    """Local ascents from power iterations and, for real blocks, from vertices and edges."""
     search = _Search(program, context)
     _best_search(search)
     return search.claim()

@@ -211,7 +211,6 @@ def _closed(
         block_table(complex_part),
         starts,
         np.zeros((len(starts), len(complex_part))),
-        False,
     )
     best, which = np.argmax(gains, axis=0), np.arange(len(deltas))
     deltas[np.ix_(which, own_rows, own_columns)] = ends[best, which]

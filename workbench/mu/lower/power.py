@@ -124,7 +124,7 @@ def aligned_delta(a, w, table, reals):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-untyped-def]
+def power_batch(Ms, table, starts, start_reals):  # type: ignore[no-untyped-def]
     """Lower bounds of a batch and their Deltas, by runs from given starts and one warm start.
 
     Parameters
@@ -135,8 +135,6 @@ def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-un
         `block_table`.
     starts, start_reals
         Unit vectors b and w of each start, complex (S, 2, rows), and its real blocks, (S, blocks).
-    thorough
-        Whether to search all phases where the end of a run has no real eigenvalue.
 
     Returns
     -------
@@ -162,7 +160,7 @@ def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-un
             if not np.all(np.isfinite(delta.real) & np.isfinite(delta.imag)):
                 continue
             value = settled(Ms[m], table, delta)
-            if value == 0 and some_complex and (thorough or (s == runs - 1 and best == 0)):
+            if value == 0 and some_complex and s == runs - 1 and best == 0:
                 value = attained(Ms[m], table, delta)
             values[s, m], deltas[s, m] = value, delta
             if value > best:
