@@ -102,7 +102,7 @@ def stored_candidates(data: Dataset) -> Candidates | None:
     )
 
 
-def stored_model(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
+def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
     """The model of a name in a dataset, with the names and the time of the record."""
     record = program.record
     return InnovationsModel(

@@ -262,7 +262,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         return datasets.to_dataset(self, answer)
 
     def from_dataset(self, data: Dataset) -> IdentifiedModels:
-        predictor, simulator = (datasets.stored_model(self, data, name) for name in MODELS)
+        predictor, simulator = (datasets.innovations_model_of(self, data, name) for name in MODELS)
         scores = data["validation_fit"].values
         candidates = datasets.stored_candidates(data)
         return IdentifiedModels(
