@@ -193,7 +193,7 @@ def test_bad_input_says_what_is_needed(project, address, options, error, words):
 
 def test_without_dask_it_says_what_to_install(project, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ClusterError, match=r"pip install 'workbench\[dask\]'"):
+    with pytest.raises(ClusterError, match=r"pip install 'robust-workbench\[dask\]'"):
         wb.connect("local")
 
 

@@ -11,6 +11,7 @@ from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
 from workbench.executor import Context
 from workbench.fitting import ResponseFit
 from workbench.geometry import NarrowestStadium
+from workbench.identification import ClosedLoopFit, RationalModelFit
 from workbench.program import _METHODS, methods
 from workbench.solvers import ACCURACY, Options, conic_solvers
 from workbench.synthesis import Implementation
@@ -46,6 +47,27 @@ def implementation():
     return Implementation((s + 1) / (s + 0.1), 1 / (s + 1), period=0.05, delay=0.5)
 
 
+def rational_model():
+    """A mode with a little that no model of two poles has."""
+    omega = np.geomspace(0.1, 100.0, 40)
+    response = rational_fit().response
+    response = np.interp(omega, np.geomspace(0.1, 100.0, 25), response)
+    return RationalModelFit(omega, response, 1e-4 * np.abs(response) ** 2, (2,))
+
+
+def closed_loop_fit():
+    """A first-order plant in a loop with a gain, moved by a random reference."""
+    rng = np.random.default_rng(0)
+    r, e = rng.standard_normal(600), 0.1 * rng.standard_normal(600)
+    x, u, y = 0.0, np.zeros(600), np.zeros(600)
+    for t in range(600):
+        y[t] = x + e[t]
+        u[t] = r[t] - 0.3 * y[t]
+        x = 0.8 * x + u[t]
+    gain = control.ss([], [], [], [[0.3]], 1.0)
+    return ClosedLoopFit(u, y, orders=(1,), excitation=r, controller=gain, direct=False)
+
+
 def conic_program():
     """The least x that is 1 or more."""
     cone = ConeFactor(ConeKind.NONNEGATIVE, 1)
@@ -73,7 +95,9 @@ SMALL = {
 
 SMALL |= {
     "conic_program": conic_program,
+    "closed_loop_fit": closed_loop_fit,
     "implementation": implementation,
+    "rational_model": rational_model,
     "rational_fit": rational_fit,
     "given_angle": given_angle,
     "mu_synthesis": mu_synthesis,

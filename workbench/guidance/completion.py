@@ -7,7 +7,6 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from workbench.bench.describe import describe
 from workbench.bench.project import add_problems, registry
 from workbench.errors import WorkbenchError
 
@@ -46,6 +45,8 @@ def method_names(ctx: click.Context, param: click.Parameter, begun: str) -> list
 
 def _described(ctx: click.Context) -> Any:
     """The description of the first problem on the line; None where there is none yet."""
+    from workbench.bench.describe import describe  # loads NumPy, which plain commands do without
+
     _add_folders(ctx)
     params = ctx.params
     given = params.get("patterns") or params.get("pattern") or params.get("name") or ctx.args
