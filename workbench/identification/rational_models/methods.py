@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.accuracy import ANY_ACCURACY_ALIKE, DEFAULT_TOLERANCE, AccuracyRange
 from workbench.executor import Context
 from workbench.identification.rational_models.point import FitPoint
 from workbench.identification.rational_models.program import RationalModelFit
@@ -27,6 +27,9 @@ SETTLED_COST = 1e-12
 """Relative change of the cost at which regressions with instruments end."""
 
 Refinement = Callable[[FitPoint], FitPoint]
+
+IPOPT_ACCURACY_RANGE = AccuracyRange(1e-8, DEFAULT_TOLERANCE)
+"""Tolerances of IPOPT; answers of coarser ones are not stationary enough to be certified."""
 
 
 @method(RationalModelFit, "levenberg-marquardt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -54,7 +57,7 @@ def _instruments(program: RationalModelFit, context: Context) -> Claim:
     return _by_order(program, context, _by_instruments, REFINED_STARTS)
 
 
-@method(RationalModelFit, "ipopt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(RationalModelFit, "ipopt", optimal=False, accuracy=IPOPT_ACCURACY_RANGE)
 def _ipopt(program: RationalModelFit, context: Context) -> Claim:
     """Nonlinear program in second-order sections, with exact second derivatives."""
     return _by_order(program, context, lambda point: section_descent(point, context), 2)
