@@ -103,6 +103,9 @@ def test_the_descent_lowers_the_level_and_keeps_its_bounds():
     low, high = used.D[0].limits(OMEGA)
     assert (low <= lower.D[1].ravel()).all()
     assert (lower.D[1].ravel() <= high).all()
+    begun = level_descent(plant, used, enough=0.9 * first)
+    reached = least_level(normal_of(plant, begun).plant, 1e-5)[1].gamma
+    assert last < reached < 0.9 * first
     again = level_descent(plant, used)
     np.testing.assert_array_equal(again.D[1], lower.D[1])
 

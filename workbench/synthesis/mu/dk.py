@@ -44,6 +44,8 @@ PATIENCE, LONG_PATIENCE = 4, 8
 """Rounds over which a peak must settle, for D-K and for (mu, D)-K iteration."""
 GAMMA_SHARE = 0.4
 """Share of the way that gamma moves in a round: much less is slow, much more diverges."""
+ENOUGH_SHARE = 0.99
+"""Share of the target at which a descent of the level ends: the peak of the loop is near it."""
 SMOOTHING_WIDTH = 0.1
 """Standard deviation, in log frequency, of the weights that smooth the wanted gamma."""
 LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
@@ -175,7 +177,7 @@ def _best_step(program: MuSynthesis, now: Round | None) -> tuple[StateSpace, flo
     K, level = k_step(program, now)
     if now is None:
         return K, level, None
-    lower = level_descent(program.plant, now)
+    lower = level_descent(program.plant, now, ENOUGH_SHARE * (program.target or 0.0))
     try:
         better = k_step(program, lower)
     except (SolverError, InputError):

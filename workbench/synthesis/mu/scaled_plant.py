@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,8 @@ FIRST_DESCENT_STEP, LARGEST_DESCENT_STEP = 0.3, 1.0
 """Length of the first step, and largest change of a parameter in a step."""
 DESCENT_SHARES = tuple(0.4**k for k in range(7))
 """Shares of a step that are tried in turn."""
+TINY_LEVEL = 1e-100
+"""A level that none reaches."""
 SUFFICIENT_FALL = 1e-3
 """Share of the promised fall that a step must bring."""
 
@@ -75,12 +78,13 @@ def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
     return replace(plant, system=found)
 
 
-def level_descent(plant: GeneralisedPlant, used: Round) -> Round:
+def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> Round:
     """Scalings of less level, found from those given by a quasi-Newton descent.
 
     The level of the next controller is a smooth function of the parameters of D, whose gradient
     costs no more than the level itself (see `worst_signals`). D-K iteration alone descends in
-    single directions and stops where the bound of its loop is flat over frequency.
+    single directions and stops where the bound of its loop is flat over frequency. The descent ends
+    at a level that is ``enough``.
     """
     scalings, x = used.D
     low, high = scalings.limits(np.exp(used.at))
@@ -112,7 +116,7 @@ def level_descent(plant: GeneralisedPlant, used: Round) -> Round:
         if curvature is None:
             curvature = np.eye(len(flat)) * float(np.linalg.norm(bend) / np.linalg.norm(change))
         curvature = updated_hessian(curvature, change, bend)
-        if fall < LEAST_DESCENT_FALL:
+        if fall < LEAST_DESCENT_FALL or new[0] < math.log(max(enough, TINY_LEVEL)):
             break
 
     return replace(used, D=(scalings, flat.reshape(x.shape)))
