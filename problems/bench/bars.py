@@ -1,4 +1,4 @@
-"""Bars of ratios on a logarithmic axis, as the benchmarks show how much faster a method is."""
+"""Ratios on a logarithmic axis, as the benchmarks show how much faster a method is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench import figures
-from workbench.heavy_types import Figure
+from workbench.heavy_types import DataArray, Figure
 
 
 def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()) -> Figure:
@@ -25,4 +25,17 @@ def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()
     if wanted:
         panel.plot(wanted, place, "|", color=figures.ORANGE, markersize=22, label="asked for")
         figures.legend_below(figure, panel)
+    return figure
+
+
+def ratios_by_size(over: DataArray, wanted: Mapping[int, float]) -> Figure:
+    """Times over those of eigenvalues (kind, size), and the largest that are asked for by size."""
+    figure, (panel,) = figures.axes()
+    for kind in over["kind"].values:
+        panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
+    panel.plot(list(wanted), list(wanted.values()), "k:", label="asked for at most")
+    figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
+    panel.set_xticks(list(wanted), map(str, wanted), minor=False)
+    panel.minorticks_off()
+    figures.legend_below(figure, panel, 2)
     return figure

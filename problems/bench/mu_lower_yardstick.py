@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, figures, problem
+from workbench import Check, problem
 from workbench.arrays import Array
 from workbench.executor import WALL_TIME, Context
 from workbench.heavy_types import DataArray, Figure
@@ -18,6 +18,9 @@ from workbench.mu import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+
+from .bars import ratios_by_size
+from .interleaved import interleaved
 
 KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
     "complex scalars": lambda n: (Complex(1),) * n,
@@ -105,16 +108,7 @@ class MuLowerYardstick(Study):
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        figure, (panel,) = figures.axes()
-        over = _over(seconds, "search")
-        for kind in over["kind"].values:
-            panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
-        panel.axhline(WANTED, color="k", linestyle=":", label="asked for at most")
-        figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
-        panel.set_xticks(SIZES, map(str, SIZES), minor=False)
-        panel.minorticks_off()
-        figures.legend_below(figure, panel, 2)
-        return figure
+        return ratios_by_size(_over(seconds, "search"), dict.fromkeys(SIZES, WANTED))
 
     @table
     def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
@@ -147,11 +141,6 @@ def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple
         lambda: [np.linalg.eigvalsh(hermitian) for _ in range(20)],
     ]
     lower_bound(M[:2], structure)  # loads what is compiled
-    times: list[list[float]] = [[], [], []]
-    for _ in range(rounds):
-        for call, taken in zip(calls, times, strict=True):
-            start = time.process_time()
-            call()
-            taken.append((time.process_time() - start) / count)
-    search, bound, eigenvalues = (min(taken) for taken in times)
+    times = interleaved(calls, rounds, time.process_time) / count
+    search, bound, eigenvalues = times.min(axis=0).tolist()
     return search, bound, eigenvalues / 20

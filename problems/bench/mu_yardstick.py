@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from statistics import median
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, figures, problem
+from workbench import Check, problem
 from workbench.arrays import Array
 from workbench.executor import WALL_TIME, Context, InProcess
 from workbench.heavy_types import DataArray, Figure
 from workbench.mu import upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+
+from .bars import ratios_by_size
+from .interleaved import interleaved
 
 KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
     "complex scalars": lambda n: (Complex(1),) * n,
@@ -92,16 +93,7 @@ class MuYardstick(Study):
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        figure, (panel,) = figures.axes()
-        over = _over(seconds)
-        for kind in over["kind"].values:
-            panel.plot(over["size"], over.sel(kind=kind), "o-", label=kind)
-        panel.plot(list(WANTED), list(WANTED.values()), "k:", label="asked for at most")
-        figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
-        panel.set_xticks(SIZES, map(str, SIZES), minor=False)
-        panel.minorticks_off()
-        figures.legend_below(figure, panel, 2)
-        return figure
+        return ratios_by_size(_over(seconds), WANTED)
 
     @table
     def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
@@ -132,11 +124,5 @@ def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple
         lambda: np.linalg.eigvalsh(hermitian),
     ]
     upper_bound(M, structure, executor=InProcess())  # loads what is compiled
-    times: list[list[float]] = [[], []]
-    for _ in range(rounds):
-        for call, taken in zip(calls, times, strict=True):
-            start = time.perf_counter()
-            call()
-            taken.append((time.perf_counter() - start) / count)
-    bound, eigenvalues = (median(taken) for taken in times)
+    bound, eigenvalues = (np.median(interleaved(calls, rounds), axis=0) / count).tolist()
     return bound, eigenvalues

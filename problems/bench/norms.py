@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from statistics import median
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -22,6 +20,9 @@ from workbench.study import Study, array, check, dim, figure, metric, part, tabl
 from workbench.synthesis import MixedSensitivity
 from workbench.synthesis.hinf.riccati import central_of
 from workbench.systems.realisation import realisation
+
+from .bars import ratio_bars
+from .interleaved import interleaved
 
 CASES = {
     "norm, 40 states": ("AB13DD of SLICOT", 4.0),
@@ -82,9 +83,12 @@ class NormsSpeed(Study):
             "certificate, 120 states": lambda: _loop(rng, 120)[0],
             "synthesis, 120 states": lambda: _loop(rng, 120)[1],
         }
-        return np.array(
-            [_interleaved(*makers[case](), self.rounds) for case in context.track(CASES, "cases")]
-        )
+        # The first round, uncounted, loads code.
+        times = [
+            interleaved(makers[case](), self.rounds + 1)[1:]
+            for case in context.track(CASES, "cases")
+        ]
+        return np.median(times, axis=1)
 
     seconds = array((case, step), "s", "time", lambda timed: timed, **WALL_TIME)
 
@@ -105,8 +109,6 @@ class NormsSpeed(Study):
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
-        from .bars import ratio_bars
-
         over = {case: float(_over(seconds).sel(case=case)) for case in CASES}
         wanted = [limit for _, limit in CASES.values()]
         return ratio_bars(over, "time over that of the yardstick", wanted)
@@ -125,20 +127,6 @@ class NormsSpeed(Study):
 def _over(seconds: DataArray) -> DataArray:
     """Time of the workbench over that of the yardstick (case,)."""
     return seconds.sel(step="workbench", drop=True) / seconds.sel(step="yardstick", drop=True)
-
-
-def _interleaved(
-    ours: Callable[[], Any], yardstick: Callable[[], Any], rounds: int
-) -> tuple[float, float]:
-    """Median times [s] of both, one after the other; the first, uncounted calls load code."""
-    times: tuple[list[float], list[float]] = ([], [])
-    for _ in range(rounds + 1):
-        for call, taken in zip((ours, yardstick), times, strict=True):
-            start = time.perf_counter()
-            call()
-            taken.append(time.perf_counter() - start)
-    own, other = (median(taken[1:]) for taken in times)
-    return own, other
 
 
 def modal_plant(rng: np.random.Generator, states: int, channels: int) -> StateSpace:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,8 +28,6 @@ FIRST_DESCENT_STEP, LARGEST_DESCENT_STEP = 0.3, 1.0
 """Length of the first step, and largest change of a parameter in a step."""
 DESCENT_SHARES = tuple(0.4**k for k in range(7))
 """Shares of a step that are tried in turn."""
-TINY_LEVEL = 1e-100
-"""A level that none reaches."""
 SUFFICIENT_FALL = 1e-3
 """Share of the promised fall that a step must bring."""
 
@@ -116,7 +113,7 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
         if curvature is None:
             curvature = np.eye(len(flat)) * float(np.linalg.norm(bend) / np.linalg.norm(change))
         curvature = updated_hessian(curvature, change, bend)
-        if fall < LEAST_DESCENT_FALL or new[0] < math.log(max(enough, TINY_LEVEL)):
+        if fall < LEAST_DESCENT_FALL or np.exp(new[0]) <= enough:
             break
 
     return replace(used, D=(scalings, flat.reshape(x.shape)))
