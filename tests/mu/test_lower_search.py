@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from lanes import thinned
+from power_iteration import power_batch
 
 from workbench.executor import Context
 from workbench.mu.lower.ascent import ascend
 from workbench.mu.lower.attain import block_table
 from workbench.mu.lower.edges import point_count, set_crossings, set_point, set_polynomials
 from workbench.mu.lower.methods import _Search, proposals
-from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.program import MuLowerBound
 from workbench.mu.lower.rayleigh import LOOP, X, Y, rayleigh_step
 from workbench.mu.lower.realise import workspace

@@ -201,3 +201,14 @@ def attained(M, table, delta):  # type: ignore[no-untyped-def]
     root = _turned_radius(M_real, M_other, below)[1]
     delta += (np.conj(root) / abs(root) - 1) * other
     return turned(M, table, delta, below + 0j, -1)[0]
+
+
+@compiled
+def innermost(table, delta):  # type: ignore[no-untyped-def]
+    """The real block farthest inside its interval; -1 where all real blocks are at the ends."""
+    place, least = -1, 1.0
+    for k in range(len(table)):
+        kind, r, _, c, _ = table[k]
+        if kind == REAL and abs(delta[r, c].real) < least:
+            place, least = k, abs(delta[r, c].real)
+    return place

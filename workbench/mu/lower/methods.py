@@ -12,7 +12,6 @@ from workbench.executor import Context
 from workbench.mu.lower.attain import block_table
 from workbench.mu.lower.mixed_blocks import gain_bound, held_bound, weak_bound
 from workbench.mu.lower.nonlinear import NonlinearSearch
-from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.lower.real_blocks import (
     MOST_VERTICES,
@@ -27,10 +26,8 @@ from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 from workbench.structure import Real, Structure
 
-POWER_STARTS = 2
-"""Random starts of the power iteration, in addition to the warm start."""
-ASCENT_STARTS = 32
-"""Starts from which ascents are made."""
+FEW_STARTS, MANY_STARTS = 8, 32
+"""Most starts from which `"power"` and `"best"` make ascents."""
 RUN_KINDS = "MLHL"
 """Kinds of run that lead to the starts, in turn: real blocks move in a power iteration (M), or are
 held, in a power iteration (H) or at a level (L)."""
@@ -75,18 +72,15 @@ def proposals(
 
 @method(MuLowerBound, "power", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _power(program: MuLowerBound, context: Context) -> Claim:
-    """Power iteration of Packard, Fan, Doyle and Young from random and warm starts."""
+    """Local ascents from a few power iterations of Packard, Fan, Doyle and Young."""
     search = _Search(program, context)
     _power_search(search)
     return search.claim()
 
 
 def _power_search(search: _Search) -> None:
-    """Keep what the power iteration finds."""
-    for chunk in search.chunks("power iteration"):
-        values, deltas = power_batch(search.M[chunk], search.table, *search.starts(POWER_STARTS))
-        best = np.argmax(values, axis=0)
-        search.improve(chunk, values.max(axis=0), deltas[best, np.arange(values.shape[1])])
+    """Keep the best of the local ascents from a few starts."""
+    search.ascend(FEW_STARTS, FEWEST_AGREEING)
 
 
 @method(MuLowerBound, "gain", optimal=False, unfit=_has_real, accuracy=ANY_ACCURACY_ALIKE)
@@ -115,12 +109,10 @@ def _best(program: MuLowerBound, context: Context) -> Claim:
 
 def _best_search(search: _Search) -> None:
     """Keep the best of the local ascents from many starts."""
-    starts = search.varied_starts(ASCENT_STARTS)
     real = {isinstance(block, Real) for block in search.structure}
     agree = AGREEING_ASCENTS["mixed" if len(real) == 2 else "real" if True in real else "complex"]
     agree = min(agree, max(FEWEST_AGREEING, AGREEING_ROWS // search.structure.rows))
-    for chunk in search.chunks("ascent"):
-        search.improve(chunk, *search_batch(search.M[chunk], search.table, *starts, agree))
+    search.ascend(MANY_STARTS, agree)
     if real == {True}:
         search.each("vertices", search.from_exact_vertices())
 
@@ -138,12 +130,13 @@ class _Search:
         self.delta = np.zeros((len(self.M), *shape[::-1]), complex)
         self._earlier: list[list[FoundEigenvalue]] = [[] for _ in self.M]
 
-    def chunks(self, description: str) -> list[slice]:
-        """Slices of the batch, with progress shown under a description."""
-        starts = range(0, len(self.M), DEADLINE_MATRICES)
-        return list(
-            self._context.track([slice(at, at + DEADLINE_MATRICES) for at in starts], description)
-        )
+    def ascend(self, count: int, agree: int) -> None:
+        """Keep the best of ascents from so many starts; fewer where so many agree."""
+        starts = self.varied_starts(count)
+        places = range(0, len(self.M), DEADLINE_MATRICES)
+        chunks = [slice(place, place + DEADLINE_MATRICES) for place in places]
+        for chunk in self._context.track(chunks, "ascent"):
+            self.improve(chunk, *search_batch(self.M[chunk], self.table, *starts, agree))
 
     def starts(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Random vectors and real blocks from which power iterations start."""

@@ -1,8 +1,8 @@
 """Lower bounds for real and complex blocks: hold the real blocks and align the complex ones.
 
 With the real blocks held at a vertex of their box, the complex ones close a loop whose complex mu
-is bounded by the power iteration (P. Seiler, A. Packard and G. Balas, "A gain-based lower bound
-algorithm for real and mixed mu problems", Automatica 46, 2010).
+is bounded by ascents from power iterations (P. Seiler, A. Packard and G. Balas, "A gain-based lower
+bound algorithm for real and mixed mu problems", Automatica 46, 2010).
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import numpy as np
 
 from workbench.mu.lower.ascent import ascend
 from workbench.mu.lower.attain import attained, block_table, turned
-from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.real_blocks import (
     MOST_VERTICES,
     REFINED_STARTS,
@@ -21,6 +20,7 @@ from workbench.mu.lower.real_blocks import (
     sign_patterns,
     unit_starts,
 )
+from workbench.mu.lower.search import search_batch
 from workbench.structure import Real, Structure
 
 LEVEL_COUNT, LOWEST_LEVEL = 50, 1e-7
@@ -181,8 +181,8 @@ def _closed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains (P,) and Deltas (P, rows, columns) with given real and aligned complex blocks.
 
-    ``reals`` (P, real blocks) close their loop at the eigenvalues ``levels`` (P,), and the power
-    iteration aligns the complex blocks with the closed loop. Complex blocks of size
+    ``reals`` (P, real blocks) close their loop at the eigenvalues ``levels`` (P,), and the search
+    aligns the complex blocks with the closed loop. Complex blocks of size
     1 / (gain * level) and real blocks ``reals / level`` then make I - M Delta singular.
     """
     complex_part = Structure(block for block in structure if not isinstance(block, Real))
@@ -205,13 +205,14 @@ def _closed(
     loops = np.linalg.solve(closed, M[:, own_rows])[:, own_columns]
     size = np.abs(loops).max(axis=(1, 2))
     size[size == 0] = 1.0
-    starts = unit_starts(2, complex_part.rows, rng)
-    gains, ends = power_batch(
+    gains, ends = search_batch(
         np.ascontiguousarray(loops / size[:, None, None]),
         block_table(complex_part),
-        starts,
-        np.zeros((len(starts), len(complex_part))),
+        unit_starts(2, complex_part.rows, rng),
+        np.zeros((2, len(complex_part))),
+        np.ones(2, bool),
+        np.zeros(2),
+        2,
     )
-    best, which = np.argmax(gains, axis=0), np.arange(len(deltas))
-    deltas[np.ix_(which, own_rows, own_columns)] = ends[best, which]
-    return gains[best, which] * size, deltas
+    deltas[np.ix_(np.arange(len(deltas)), own_rows, own_columns)] = ends
+    return gains * size, deltas

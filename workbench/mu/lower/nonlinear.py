@@ -12,8 +12,7 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.mu.lower.ascent import ascend
-from workbench.mu.lower.attain import attained, block_table, turned
-from workbench.mu.lower.power import innermost
+from workbench.mu.lower.attain import attained, block_table, innermost, turned
 from workbench.solvers import ipopt
 from workbench.structure import Complex, Real, Structure
 

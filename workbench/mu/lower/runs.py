@@ -1,9 +1,12 @@
 """Runs that lead from random vectors to a Delta for which M Delta has a real eigenvalue.
 
 A power iteration aligns the complex blocks. Real blocks are held at a vertex, or moved as the
-power iteration of mixed mu does (`workbench.mu.lower.power` names the sources). With real blocks
-only, the best Delta of the linearised problem is taken again and again instead. What remains of
-the imaginary part is removed by the real blocks together.
+power iteration of mixed mu does. With real blocks only, the best Delta of the linearised problem is
+taken again and again instead. What remains of the imaginary part is removed by the real blocks
+together.
+
+Sources: A. Packard, M. Fan and J. Doyle, "A power method for the structured singular value",
+CDC 1988; P. Young and J. Doyle, "Computation of mu with real and complex uncertainties", CDC 1990.
 """
 
 from __future__ import annotations

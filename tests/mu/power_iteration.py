@@ -1,4 +1,4 @@
-"""The power iteration for mixed mu, over a batch of matrices.
+"""The power iteration for mixed mu in plain steps, as a reference for the compiled search.
 
 Sources: A. Packard, M. Fan and J. Doyle, "A power method for the structured singular value",
 CDC 1988; P. Young and J. Doyle, "Computation of mu with real and complex uncertainties", CDC 1990.
@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
-from workbench.mu.lower.attain import REAL, SCALAR, attained, rotated, turned
+from workbench.mu.lower.attain import REAL, SCALAR, attained, innermost, rotated, turned
 
 POWER_STEPS = 60
 """Most steps of one run; a run that has not settled by then seldom does later."""
@@ -17,8 +16,7 @@ SETTLED_CHANGE = 1e-6
 """A run ends when the vectors change by less; the eigenvalue's error is then about its square."""
 
 
-@compiled
-def _size(v):  # type: ignore[no-untyped-def]
+def _size(v):
     """Euclidean norm."""
     total = 0.0
     for value in v:
@@ -26,8 +24,7 @@ def _size(v):  # type: ignore[no-untyped-def]
     return np.sqrt(total)
 
 
-@compiled
-def _aligned(a, w, table, reals, z, b):  # type: ignore[no-untyped-def]
+def _aligned(a, w, table, reals, z, b):
     """Set z = Delta^H w and b = Delta a for the Delta that aligns w with a.
 
     Real blocks have the values ``reals``.
@@ -52,8 +49,7 @@ def _aligned(a, w, table, reals, z, b):  # type: ignore[no-untyped-def]
                 b[r + i] = ratio * w[r + i]
 
 
-@compiled
-def _update_reals(a, b, w, table, reals):  # type: ignore[no-untyped-def]
+def _update_reals(a, b, w, table, reals):
     """Move ``reals`` towards an end of [-1, 1]; they stay inside where a and w are orthogonal."""
     for k in range(len(table)):
         kind, r, nr, c, nc = table[k]
@@ -64,8 +60,7 @@ def _update_reals(a, b, w, table, reals):  # type: ignore[no-untyped-def]
             reals[k] = min(max(value, -1.0), 1.0)
 
 
-@compiled
-def iterate(M, table, b, w, reals):  # type: ignore[no-untyped-def]
+def iterate(M, table, b, w, reals):
     """The Delta at the end of one run of the power iteration from vectors b, w (rows).
 
     b, w and the values of the real blocks are changed in place.
@@ -98,8 +93,7 @@ def iterate(M, table, b, w, reals):  # type: ignore[no-untyped-def]
     return aligned_delta(a, w, table, reals)
 
 
-@compiled
-def aligned_delta(a, w, table, reals):  # type: ignore[no-untyped-def]
+def aligned_delta(a, w, table, reals):
     """The Delta (rows, columns) that aligns w (rows) with a (columns)."""
     delta = np.zeros((len(w), len(a)), np.complex128)
     for k in range(len(table)):
@@ -123,8 +117,7 @@ def aligned_delta(a, w, table, reals):  # type: ignore[no-untyped-def]
     return delta
 
 
-@compiled
-def power_batch(Ms, table, starts, start_reals):  # type: ignore[no-untyped-def]
+def power_batch(Ms, table, starts, start_reals):
     """Lower bounds of a batch and their Deltas, by runs from given starts and one warm start.
 
     Parameters
@@ -169,8 +162,7 @@ def power_batch(Ms, table, starts, start_reals):  # type: ignore[no-untyped-def]
     return values, deltas
 
 
-@compiled
-def settled(M, table, delta):  # type: ignore[no-untyped-def]
+def settled(M, table, delta):
     """A real eigenvalue near the most positive one of M Delta, 0 for none; delta is changed."""
     if not np.any(table[:, 0] == REAL):
         return rotated(M, delta)
@@ -184,14 +176,3 @@ def settled(M, table, delta):  # type: ignore[no-untyped-def]
     if value > 0:
         delta[:] = trial
     return value
-
-
-@compiled
-def innermost(table, delta):  # type: ignore[no-untyped-def]
-    """The real block farthest inside its interval; -1 where all real blocks are at the ends."""
-    place, least = -1, 1.0
-    for k in range(len(table)):
-        kind, r, _, c, _ = table[k]
-        if kind == REAL and abs(delta[r, c].real) < least:
-            place, least = k, abs(delta[r, c].real)
-    return place
