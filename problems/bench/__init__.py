@@ -1,1 +1,1 @@
-"""Problems that measure the workbench itself; ratios within one run, never bare times."""
+"""Problems that measure the workbench itself: ratios within one run; of first answers the time."""

@@ -15,13 +15,24 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
-from workbench.certify.rounding import TINY, UPWARD, Enclosure, nearest_power_of_two
+from workbench.certify.eigenpairs import CLUSTER, eigenpairs
+from workbench.certify.rounding import (
+    TINY,
+    UPWARD,
+    Enclosure,
+    nearest_power_of_two,
+    solution,
+    stacked_enclosures,
+)
 
 PRECISIONS = (128, 256, 512)
 """Bits of the balls, one after the other until a proof succeeds."""
 
-CLUSTER = 2.0**-16
-"""Poles closer than this share of their size are kept together in one mode."""
+LOST_IN_DOUBLES = 8
+"""Largest error of modal coordinates by an inverse in doubles, in units of the largest of a row's
+last bit; it is 1 by balls."""
+REFINEMENTS = 4
+"""Most corrections of modal coordinates in doubles."""
 LARGEST_SCALE = 2.0**200
 """Largest factor of a state."""
 LARGEST_ENTRY = 1e150
@@ -56,14 +67,54 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
         if found is None:
             return None
         T, mode = found
-        try:
-            parts = T.solve(A * T), T.solve(B), C * T
-        except ZeroDivisionError:  # T may be singular
+        inner = _in_doubles(T, A, B, mode) or _in_balls(T, A, B)
+        if inner is None:
             return None
-        enclosures = [real_doubles(part) for part in parts]
+        enclosures = [*inner, real_doubles(C * T)]
     if any(not (np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in enclosures):
         return None
     return _normalised(enclosures[0], enclosures[1], enclosures[2], mode)
+
+
+def _in_doubles(T: Any, A: Any, B: Any, mode: Array) -> tuple[Enclosure, Enclosure] | None:
+    """T^-1 A T and T^-1 B by the inverse of T in doubles; None where that is not sharp.
+
+    The residuals of what doubles give are small, so that few of their digits matter.
+    """
+    basis, n = real_doubles(T), T.nrows()
+    goal = A * T, B
+    between = mode[:, None] != mode, np.zeros((n, B.ncols()), bool)
+    near = [real_balls(np.zeros(part.shape)) for part in between]
+    for _ in range(REFINEMENTS):
+        left = [real_doubles(part - T * its) for part, its in zip(goal, near, strict=True)]
+        rest = solution(basis, stacked_enclosures([left]))
+        if rest is None:
+            return None
+        mids, rads = (np.split(part, [n], axis=1) for part in (rest.mid, rest.rad))
+        sums = [its + real_balls(mid) for its, mid in zip(near, mids, strict=True)]
+        rounded = zip(map(real_doubles, sums), rads, strict=True)
+        A_in, B_in = (Enclosure(part.mid, (part.rad + rad) * UPWARD) for part, rad in rounded)
+        if _sharp_rows(A_in) and _sharp_rows(B_in):
+            return A_in, B_in
+        near = [
+            (its + real_balls(np.where(apart, 0.0, mid))).mid()
+            for its, apart, mid in zip(near, between, mids, strict=True)
+        ]
+    return None
+
+
+def _sharp_rows(matrix: Enclosure) -> bool:
+    """Whether no error is above some of the last bit of its row's largest entry."""
+    largest = np.abs(matrix.mid).max(axis=1, initial=0.0, keepdims=True)
+    return bool((matrix.rad <= LOST_IN_DOUBLES * EPS * largest + TINY).all())
+
+
+def _in_balls(T: Any, A: Any, B: Any) -> tuple[Enclosure, Enclosure] | None:
+    """As `_in_doubles`, by a solution in balls, which takes longer."""
+    try:
+        return real_doubles(T.solve(A * T)), real_doubles(T.solve(B))
+    except ZeroDivisionError:  # T may be singular
+        return None
 
 
 def _normalised(A: Enclosure, B: Enclosure, C: Enclosure, mode: Array) -> Enclosures:
@@ -96,12 +147,12 @@ def _modes(A: Any, bits: int) -> tuple[Any, Array] | None:
     import flint
 
     n = A.nrows()
-    values, vectors = flint.acb_mat(A).eig(right=True, algorithm="approx", nonstop=True)
+    values, vectors = eigenpairs(A, bits)
     columns: list[list[Any]] = []
     poles: list[complex] = []
     mode: list[int] = []
-    for k in sorted(range(n), key=lambda k: abs(complex(values[k].mid()))):
-        pole = complex(values[k].mid())
+    for k in sorted(range(n), key=lambda k: abs(values[k])):
+        pole = values[k]
         column = [vectors[i, k].mid() for i in range(n)]
         largest = max(column, key=lambda entry: float(abs(entry)))
         if not float(abs(largest)) > 0.0:  # also refuses NaN

@@ -51,11 +51,13 @@ def _solved(
         balanced_batch(M, pattern, scaled, E, scale)
         d, g = np.empty((count, pattern.size)), np.empty((count, places.row.size))
         follow_paths(scaled, places, accuracy, d, g, gaps, iterations)
+        nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
+        d[nothing], g[nothing] = 1.0, 0.0
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]
         with np.errstate(all="ignore"):  # what is not finite proves nothing
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
-        gaps[scale == 0] = np.inf
+        gaps[nothing] = 0.0
     elif is_alone(structure):
         first_D, first_G, mu = closed_form(M, structure)
         exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu

@@ -1,0 +1,100 @@
+"""Approximate eigenvalues and eigenvectors of many digits.
+
+LAPACK finds them in doubles. Newton's method adds digits: with the residual R = A V - V L in many
+digits, the part X of V^-1 R between modes vanishes to first order if V becomes V (I + E), where
+E_ij = X_ij / (L_jj - L_ii). The eigenvalues of a cluster share a block of L and are not told apart.
+Where that does not converge, the QR iteration in many digits finds them, which takes ten times as
+long. Nothing here is a proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array, ComplexArray
+
+CLUSTER = 2.0**-16
+"""Poles closer than this share of their size are kept together in one mode."""
+STEPS = 12
+"""Most steps of Newton's method. Each adds the digits of a double, less those that nearly dependent
+eigenvectors cost."""
+LOST_DIGITS = 24
+"""Bits fewer than those of the balls to which the residual is reduced."""
+CONVERGING = 0.1
+"""A step that reduces the residual by less than this factor is the last."""
+
+
+def eigenpairs(A: Any, bits: int) -> tuple[list[complex], Any]:
+    """Eigenvalues of a real matrix of balls (n, n), and eigenvectors as columns of an `acb_mat`."""
+    import flint
+
+    found = _refined(A.mid(), bits)
+    if found is None:
+        values, vectors = flint.acb_mat(A).eig(right=True, algorithm="approx", nonstop=True)
+        return [complex(value.mid()) for value in values], vectors
+    return found
+
+
+def _refined(A: Any, bits: int) -> tuple[list[complex], Any] | None:
+    """The eigenpairs by Newton's method from those in doubles; None where it does not converge."""
+    import flint
+
+    values, start = np.linalg.eig(_doubles(A).real)
+    values = values.astype(complex)
+    distance = values - values[:, None]
+    size = np.abs(values)
+    together = np.abs(distance) < CLUSTER * np.maximum.outer(size, size)
+    np.fill_diagonal(together, True)
+    distance[together] = 1.0
+    try:
+        back = np.linalg.inv(start)
+    except np.linalg.LinAlgError:
+        return None
+    if not distance.all():
+        return None
+    start = start.astype(complex)
+    A, V, L = flint.acb_mat(A), _balls(start), _balls(np.diag(values))
+    pairs = np.argwhere(together).tolist()
+    before = np.inf
+    for _ in range(STEPS):
+        X = back @ _doubles(A * V - _times_blocks(V, L, pairs))
+        E = np.where(together, 0.0, X) / distance
+        change = float(np.abs(E).max(initial=0.0))
+        if not change < CONVERGING * before:
+            return None
+        if change < 2.0 ** (LOST_DIGITS - bits):
+            return values.tolist(), V
+        before = change
+        V = (V + _balls(start @ E)).mid()
+        L = L + _balls(np.where(together, X, 0.0))
+    return None
+
+
+def _times_blocks(V: Any, L: Any, pairs: Sequence[Sequence[int]]) -> Any:
+    """V L of an L with entries at pairs (i, j) only."""
+    import flint
+
+    n = V.nrows()
+    product = flint.acb_mat(n, n)
+    for i, j in pairs:
+        factor = L[i, j]
+        for k in range(n):
+            product[k, j] += V[k, i] * factor
+    return product
+
+
+def _doubles(matrix: Any) -> ComplexArray:
+    """The midpoints of a matrix of balls."""
+    shape = matrix.nrows(), matrix.ncols()
+    return np.array([complex(entry.mid()) for entry in matrix.entries()]).reshape(shape)
+
+
+def _balls(matrix: Array) -> Any:
+    """A matrix of numbers as complex balls of radius 0."""
+    import flint
+
+    rows, columns = matrix.shape
+    return flint.acb_mat(rows, columns, matrix.astype(complex).ravel().tolist())
