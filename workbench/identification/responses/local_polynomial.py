@@ -11,6 +11,7 @@ and FRF models for multivariable systems", Mechanical Systems and Signal Process
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,8 @@ class LocalPolynomial:
 
 UNEXCITED = 1e-8
 """Size of an input's slope over a band, relative to the input there, that is rounding."""
+SPARE_LINES = 8
+"""Lines of a band beyond the unknowns, where their number is not given."""
 LINES_AT_ONCE = 8192
 """Lines whose bands are held at once."""
 
@@ -91,9 +94,30 @@ def local_polynomial(
         An input excites too few lines of a band, as a periodic one does: the response is NaN there.
     """
     u, y = checked_record(u, y)
+    unknowns = (degree + 1) * (u.shape[1] + 1)
+    width = unknowns + SPARE_LINES if lines is None else lines
+    return fitted_in_bands(u, y, degree, unknowns, width, at, _at_lines)
+
+
+FitInBands = Callable[
+    [ComplexArray, ComplexArray, np.ndarray, int, int],
+    tuple[ComplexArray, ComplexArray, ComplexArray],
+]
+"""Of the spectra of input and output, lines, a degree and the width of bands: the responses, their
+covariances and those of the noise."""
+
+
+def fitted_in_bands(
+    u: RealArray,
+    y: RealArray,
+    degree: int,
+    unknowns: int,
+    width: int,
+    at: ArrayLike | None,
+    fit: FitInBands,
+) -> LocalPolynomial:
+    """What a fit with so many unknowns finds in bands of so many lines around those asked for."""
     samples, nu = u.shape
-    unknowns = (degree + 1) * (nu + 1)
-    width = unknowns + 8 if lines is None else lines
     # Leave out line 0, the mean, which is removed, and the last line of an even record, a real one.
     U, Y = (spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
     if width <= unknowns or width > len(U):
@@ -102,13 +126,13 @@ def local_polynomial(
             f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
         )
     chosen = np.arange(len(U)) if at is None else line_numbers(at, len(U)) - 1
-    size = Y.shape[1] * nu
-    response = np.empty((chosen.size, Y.shape[1], nu), complex)
-    covariance = np.empty((chosen.size, size, size), complex)
-    noise = np.empty((chosen.size, Y.shape[1], Y.shape[1]), complex)
+    ny = Y.shape[1]
+    response = np.empty((chosen.size, ny, nu), complex)
+    covariance = np.empty((chosen.size, ny * nu, ny * nu), complex)
+    noise = np.empty((chosen.size, ny, ny), complex)
     for start in range(0, chosen.size, LINES_AT_ONCE):
         part = slice(start, start + LINES_AT_ONCE)
-        response[part], covariance[part], noise[part] = _at_lines(U, Y, chosen[part], degree, width)
+        response[part], covariance[part], noise[part] = fit(U, Y, chosen[part], degree, width)
     return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
 
 

@@ -15,14 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray
-from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.responses.local_polynomial import (
-    LINES_AT_ONCE,
-    LocalPolynomial,
-    line_numbers,
-    spectrum,
-)
+from workbench.identification.responses.local_polynomial import LocalPolynomial, fitted_in_bands
 
 SPARE_LINES = 12
 """Lines of a band beyond the unknowns, where their number is not given."""
@@ -53,24 +47,9 @@ def local_rational(
         The same as for `local_polynomial`.
     """
     u, y = checked_record(u, y)
-    samples, nu = u.shape
-    unknowns = (degree + 1) * (nu + 1) + degree
+    unknowns = (degree + 1) * (u.shape[1] + 1) + degree
     width = unknowns + SPARE_LINES if lines is None else lines
-    U, Y = (spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
-    if width <= unknowns or width > len(U):
-        raise InputError(
-            f"bands of {width} lines in a record that has {len(U)}: more than {unknowns} are "
-            f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
-        )
-    chosen = np.arange(len(U)) if at is None else line_numbers(at, len(U)) - 1
-    ny = Y.shape[1]
-    response = np.empty((chosen.size, ny, nu), complex)
-    covariance = np.empty((chosen.size, ny * nu, ny * nu), complex)
-    noise = np.empty((chosen.size, ny, ny), complex)
-    for start in range(0, chosen.size, LINES_AT_ONCE):
-        part = slice(start, start + LINES_AT_ONCE)
-        response[part], covariance[part], noise[part] = _in_bands(U, Y, chosen[part], degree, width)
-    return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
+    return fitted_in_bands(u, y, degree, unknowns, width, at, _in_bands)
 
 
 def _in_bands(
