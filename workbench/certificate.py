@@ -19,6 +19,13 @@ class Check:
     ``where`` names the place of the worst value, for instance a frequency. ``opinion`` marks the
     checks of the second opinion, which share neither code nor mathematics with the others. ``over``
     says what the statement quantifies over, such as "at every frequency, for these 12 plants".
+
+    Examples
+    --------
+    >>> from workbench import Check
+    >>> check = Check("inside", "largest distance [m]", value=0.75, limit=1.0)
+    >>> check.holds, check.margin
+    (True, 0.25)
     """
 
     name: str
@@ -48,13 +55,29 @@ THIS_SYSTEM = "for this one system"
 
 
 def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
-    """The checks, each of which quantifies over this where it does not say over what it does."""
+    """The checks, each of which quantifies over this where it does not say over what it does.
+
+    Examples
+    --------
+    >>> from workbench.certificate import Check, quantified
+    >>> checks = [Check("inside", "largest distance [m]", 0.75, 1.0)]
+    >>> quantified("for these 12 plants", checks)[0].over
+    'for these 12 plants'
+    """
     return [check if check.over else replace(check, over=over) for check in checks]
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Largest distance of an answer from the best one, by a bound that no method supplied."""
+    """Largest distance of an answer from the best one, by a bound that no method supplied.
+
+    Examples
+    --------
+    >>> from workbench.certificate import Gap
+    >>> gap = Gap("radius above its bound", value=2e-7, tolerance=1e-6, required=True)
+    >>> gap.closed
+    True
+    """
 
     statement: str
     value: float
@@ -71,6 +94,14 @@ class Certificate:
     """Validity checks, which must hold, and where there is one the optimality gap.
 
     ``facts`` say in words what else to know of the answer; nothing is asked of them.
+
+    Examples
+    --------
+    >>> from workbench import Certificate, Check
+    >>> good = Check("inside", "largest distance [m]", 0.75, 1.0)
+    >>> bad = Check("stable", "largest real part [rad/s]", 0.1, 0.0)
+    >>> Certificate((good,)).holds, Certificate((good, bad)).holds
+    (True, False)
     """
 
     checks: tuple[Check, ...]
@@ -148,7 +179,16 @@ def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
 
 
 def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
-    """The largest of an array of values (NaN counts as largest) and the label of its place."""
+    """The largest of an array of values (NaN counts as largest) and the label of its place.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.certificate import worst
+    >>> distance = np.array([0.2, 0.9, 0.4])
+    >>> worst(distance, lambda index: f"drive {index[0] + 1}")
+    (0.9, 'drive 2')
+    """
     values = np.atleast_1d(np.asarray(values, dtype=float))
     if values.size == 0:
         return 0.0, ""

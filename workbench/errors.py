@@ -11,7 +11,19 @@ from typing import Any
 
 
 class WorkbenchError(Exception):
-    """Root of every error the workbench raises on purpose."""
+    """Root of every error the workbench raises on purpose.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.errors import WorkbenchError
+    >>> try:
+    ...     wb.load("no/such/problem")
+    ... except WorkbenchError as error:
+    ...     print(type(error).__name__)
+    ...
+    UnknownNameError
+    """
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A process hands its error to another one by its message; what made the message stays.
@@ -27,11 +39,30 @@ def _restored(
 
 
 class InputError(WorkbenchError, ValueError):
-    """Data or parameters that a task cannot take."""
+    """Data or parameters that a task cannot take.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.errors import InputError
+    >>> try:
+    ...     wb.smallest_circle([])
+    ... except InputError as error:
+    ...     print(error)
+    ...
+    points of shape (0,) hold no point; needed is (..., N) with N >= 1
+    """
 
 
 class UnknownNameError(WorkbenchError, LookupError):
-    """A name that is not registered; the message suggests the nearest ones."""
+    """A name that is not registered; the message suggests the nearest ones.
+
+    Examples
+    --------
+    >>> from workbench.errors import UnknownNameError
+    >>> print(UnknownNameError("solver", "clarable", ["clarabel", "scs"]))
+    no solver is called 'clarable'; did you mean clarabel?
+    """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         known = sorted(known)
@@ -41,7 +72,15 @@ class UnknownNameError(WorkbenchError, LookupError):
 
 
 class RegistryError(WorkbenchError):
-    """Problem files that contradict each other: duplicate names, cyclic needs, no literal name."""
+    """Problem files that contradict each other: duplicate names, cyclic needs, no literal name.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.errors import RegistryError
+    >>> issubclass(RegistryError, wb.errors.WorkbenchError)
+    True
+    """
 
 
 class ContradictionError(WorkbenchError):
@@ -55,6 +94,13 @@ class ContradictionError(WorkbenchError):
         The bounds; the lower one is above the upper one.
     lower_claim, upper_claim
         What each bound rests on.
+
+    Examples
+    --------
+    >>> from workbench.errors import ContradictionError
+    >>> error = ContradictionError("peak of mu", 1.2, "a perturbation", 1.1, "multipliers")
+    >>> print(str(error).partition(":")[0])
+    two certificates contradict each other on peak of mu
     """
 
     def __init__(
@@ -69,24 +115,92 @@ class ContradictionError(WorkbenchError):
 
 
 class SolverError(WorkbenchError):
-    """A method that gave no answer; the message carries the solver's own words."""
+    """A method that gave no answer; the message carries the solver's own words.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.errors import SolverError
+    >>> from workbench.synthesis import hinf
+    >>> G = control.ss(
+    ...     [[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
+    ... )
+    >>> try:
+    ...     hinf(G, measurements=1, controls=1, gamma=0.1)
+    ... except SolverError as error:
+    ...     print(type(error).__name__)
+    ...
+    SolverError
+    """
 
 
 class TimeLimitError(WorkbenchError):
-    """A method that was stopped at its time limit."""
+    """A method that was stopped at its time limit.
+
+    Examples
+    --------
+    >>> from workbench.errors import TimeLimitError, WorkbenchError
+    >>> issubclass(TimeLimitError, WorkbenchError)
+    True
+    """
 
 
 class MemoryLimitError(WorkbenchError):
-    """A task whose process was killed because it took more memory than it may."""
+    """A task whose process was killed because it took more memory than it may.
+
+    Examples
+    --------
+    >>> from workbench.errors import MemoryLimitError, WorkbenchError
+    >>> issubclass(MemoryLimitError, WorkbenchError)
+    True
+    """
 
 
 class CrashedError(WorkbenchError):
-    """A task whose process died, twice: by a signal, or by an exit of its own."""
+    """A task whose process died, twice: by a signal, or by an exit of its own.
+
+    Examples
+    --------
+    >>> import os
+    >>> from workbench.errors import CrashedError
+    >>> from workbench.executor import Workers
+    >>> with Workers(1) as workers:
+    ...     try:
+    ...         workers.submit(os._exit, 1).result()
+    ...     except CrashedError as error:
+    ...         print(type(error).__name__)
+    ...
+    CrashedError
+    """
 
 
 class ClusterError(WorkbenchError):
-    """A scheduler that does not answer or is lost, or a worker that has other code."""
+    """A scheduler that does not answer or is lost, or a worker that has other code.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.errors import ClusterError
+    >>> try:
+    ...     wb.connect("tcp://127.0.0.1:1")
+    ... except ClusterError as error:
+    ...     print(type(error).__name__)
+    ...
+    ClusterError
+    """
 
 
 class ResultError(WorkbenchError):
-    """A results folder that cannot be read or that does not hold what it should."""
+    """A results folder that cannot be read or that does not hold what it should.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.errors import ResultError
+    >>> try:
+    ...     wb.open_run("no-such-folder")
+    ... except ResultError as error:
+    ...     print(error)
+    ...
+    no-such-folder is no results folder: it has no run.json
+    """

@@ -23,7 +23,14 @@ ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
 
 
 class Outcome(StrEnum):
-    """Outcome of a solve or a run, in the same words for every solver."""
+    """Outcome of a solve or a run, in the same words for every solver.
+
+    Examples
+    --------
+    >>> from workbench import Outcome
+    >>> Outcome.SOLVED == "solved", Outcome("infeasible").name
+    (True, 'INFEASIBLE')
+    """
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -83,6 +90,12 @@ class Options:
         Let the solver print.
     seed
         Seed of the one random generator.
+
+    Examples
+    --------
+    >>> from workbench import Options
+    >>> Options("low").accuracy, Options("high", time_limit=10).accuracy
+    (0.001, 1e-09)
     """
 
     tolerance: float | str = "middle"
@@ -123,7 +136,20 @@ class Options:
 
 
 class Stopwatch(Protocol):
-    """Clock of a solver call: it books the time of the statement apart from that of the solve."""
+    """Clock of a solver call: it books the time of the statement apart from that of the solve.
+
+    Examples
+    --------
+    >>> from workbench import Options
+    >>> from workbench.executor import Context
+    >>> from workbench.solvers import Stopwatch
+    >>> clock: Stopwatch = Context(Options("low"))
+    >>> with clock.stating():
+    ...     statement = [k**2 for k in range(1000)]
+    ...
+    >>> clock.statement_seconds > 0
+    True
+    """
 
     def stating(self) -> AbstractContextManager[None]: ...
 
@@ -146,6 +172,13 @@ class ConicSolver:
         The distribution whose version can change its answers; "": it is called as the module is.
     widest
         The widest of `CONES` that it takes.
+
+    Examples
+    --------
+    >>> from workbench.solvers import ConicSolver
+    >>> scs = ConicSolver("scs", "scs", lambda options: {"eps_abs": options.accuracy}, finest=1e-9)
+    >>> scs.installed, scs.unfit("second-order")
+    (True, '')
     """
 
     name: str
@@ -204,7 +237,16 @@ _told: list[Callable[[ConicSolver], None]] = []
 
 
 def for_every_conic_solver(told: Callable[[ConicSolver], None]) -> None:
-    """Tell somebody of the installed conic solvers, and of those that are added later."""
+    """Tell somebody of the installed conic solvers, and of those that are added later.
+
+    Examples
+    --------
+    >>> from workbench.solvers import for_every_conic_solver
+    >>> names = []
+    >>> for_every_conic_solver(lambda solver: names.append(solver.name))
+    >>> "clarabel" in names
+    True
+    """
     for solver in conic_solvers():
         told(solver)
     _told.append(told)
@@ -217,6 +259,16 @@ def add_conic_solver(solver: ConicSolver) -> None:
     ------
     InputError
         It is not installed, or another solver has its name.
+
+    Examples
+    --------
+    >>> from workbench.solvers import ConicSolver, add_conic_solver
+    >>> try:
+    ...     add_conic_solver(ConicSolver("clarabel", "clarabel", lambda options: {}))
+    ... except ValueError as error:
+    ...     print(error)
+    ...
+    a conic solver 'clarabel' is there already
     """
     if not solver.installed:
         package = solver.package or solver.module
@@ -229,7 +281,14 @@ def add_conic_solver(solver: ConicSolver) -> None:
 
 
 def conic_solvers() -> tuple[ConicSolver, ...]:
-    """The installed conic solvers."""
+    """The installed conic solvers.
+
+    Examples
+    --------
+    >>> from workbench.solvers import conic_solvers
+    >>> [solver.name for solver in conic_solvers()][:3]
+    ['clarabel', 'scs', 'cvxopt']
+    """
     return tuple(solver for solver in _CONIC if solver.installed)
 
 
@@ -240,6 +299,18 @@ def solve_conic(
 
     Compilation is booked as statement. Whatever the solver raises, a panic included, becomes
     ``Outcome.FAILED`` with its words.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> from workbench import Options
+    >>> from workbench.executor import Context
+    >>> from workbench.solvers import conic_solvers, solve_conic
+    >>> x = cp.Variable(2)
+    >>> problem = cp.Problem(cp.Minimize(cp.norm(x)), [cp.sum(x) == 2])
+    >>> outcome, status = solve_conic(problem, conic_solvers()[0], Options(), Context())
+    >>> print(outcome, status, round(float(problem.value), 6))
+    solved clarabel: optimal 1.414214
     """
     settings = solver.settings(options)
     try:
@@ -276,6 +347,17 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any
     """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT.
 
     ``more`` are further options of IPOPT, by its names for them.
+
+    Examples
+    --------
+    >>> import casadi
+    >>> from workbench import Options
+    >>> from workbench.solvers import ipopt
+    >>> x = casadi.SX.sym("x", 2)
+    >>> valley = (1 - x[0]) ** 2 + (x[1] - x[0] ** 2) ** 2
+    >>> solver = ipopt("valley", {"x": x, "f": valley}, Options())
+    >>> [round(float(one), 6) for one in solver(x0=[0, 0])["x"].full().ravel()]
+    [1.0, 1.0]
     """
     import casadi
 
@@ -297,7 +379,19 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any
 
 
 def ipopt_outcome(solver: Any) -> tuple[Outcome, str]:
-    """Outcome and own status of the last call of a function made by `ipopt`."""
+    """Outcome and own status of the last call of a function made by `ipopt`.
+
+    Examples
+    --------
+    >>> import casadi
+    >>> from workbench import Options
+    >>> from workbench.solvers import ipopt, ipopt_outcome
+    >>> x = casadi.SX.sym("x")
+    >>> solver = ipopt("parabola", {"x": x, "f": (x - 3) ** 2}, Options())
+    >>> answer = solver(x0=0)
+    >>> print(*ipopt_outcome(solver))
+    solved ipopt: Solve_Succeeded
+    """
     status = solver.stats()["return_status"]
     return _IPOPT_STATUS.get(status, Outcome.FAILED), f"ipopt: {status}"
 
@@ -322,7 +416,14 @@ PACKAGES = (
 
 
 def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
-    """Versions of the solvers and numerical libraries that can change an answer."""
+    """Versions of the solvers and numerical libraries that can change an answer.
+
+    Examples
+    --------
+    >>> from workbench.solvers import versions
+    >>> sorted(versions(["numpy", "scipy"]))
+    ['numpy', 'scipy']
+    """
     return {package: found for package in packages if (found := _version(package)) is not None}
 
 
@@ -345,7 +446,14 @@ SLYCOT_ADVICE = (
 
 @cache
 def slycot_missing() -> str | None:
-    """Why SLICOT cannot be asked; None where it can."""
+    """Why SLICOT cannot be asked; None where it can.
+
+    Examples
+    --------
+    >>> from workbench.solvers import slycot_missing
+    >>> slycot_missing() is None
+    True
+    """
     return None if importlib.util.find_spec("slycot") is not None else SLYCOT_ADVICE
 
 
@@ -356,6 +464,12 @@ def slicot_routine(name: str) -> Any:
     ------
     SolverError
         slycot is not installed.
+
+    Examples
+    --------
+    >>> from workbench.solvers import slicot_routine
+    >>> slicot_routine("ab13dd").__name__
+    'ab13dd'
     """
     if slycot_missing() is not None:
         raise SolverError(f"SLICOT's {name.upper()} is needed here; {SLYCOT_ADVICE}")

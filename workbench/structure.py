@@ -21,7 +21,14 @@ from workbench.errors import InputError
 
 
 class Block(ABC):
-    """One block of Delta."""
+    """One block of Delta.
+
+    Examples
+    --------
+    >>> from workbench.structure import Block, Real, Structure
+    >>> [isinstance(block, Block) for block in Structure([Real(2)])]
+    [True]
+    """
 
     name: str
 
@@ -70,7 +77,15 @@ class _Repeated(Block):
 
 @dataclass(frozen=True)
 class Real(_Repeated):
-    """A real scalar, repeated n times."""
+    """A real scalar, repeated n times.
+
+    Examples
+    --------
+    >>> from workbench.structure import Real
+    >>> stiffness = Real(2, "stiffness")
+    >>> stiffness.rows, stiffness.columns, stiffness.name
+    (2, 2, 'stiffness')
+    """
 
     @property
     def pair(self) -> tuple[int, int]:
@@ -85,7 +100,15 @@ class Real(_Repeated):
 
 @dataclass(frozen=True)
 class Complex(_Repeated):
-    """A complex scalar, repeated n times."""
+    """A complex scalar, repeated n times.
+
+    Examples
+    --------
+    >>> from workbench.structure import Complex
+    >>> actuator = Complex(1, "actuator")
+    >>> actuator.rows, actuator.columns
+    (1, 1)
+    """
 
     @property
     def pair(self) -> tuple[int, int]:
@@ -104,6 +127,13 @@ class Full(Block):
     """A full complex block, not necessarily square.
 
     `outputs` and `inputs` are the block's own: it drives `outputs` signals and reads `inputs`.
+
+    Examples
+    --------
+    >>> from workbench.structure import Full
+    >>> performance = Full(2, 3, "performance")
+    >>> performance.rows, performance.columns
+    (2, 3)
     """
 
     outputs: int
@@ -136,7 +166,15 @@ class Full(Block):
 
 @dataclass(frozen=True)
 class Structure:
-    """Delta = diag(blocks), the blocks in any order; raises InputError where there is none."""
+    """Delta = diag(blocks), the blocks in any order; raises InputError where there is none.
+
+    Examples
+    --------
+    >>> from workbench.structure import Complex, Full, Real, Structure
+    >>> structure = Structure([Real(2, "mass"), Complex(1), Full(2, 3)])
+    >>> structure.rows, structure.columns
+    (5, 6)
+    """
 
     blocks: tuple[Block, ...]
 

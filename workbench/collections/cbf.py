@@ -68,7 +68,7 @@ class _File:
 
 
 def read_cbf(file: str | PathLike[str]) -> ConicProgram:
-    """Read a program with linear, second-order, rotated and semidefinite cones.
+    r"""Read a program with linear, second-order, rotated and semidefinite cones.
 
     Parameters
     ----------
@@ -88,6 +88,18 @@ def read_cbf(file: str | PathLike[str]) -> ConicProgram:
     InputError
         The file is missing or malformed, or has integer variables, or exponential or power cones;
         the message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import workbench as wb
+    >>> from workbench.collections import read_cbf
+    >>> file = Path("least.cbf")  # the least x of x >= 3
+    >>> head = ["VER", "1", "OBJSENSE", "MIN", "VAR", "1 1", "F 1", "CON", "1 1", "L+ 1"]
+    >>> body = ["OBJACOORD", "1", "0 1.0", "ACOORD", "1", "0 0 1.0", "BCOORD", "1", "0 -3.0"]
+    >>> _ = file.write_text("\n".join(head + body))
+    >>> round(wb.solve(read_cbf(file), "clarabel").metrics["value"], 5)
+    3.0
     """
     lines = Lines(file, "#")
     found = _File(lines)

@@ -40,6 +40,17 @@ def read_plant(
     ------
     InputError
         The file cannot be read, or a matrix is missing or has another shape; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.io import savemat
+    >>> from workbench.collections import read_plant
+    >>> parts = {"A": -np.eye(2), "B": np.ones((2, 2)), "C": np.ones((3, 2)), "D": np.zeros((3, 2))}
+    >>> savemat("plant.mat", parts)
+    >>> plant = read_plant("plant.mat", measurements=1, controls=1)
+    >>> plant.measurements, plant.controls
+    (1, 1)
     """
     known = _Matrices.of(Path(file))
     if "B1" in known.found:

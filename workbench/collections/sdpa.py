@@ -13,7 +13,7 @@ from workbench.conic import ConicProgram
 
 
 def read_sdpa(file: str | PathLike[str]) -> ConicProgram:
-    """Read the program  minimise c'x  subject to  x_1 F_1 + ... + x_m F_m - F_0 >= 0.
+    r"""Read the program  minimise c'x  subject to  x_1 F_1 + ... + x_m F_m - F_0 >= 0.
 
     The matrices are of block form; a block of negative size is diagonal. Entries below the
     diagonal count for those above; each is given once.
@@ -33,6 +33,17 @@ def read_sdpa(file: str | PathLike[str]) -> ConicProgram:
     ------
     InputError
         The file is missing or malformed; the message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import workbench as wb
+    >>> from workbench.collections import read_sdpa
+    >>> file = Path("largest_eigenvalue.dat-s")  # the least t with t I >= diag(1, 2)
+    >>> lines = ["1", "1", "2", "1.0", "0 1 1 1 1.0", "0 1 2 2 2.0", "1 1 1 1 1.0", "1 1 2 2 1.0"]
+    >>> _ = file.write_text("\n".join(lines))
+    >>> round(wb.solve(read_sdpa(file), "clarabel").metrics["value"], 5)
+    2.0
     """
     lines = Lines(file, '"*')
     count = lines.whole(_cells(lines.needed("the number of variables"))[0], "m", 1)

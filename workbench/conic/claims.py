@@ -26,7 +26,14 @@ Vectors = dict[str, list[Rational]]
 
 
 class ConicallyStated(Program):
-    """A Program that is a conic program, so that claims of having no solution can be proven."""
+    """A Program that is a conic program, so that claims of having no solution can be proven.
+
+    Examples
+    --------
+    >>> from workbench.conic import ConicallyStated, ConicProgram
+    >>> issubclass(ConicProgram, ConicallyStated)
+    True
+    """
 
     @abstractmethod
     def conic_form(self) -> ConicForm:
@@ -74,6 +81,17 @@ class NoSolution(_ConicClaim):
 
     A ray y of the dual cone with b'y < 0 proves it if A'y = 0, and otherwise that no solution has
     max |x| < R (`workbench.certify.cones.rays`). R is the metric ``radius``.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
+    >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
+    >>> form = ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 1.0], cones)  # x >= 2 and x <= 1
+    >>> program = ConicProgram(form)
+    >>> solution = wb.solve(program, "clarabel")
+    >>> print(solution.outcome, solution.certificate.holds)
+    infeasible True
     """
 
     headline = "radius"
@@ -115,7 +133,19 @@ class NoSolution(_ConicClaim):
 
 
 class NoLeastValue(_ConicClaim):
-    """The claim that c'x has no lower limit: a solution x, and a ray d along which c'x falls."""
+    """The claim that c'x has no lower limit: a solution x, and a ray d along which c'x falls.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
+    >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
+    >>> form = ConicForm([-1.0], [[-1.0], [0.0]], [0.0, 1.0], cones)  # the largest x >= 0
+    >>> program = ConicProgram(form)
+    >>> solution = wb.solve(program, "clarabel")
+    >>> print(solution.outcome, solution.certificate.holds)
+    unbounded True
+    """
 
     headline = "falling"
     lengths: ClassVar[dict[str, str]] = {"x": "column", "ray": "column"}

@@ -85,6 +85,13 @@ def conic_solver(name: str) -> ConicSolver:
         CVXPY has no such solver.
     InputError
         It is not installed; the message says what to install.
+
+    Examples
+    --------
+    >>> from workbench.conic import conic_solver
+    >>> from workbench.solvers import conic_solvers
+    >>> conic_solver("scipy") in conic_solvers()
+    True
     """
     from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 

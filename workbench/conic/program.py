@@ -37,6 +37,16 @@ class ConicProgram(ConicallyStated):
     constant, maximise
         What the metric ``value`` adds to c'x, and whether to -c'x: a program to be maximised is
         minimised with its sign changed.
+
+    Examples
+    --------
+    >>> import workbench as wb
+    >>> from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
+    >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
+    >>> program = ConicProgram(ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 5.0], cones))
+    >>> solution = wb.solve(program, "clarabel")
+    >>> solution.certificate.holds, round(float(solution.answer["x"][0]), 5)  # the least x >= 2
+    (True, 2.0)
     """
 
     form: ConicForm

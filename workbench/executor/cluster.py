@@ -57,6 +57,17 @@ class Cluster(Executor):
     ------
     ClusterError
         Dask is not installed, no scheduler answers, or a worker refuses to work.
+
+    Examples
+    --------
+    >>> from workbench.errors import WorkbenchError
+    >>> from workbench.executor import Cluster
+    >>> try:
+    ...     Cluster("tcp://127.0.0.1:1", None)
+    ... except WorkbenchError as error:
+    ...     print(type(error).__name__)
+    ...
+    ClusterError
     """
 
     def __init__(

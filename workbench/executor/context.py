@@ -29,7 +29,14 @@ TASKS = 64
 
 
 class Checkpoint:
-    """Store of an iteration's state after each round; this base class keeps nothing."""
+    """Store of an iteration's state after each round; this base class keeps nothing.
+
+    Examples
+    --------
+    >>> from workbench.executor import Checkpoint
+    >>> Checkpoint().load() is None
+    True
+    """
 
     def save(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Keep a state, arrays of numbers by name, in place of the one before."""
@@ -46,6 +53,17 @@ class Context:
     An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
     ``executor`` is where parts of the work go, None: threads of this process.
     ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
+
+    Examples
+    --------
+    >>> from workbench import Options
+    >>> from workbench.executor import Context
+    >>> context = Context(Options("low", seed=1))
+    >>> for number in context.rounds(3, "search"):
+    ...     context.record({"round": number, "peak": 2.0 / (number + 1)})
+    ...
+    >>> len(context.rows), context.options.accuracy
+    (3, 0.001)
     """
 
     options: Options = field(default_factory=Options)

@@ -15,7 +15,14 @@ T = TypeVar("T")
 
 
 class InProcess(Executor):
-    """Runs every task at once, in the caller's own process."""
+    """Runs every task at once, in the caller's own process.
+
+    Examples
+    --------
+    >>> from workbench.executor import InProcess, spread
+    >>> spread(abs, [-1, 2, -3], InProcess())
+    [1, 2, 3]
+    """
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         future: Future[T] = Future()
@@ -36,6 +43,14 @@ class Threads(ThreadPoolExecutor):
     """Runs tasks in threads of the caller's process, for compiled code that lets others run.
 
     BLAS keeps to one thread meanwhile: its own threads spin while they wait, on the workers' cores.
+
+    Examples
+    --------
+    >>> from workbench.executor import Threads, spread
+    >>> with Threads(2) as threads:
+    ...     print(spread(abs, [-1, 2, -3], threads))
+    ...
+    [1, 2, 3]
     """
 
     def __init__(self, workers: int | None = None) -> None:

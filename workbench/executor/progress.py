@@ -14,15 +14,35 @@ Watch = Callable[[Sequence[Row]], None]
 
 
 def silent(description: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""
+    """Progress that nobody watches.
+
+    Examples
+    --------
+    >>> from workbench.executor import InProcess, silent, spread
+    >>> spread(abs, [-1, 2], InProcess(), progress=silent)
+    [1, 2]
+    """
 
 
 def unwatched(rows: Sequence[Row]) -> None:
-    """Rounds that nobody watches."""
+    """Rounds that nobody watches.
+
+    Examples
+    --------
+    >>> from workbench.executor import Context, unwatched
+    >>> Context(watch=unwatched).record({"round": 1, "peak": 0.9})
+    """
 
 
 def shown(value: float | int | str) -> str:
-    """An entry of a row as people read it."""
+    """An entry of a row as people read it.
+
+    Examples
+    --------
+    >>> from workbench.executor import shown
+    >>> shown(0.123456789), shown(12), shown("settled")
+    ('0.1235', '12', 'settled')
+    """
     if not isinstance(value, float):
         return str(value)
     return "-" if math.isnan(value) else f"{value:.4g}"

@@ -25,6 +25,14 @@ def spread(
 
     The first error that is met is raised, and what has not begun by then is not begun. Raises
     InputError for a batch below 1.
+
+    Examples
+    --------
+    >>> from workbench.executor import InProcess, spread
+    >>> told = []
+    >>> progress = lambda what, done, total: told.append((done, total))
+    >>> spread(abs, [-1, 2, -3], InProcess(), progress), told[-1]
+    ([1, 2, 3], (3, 3))
     """
     if batch < 1:
         raise InputError(f"batch is {batch}; it must be 1 or more")
@@ -66,6 +74,13 @@ def as_they_end(
     waiting at a time, so that a hundred thousand calls take no more memory than a hundred; None: as
     many as the executor wants, or 64. Whoever stops listening has those that have not begun
     cancelled. Raises ClusterError where the executor's cluster is lost: no call is to blame.
+
+    Examples
+    --------
+    >>> from workbench.executor import InProcess, as_they_end
+    >>> calls = [("a", (abs, -1)), ("b", (max, 2, 3))]
+    >>> {label: future.result() for label, future in as_they_end(InProcess(), calls)}
+    {'a': 1, 'b': 3}
     """
     waiting = iter(calls)
     most: int = getattr(executor, "window", 64) if window is None else window

@@ -60,6 +60,14 @@ class Workers(Executor):
         `MemoryLimitError`; None: no limit.
     preload
         Modules that a process imports before its first task.
+
+    Examples
+    --------
+    >>> from workbench.executor import Workers, spread
+    >>> with Workers(1) as workers:
+    ...     print(spread(abs, [-1, 2, -3], workers, batch=3))
+    ...
+    [1, 2, 3]
     """
 
     def __init__(

@@ -40,6 +40,14 @@ class Rational:
     ------
     InputError
         More zeros than poles, roots without their conjugates, or values that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import Rational
+    >>> W = Rational(zeros=[], poles=[-2.0], gain=4.0)
+    >>> W.response(np.array([0.0, 2.0])).round(6).tolist(), W.is_stable
+    ([(2+0j), (1-1j)], True)
     """
 
     zeros: ComplexArray

@@ -32,6 +32,14 @@ class TrackLayer:
     stagger      shift of the pits from one track to the next, as a share of the period.
 
     Raises InputError for lengths outside these ranges.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.optics import TrackLayer
+    >>> groove = TrackLayer(pitch=1.6, period=1.0, length=1.0, width=0.8, phase=np.pi / 2)
+    >>> groove.stagger, groove.reflection
+    (0.0, 1.0)
     """
 
     pitch: float
@@ -69,6 +77,16 @@ class Reading(NamedTuple):
 
     mean (Y, D): averaged along the track. carrier (Y, D): amplitude of the pits' frequency, so that
     the light is mean + 2 Re(carrier exp(2 pi i x / period)) + harmonics.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.optics import TrackLayer, quadrants, read_layer, round_pupil
+    >>> pupil = round_pupil(32)
+    >>> layer = TrackLayer(pitch=1.0, period=1.0, length=0.5, width=0.4, phase=np.pi / 2)
+    >>> reading = read_layer(layer, pupil, np.array([0.0, 0.25]), quadrants(pupil))
+    >>> reading.mean.shape, reading.carrier.shape
+    ((2, 4), (2, 4))
     """
 
     mean: RealArray
@@ -80,6 +98,16 @@ def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: Rea
 
     detectors (D, n, n): share of the light that each takes of every cell of the pupil. Raises
     InputError for detectors of another shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.optics import TrackLayer, quadrants, read_layer, round_pupil
+    >>> pupil = round_pupil(32)
+    >>> mirror = TrackLayer(pitch=1.6, period=1.0, length=0.5, width=0.4, phase=0.0)
+    >>> reading = read_layer(mirror, pupil, np.array([0.0]), quadrants(pupil))
+    >>> round(float(reading.mean.sum()), 6)  # a mirror sends back all the light
+    1.0
     """
     cells = pupil.share.shape
     if detectors.shape[1:] != cells:
@@ -125,6 +153,13 @@ def quadrants(pupil: Pupil, shift: float = 0.0) -> RealArray:
     """Four detectors (4, n, n), in turn about the centre, with the split across moved by a shift.
 
     The first lies at x > 0 and y > shift, the second at x < 0 and y > shift.
+
+    Examples
+    --------
+    >>> from workbench.optics import quadrants, round_pupil
+    >>> detectors = quadrants(round_pupil(32))
+    >>> detectors.shape, bool((detectors.sum(axis=0) == 1).all())
+    ((4, 32, 32), True)
     """
     above = np.clip((pupil.x - shift) / pupil.step + 0.5, 0.0, 1.0)
     right = np.clip(pupil.x / pupil.step + 0.5, 0.0, 1.0)

@@ -31,6 +31,13 @@ class Part:
 
     Raises InputError if the number of names differs from that of the controller's outputs, or is
     smaller than the number of measurements that it reads.
+
+    Examples
+    --------
+    >>> from workbench.simulation import Part, total
+    >>> part = Part("sum", total(), given=["a", "b"])
+    >>> part.signals
+    ('sum',)
     """
 
     name: str
@@ -62,6 +69,13 @@ class Cascade:
 
     Raises InputError for repeated names, for a signal that no earlier part gives, and for too many
     parts.
+
+    Examples
+    --------
+    >>> from workbench.simulation import Cascade, Part, ramped, total
+    >>> parts = [Part("r", ramped(6.0, 1.0, 0.1), ["y"]), Part("u", total(), ["r", "y"])]
+    >>> Cascade(["y"], parts, previous=["u_last"]).signals
+    ('y', 'u_last', 'r', 'u')
     """
 
     measurements: Sequence[str]

@@ -33,6 +33,17 @@ class Controller:
                 forty times slower.
 
     Raises InputError if the step is neither compiled nor declared as plain.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import Controller, play
+    >>> def relay(state, parameters, measurement, output):
+    ...     output[0] = parameters[0] * np.sign(measurement[0])
+    ...
+    >>> controller = Controller(relay, np.zeros(0), np.array([2.0]), plain=True)
+    >>> play(controller, [[0.1], [-3.0]]).ravel().tolist()
+    [2.0, -2.0]
     """
 
     step: Any
@@ -58,7 +69,14 @@ class Controller:
 
 
 def idle(outputs: int = 1) -> Controller:
-    """Controller with zero outputs, so that only the excitation acts on the plant: an open loop."""
+    """Controller with zero outputs, so that only the excitation acts on the plant: an open loop.
+
+    Examples
+    --------
+    >>> from workbench.simulation import idle, play
+    >>> play(idle(), [[3.0], [4.0]]).ravel().tolist()
+    [0.0, 0.0]
+    """
     return Controller(_idle, np.zeros(0), np.zeros(0), outputs)
 
 
@@ -69,6 +87,14 @@ def linear(
 
     `measurements` holds the indices of the measurements that are its inputs. Raises InputError if
     their number differs from that of the inputs, or if a discrete system has another `period` [s].
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.simulation import linear, play
+    >>> integrator = linear(control.tf([1.0], [1.0, 0.0]), period=1.0)
+    >>> play(integrator, [[1.0]] * 3).ravel().round(6).tolist()
+    [0.5, 1.5, 2.5]
     """
     if any(one < 0 for one in measurements):
         raise InputError(f"measurements {measurements}: they are numbered from 0 on")
@@ -91,6 +117,14 @@ def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> St
     """Discretise a continuous system by the bilinear transform; a discrete one is returned as is.
 
     Raises InputError if a discrete system has another sampling period than `period` [s].
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.simulation import in_discrete_time
+    >>> K = in_discrete_time(control.tf([1.0], [1.0, 0.0]), period=0.2)
+    >>> round(float(K.D[0, 0]), 6), K.dt  # the trapezoidal rule
+    (0.1, 0.2)
     """
     import control
 

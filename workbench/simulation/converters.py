@@ -19,6 +19,14 @@ class Converter:
 
     Codes are two's complement, so the highest level is one step below +limit. Raises InputError if
     the limit or the number of bits is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import Converter
+    >>> adc = Converter(limit=1.0, bits=3)
+    >>> adc.step, adc.convert(np.array([0.3, 5.0]))[0].tolist()
+    (0.25, [0.25, 0.75])
     """
 
     limit: float

@@ -30,6 +30,12 @@ class ErrorScores(NamedTuple):
     losses   how often it passes the size at which the loop is lost;
     longest  samples of the longest stretch above the acceptable size;
     rms      root mean square, with larger errors counted as the size at which the loop is lost.
+
+    Examples
+    --------
+    >>> from workbench.simulation import ErrorScores
+    >>> ErrorScores(outside=0.1, losses=2, longest=30, rms=1e-7).losses
+    2
     """
 
     outside: float
@@ -39,7 +45,16 @@ class ErrorScores(NamedTuple):
 
 
 def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScores:
-    """Scores of an error (N,), whose acceptable size and size of loss are in its own unit."""
+    """Scores of an error (N,), whose acceptable size and size of loss are in its own unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import error_scores
+    >>> scores = error_scores(np.array([0.0, 0.5, 2.0, 0.5, 0.0]), acceptable=0.4, lost=1.0)
+    >>> scores.outside, scores.losses, scores.longest
+    (0.6, 1.0, 3)
+    """
     size = abs(error)
     out = size > acceptable
     losses = np.diff((size > lost).astype(int), prepend=0) > 0
@@ -57,6 +72,13 @@ def group_means(
     group (circumstances,): numbers of the groups, from 0 on. weight (W, circumstances): how often
     each circumstance counts, as `bootstrap_weights` gives them; the result is (..., W, groups)
     then. A group whose weights are all zero has the mean NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import group_means
+    >>> group_means(np.array([0.1, 0.3, 0.5]), np.array([0, 0, 1])).tolist()
+    [0.2, 0.5]
     """
     member = (group[:, None] == np.arange(group.max() + 1)).astype(float)
     weights = np.ones((1, len(group))) if weight is None else weight
@@ -72,6 +94,13 @@ def balloon_size(means: ArrayLike, power: float = ARM_POWER) -> RealArray:
     """Mean length of the arms (...,) of balloons whose groups have means (..., groups).
 
     An arm is the mean score to the `power`, so that small shares of time are seen beside large.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import balloon_size
+    >>> float(balloon_size(np.array([0.0, 1.0, 1.0, 1.0])))
+    0.75
     """
     mean: RealArray = np.mean(np.asarray(means, float) ** power, axis=-1)
     return mean
@@ -83,6 +112,14 @@ def bootstrap_weights(
     """Weights (samples, circumstances): each group drawn from itself, with replacement.
 
     Circumstances are what is random; every group keeps its size. Raises InputError below 2 samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import bootstrap_weights
+    >>> weights = bootstrap_weights(np.array([0, 0, 1, 1, 1]), 100, np.random.default_rng(0))
+    >>> weights.shape, set(weights[:, :2].sum(axis=1).tolist())
+    ((100, 5), {2.0})
     """
     if samples < 2:
         raise InputError(f"{samples} bootstrap samples; an interval needs 2 or more")
@@ -98,6 +135,13 @@ def percentile_interval(samples: RealArray, confidence: float = CONFIDENCE) -> R
     """Both ends (2, ...) of the percentile interval of bootstrap samples (..., samples).
 
     Raises InputError unless 0 < confidence < 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import percentile_interval
+    >>> percentile_interval(np.arange(101.0), confidence=0.9).round(6).tolist()
+    [5.0, 95.0]
     """
     if not 0.0 < confidence < 1.0:
         raise InputError(f"confidence is {confidence}; it must be above 0 and below 1")

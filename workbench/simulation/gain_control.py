@@ -55,6 +55,14 @@ def wobbled_gain(
     Raises InputError for a frequency that is not between 0 and half the sampling frequency, for
     an amplitude or a largest gain that is not positive or not above 1, for an empty interval, and
     unless 0 < detection < adaptation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import play, wobbled_gain
+    >>> part = wobbled_gain(50.0, 0.1, 1e-3, detection=0.1, adaptation=1.0)
+    >>> play(part, np.zeros((3, 1)))[:, 1].tolist()  # the gain before its filters have settled
+    [1.0, 1.0, 1.0]
     """
     if not 0.0 < frequency * period < 0.5:
         raise InputError(f"frequency is {frequency} Hz; need 0 to {0.5 / period:.6g} Hz")

@@ -55,6 +55,29 @@ class Trajectory(NamedTuple):
     saturated_outputs   (m,) number of saturated samples of each output;
     saturated_channels  (c,) number of saturated samples of each channel;
     signals             (N,) for each name: outputs of the parts, NaN while there is no such part.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.compiled import compiled
+    >>> from workbench.simulation import SampledLoop, linear
+    >>> @compiled
+    ... def sense(position, exogenous, parameters, signals):
+    ...     signals[0] = exogenous[0] - position[0]
+    ...
+    >>> @compiled
+    ... def read(channels, parameters, measurement):
+    ...     measurement[:] = channels
+    ...
+    >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
+    >>> none = np.zeros(0)
+    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, period=0.01)
+    >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
+    >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
+    >>> found.command.shape, found.saturated_outputs.tolist()
+    ((500, 1), [0])
     """
 
     command: RealArray
@@ -86,6 +109,29 @@ class SampledLoop:
     refine            number of steps between samples, see above.
 
     Raises InputError for a plant with direct feedthrough, and for levels of other shapes.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.compiled import compiled
+    >>> from workbench.simulation import SampledLoop, linear
+    >>> @compiled
+    ... def sense(position, exogenous, parameters, signals):
+    ...     signals[0] = exogenous[0] - position[0]
+    ...
+    >>> @compiled
+    ... def read(channels, parameters, measurement):
+    ...     measurement[:] = channels
+    ...
+    >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> wide = np.array([[0.0, -100.0, 100.0]])  # converters without steps
+    >>> none = np.zeros(0)
+    >>> loop = SampledLoop(G, 1, sense, none, 1, 1e4, read, none, 1, wide, wide, period=0.01)
+    >>> K, nothing = linear(control.tf(9, 1, 0.01), 0.01), np.zeros((500, 1))
+    >>> found = loop.run(K, excitation=nothing, exogenous=np.ones((501, 1)), noise=nothing)
+    >>> round(float(found.position[-1, 0]), 4)  # 9 / (1 + 9)
+    0.9
     """
 
     plant: StateSpace

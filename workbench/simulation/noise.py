@@ -19,6 +19,15 @@ def band_limited(
     The spectrum is flat up to the band and zero beyond, at the sampling frequency `rate` [Hz]. Only
     components inside the band are drawn, so a narrow band takes little time. Raises InputError
     unless 0 < band <= rate / 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import band_limited
+    >>> rng = np.random.default_rng(0)
+    >>> noise = band_limited(rng, (10000, 1), rms=2.0, band=100.0, rate=1000.0)
+    >>> noise.shape, bool(abs(noise.std() / 2.0 - 1) < 0.1)
+    ((10000, 1), True)
     """
     if not 0.0 < band <= rate / 2:
         raise InputError(f"band is {band} Hz; it must lie in 0 to {rate / 2} Hz, half the rate")

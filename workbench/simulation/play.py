@@ -21,6 +21,12 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
     The controller starts from its initial state and reads one sample after the other, as in a loop.
     Raises InputError if the record is not finite, has not two axes or too few measurements, or if
     an output is not finite; the message says at which sample.
+
+    Examples
+    --------
+    >>> from workbench.simulation import play, total
+    >>> play(total(), [[1.0, 2.0], [3.0, 4.0]]).ravel().tolist()
+    [3.0, 7.0]
     """
     if not isinstance(controller, Controller):
         raise InputError(

@@ -39,6 +39,13 @@ class Repetitive:
     gain      g, above 0 and at most 1.
 
     Raises InputError for other values, and unless rotation < corner < half the sampling frequency.
+
+    Examples
+    --------
+    >>> from workbench.simulation import Repetitive
+    >>> repetitive = Repetitive(rotation=10.0, period=1e-3, corner=200.0, gain=0.9)
+    >>> repetitive.controller.outputs, round(repetitive.delay, 3)
+    (1, 98.873)
     """
 
     rotation: float

@@ -18,17 +18,38 @@ from workbench.simulation.controllers import Controller, in_discrete_time
 
 
 def blend() -> Controller:
-    """Part that reads (w, a, b) and gives w a + (1 - w) b; b is 0 if it is not given."""
+    """Part that reads (w, a, b) and gives w a + (1 - w) b; b is 0 if it is not given.
+
+    Examples
+    --------
+    >>> from workbench.simulation import blend, play
+    >>> play(blend(), [[1.0, 5.0, 7.0], [0.25, 8.0, 4.0]]).ravel().tolist()
+    [5.0, 5.0]
+    """
     return Controller(_blend, np.zeros(0), np.zeros(0))
 
 
 def removed(gain: float = 1.0) -> Controller:
-    """Part that reads (w, a, f) and gives a - (1 - w) gain f: it subtracts an estimated fault f."""
+    """Part that reads (w, a, f) and gives a - (1 - w) gain f: it subtracts an estimated fault f.
+
+    Examples
+    --------
+    >>> from workbench.simulation import play, removed
+    >>> play(removed(), [[1.0, 5.0, 2.0], [0.0, 5.0, 2.0]]).ravel().tolist()
+    [5.0, 3.0]
+    """
     return Controller(_removed, np.zeros(0), np.array([gain], float))
 
 
 def total() -> Controller:
-    """Part that gives the sum of its inputs."""
+    """Part that gives the sum of its inputs.
+
+    Examples
+    --------
+    >>> from workbench.simulation import play, total
+    >>> play(total(), [[1.0, 2.0, 3.0]]).ravel().tolist()
+    [6.0]
+    """
     return Controller(_total, np.zeros(0), np.zeros(0))
 
 
@@ -37,6 +58,12 @@ def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Control
 
     Time starts at the first sample of its first stage. `period` is the sampling period [s]. Raises
     InputError for intervals that are empty, out of order or overlap.
+
+    Examples
+    --------
+    >>> from workbench.simulation import play, silenced
+    >>> play(silenced([(1.0, 3.0)], period=1.0), [[1.0]] * 4).ravel().tolist()
+    [1.0, 0.0, 0.0, 1.0]
     """
     times = np.array(intervals, float).reshape(-1, 2)
     if not (np.isfinite(times).all() and (np.diff(times.ravel()) > 0.0).all()):
@@ -50,6 +77,13 @@ def ramped(rate: float, start: float, period: float) -> Controller:
 
     Time [s] starts at the first sample of its first stage. `period` is the sampling period [s].
     Raises InputError for a rate that is not finite and for a start that is negative or not finite.
+
+    Examples
+    --------
+    >>> from workbench.simulation import play, ramped
+    >>> louder = play(ramped(rate=20.0, start=0.0, period=1.0), [[1.0]] * 3)
+    >>> louder.ravel().round(6).tolist()  # 20 dB in a second
+    [1.0, 10.0, 100.0]
     """
     if not (np.isfinite(rate) and 0.0 <= start < np.inf):
         raise InputError(f"rate is {rate} dB/s, start is {start} s; need finite, start 0 or later")
@@ -77,6 +111,14 @@ def following(
 
     Raises InputError for more than one input or output, for a rate that is not positive, and if a
     slower pole is unobservable at the output.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.simulation import following, play
+    >>> K = following(control.tf([1.0, 5.0], [1.0, 0.1]), period=1e-3, rate=100.0)
+    >>> play(K, [[1.0, 1.0, 0.0]] * 3).shape
+    (3, 1)
     """
     from scipy.signal import place_poles
 

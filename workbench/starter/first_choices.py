@@ -58,6 +58,18 @@ class FirstChoices:
     ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
     nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
     at low frequencies. ``reasons``: by name of the number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Responses
+    >>> omega = np.geomspace(1, 1e3, 60)
+    >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
+    >>> plants = Responses(omega, response.T)
+    >>> from workbench.starter import first_choices
+    >>> choices = first_choices(plants, period=1e-3)
+    >>> sorted(choices.reasons)
+    ['band', 'bandwidth', 'effort', 'order']
     """
 
     band: tuple[float, float]
@@ -85,6 +97,18 @@ def first_choices(responses: Responses, period: float, delay: float = 1.0) -> Fi
     InputError
         Noise hides the plants nearly everywhere; no bandwidth suits both an unstable pole and what
         limits it from above, which the message names.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Responses
+    >>> omega = np.geomspace(1, 1e3, 60)
+    >>> response = np.array([gain / (1j * omega / 50 + 1) for gain in (0.9, 1.0, 1.1)])
+    >>> plants = Responses(omega, response.T)
+    >>> from workbench.starter import first_choices
+    >>> choices = first_choices(plants, period=1e-3)
+    >>> choices.order, choices.unstable_poles, round(choices.bandwidth, 1)
+    (1, 0, 37.0)
     """
     need_positive(period, "period")
     reasons = {}

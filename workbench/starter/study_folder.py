@@ -67,6 +67,22 @@ def write_study(
         The folder is there already; its name is no name; no records are found, or their columns
         leave open what is what; or as `Responses.from_files` and `first_choices`. Nothing is
         written then.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.starter import write_study
+    >>> rng, time = np.random.default_rng(0), np.arange(2000) * 0.01
+    >>> u = rng.standard_normal(2000)
+    >>> for k in (1, 2, 3):
+    ...     y = control.forced_response(control.tf([8 + k], [1, 9]), time, u).outputs
+    ...     columns = np.c_[time, u, y]
+    ...     np.savetxt(f"drive{k}.csv", columns, delimiter=",", header="time,u,y", comments="")
+    ...
+    >>> choices = write_study("my-servo", "drive*.csv", input="u", output="y", time="time")
+    >>> choices.unstable_poles
+    0
     """
     target = Path(folder)
     plant = target.name

@@ -86,6 +86,23 @@ def check(
     over
         What the statement quantifies over, such as "at the 400 frequencies, for these 12 drives";
         it may name the labels too, or be a function of the Study.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, check, dim
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     small = check("small", "the largest square", lambda square: square, at_most=8.0)
+    ...
+    >>> certificate = solve(Squares()).certificate
+    >>> certificate.holds, certificate.checks[0].value, certificate.checks[0].where
+    (False, 9.0, 'at number 3')
     """
     names = (each,) if isinstance(each, str) else each
     if value is not None:

@@ -57,7 +57,28 @@ class PartDeclaration(Declaration):
 
 
 def part(function: Function) -> Any:
-    """Declare an intermediate result of any type: computed once, not stored."""
+    """Declare an intermediate result of any type: computed once, not stored.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim, part
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers by a table.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...
+    ...     @part
+    ...     def table(self):
+    ...         return {1: 1, 2: 4, 3: 9}
+    ...
+    ...     square = array(number, "1", "square", lambda table: [table[k] for k in (1, 2, 3)])
+    ...
+    >>> sorted(solve(Squares()).answer.data_vars)
+    ['square']
+    """
     return PartDeclaration(function)
 
 
@@ -86,6 +107,24 @@ def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
     --------
     ``bound = dim("lower", "upper")``, or ``@dim(unit="Hz")`` above a function that returns
     frequencies (F,).
+
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim
+    >>> @dataclass(frozen=True)
+    ... class Lines(Study):
+    ...     '''A line of frequencies.'''
+    ...
+    ...     count: int = 3
+    ...
+    ...     @dim(unit="Hz")
+    ...     def frequency(self):
+    ...         return [100.0 * (k + 1) for k in range(self.count)]
+    ...
+    ...     twice = array(frequency, "Hz", "twice", lambda frequency: 2 * frequency)
+    ...
+    >>> solve(Lines()).answer["twice"].values.tolist()
+    [200.0, 400.0, 600.0]
     """
     if labels:
         every = labels[0] if len(labels) == 1 and not isinstance(labels[0], str) else labels
@@ -191,6 +230,23 @@ def array(
     Examples
     --------
     ``gain = array((drive, quantity), "1", "optical gain", lambda scans: [s.gain for s in scans])``
+
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...
+    ...     @array(number, "m2")
+    ...     def square(self, number):
+    ...         '''Area of a square.'''
+    ...         return number**2
+    ...
+    >>> solve(Squares()).answer["square"].values.tolist()
+    [1, 4, 9]
     """
     over = dims if isinstance(dims, tuple) else (dims,)
     if value is not None:
@@ -203,6 +259,24 @@ def arrays(dims: Dims = (), value: Function | None = None, /, **units: Any) -> A
 
     ``arrays((loop, drive), lambda found: found, crossover=("Hz", "crossover"), phase="deg")``: each
     array with its unit, or with unit and meaning. Without a function this is a decorator.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import arrays, dim
+    >>> @dataclass(frozen=True)
+    ... class Powers(Study):
+    ...     '''Powers of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...
+    ...     @arrays(number, square="1", cube=("1", "third power"))
+    ...     def powers(self, number):
+    ...         return {"square": number**2, "cube": number**3}
+    ...
+    >>> solve(Powers()).answer["cube"].values.tolist()
+    [1, 8, 27]
     """
     over = dims if isinstance(dims, tuple) else (dims,)
     if value is not None:
@@ -222,6 +296,23 @@ def variables(function: Function) -> Any:
     """Declare stored arrays of the function's own names and dimensions, as those of a proof.
 
     The function returns variables of a dataset by name: dims, values and attributes.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> from workbench import Study, solve
+    >>> from workbench.study import variables
+    >>> @dataclass(frozen=True)
+    ... class Proof(Study):
+    ...     '''Multipliers of a proof.'''
+    ...
+    ...     @variables
+    ...     def multipliers(self):
+    ...         return {"D": (("row", "column"), np.eye(2), {"units": "1"})}
+    ...
+    >>> solve(Proof()).answer["D"].shape
+    (2, 2)
     """
     return VariablesDeclaration(function)
 
@@ -279,6 +370,24 @@ def system(over: Any = None, called: str = "") -> Any:
 
     ``study.name(dataset)`` gives it back: a StateSpace, or a mapping from labels. ``called`` is
     how its arrays begin, with ``{}`` for the label.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import control
+    >>> from workbench import Study, solve
+    >>> from workbench.study import system
+    >>> @dataclass(frozen=True)
+    ... class Loop(Study):
+    ...     '''A controller.'''
+    ...
+    ...     @system
+    ...     def controller(self):
+    ...         return control.ss([[-2.0]], [[1.0]], [[3.0]], [[0.0]])
+    ...
+    >>> study = Loop()
+    >>> study.controller(solve(study).answer).poles().tolist()
+    [(-2+0j)]
     """
     if inspect.isfunction(over):
         return System(over, None, "")

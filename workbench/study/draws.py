@@ -29,7 +29,16 @@ SUMMARY = ("mean", "low", "high")
 
 
 def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64]:
-    """Seeds (shape), one for each experiment, drawn independently."""
+    """Seeds (shape), one for each experiment, drawn independently.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.study import independent_seeds
+    >>> seeds = independent_seeds(np.random.default_rng(0), 2, 3)
+    >>> seeds.shape, len(set(seeds.ravel().tolist()))
+    ((2, 3), 6)
+    """
     return rng.integers(2**31, size=shape)
 
 
@@ -46,6 +55,14 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
         Other dimensions whose entries are draws too, such as ``drive``.
 
     Raises InputError where there is no dimension ``draw``.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from workbench.study import over_draws
+    >>> summary = over_draws(xr.DataArray([1.0, 2.0, 3.0], dims="draw"))
+    >>> summary.to_series().round(3).to_dict()
+    {'mean': 2.0, 'low': 1.1, 'high': 2.9}
     """
     import xarray as xr
 
@@ -64,13 +81,30 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
 
 
 def with_interval(summary: DataArray, form: str = "{:.3g}") -> str:
-    """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``."""
+    """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from workbench.study import over_draws, with_interval
+    >>> with_interval(over_draws(xr.DataArray([1.0, 2.0, 3.0], dims="draw")))
+    '2 (1.1 to 2.9)'
+    """
     mean, low, high = (form.format(float(one)) for one in summary.transpose("summary"))
     return f"{mean} ({low} to {high})"
 
 
 def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
-    """Share of the experiments (draws, drives, ...) in which a claim holds, over dims ``kept``."""
+    """Share of the experiments (draws, drives, ...) in which a claim holds, over dims ``kept``.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from workbench.study import share_of_draws
+    >>> holds = xr.DataArray([[True, True], [True, False]], dims=("draw", "drive"))
+    >>> share_of_draws(holds, "drive").values.tolist()
+    [1.0, 0.5]
+    """
     return holds.mean([name for name in holds.dims if name not in kept])
 
 
@@ -79,6 +113,12 @@ def claim_of(share: float) -> str:
 
     "holds" in `SURE` of them or more, "fails" in 1 - `SURE` or less, "undecided" between.
     Raises InputError for a share outside 0 to 1.
+
+    Examples
+    --------
+    >>> from workbench.study import claim_of
+    >>> claim_of(1.0), claim_of(0.5), claim_of(0.0)
+    ('holds', 'undecided', 'fails')
     """
     if not 0.0 <= share <= 1.0:
         raise InputError(f"share of the draws is {share}; it must be from 0 to 1")
@@ -99,6 +139,14 @@ def coverage_p(covered: DataArray, promised: float) -> DataArray:
         Whether an interval holds the truth, by draw; the draws must be independent.
     promised
         Probability with which it should.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from workbench.study import coverage_p
+    >>> covered = xr.DataArray([True] * 16 + [False] * 4, dims="draw")
+    >>> round(float(coverage_p(covered, promised=0.95)), 4)
+    0.0159
     """
     from scipy import stats
 

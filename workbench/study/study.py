@@ -33,6 +33,24 @@ class Study(Task):
     Subclasses are frozen dataclasses of what they depend on. They declare dimensions, arrays,
     checks, metrics, tables and figures (see `workbench.study`), or define the methods of the same
     names below; a method may be defined and the rest declared.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, check, dim, metric
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     small = check("small", "the largest square", lambda square: square, at_most=10.0)
+    ...     most = metric(lambda square: square.max())
+    ...
+    >>> solution = solve(Squares())
+    >>> solution.certificate.holds, solution.metrics
+    (True, {'most': 9.0})
     """
 
     accuracies: ClassVar[AccuracyRange] = ANY_ACCURACY_ALIKE

@@ -51,6 +51,22 @@ def metric(template: Function | str = "", value: Function | None = None) -> Any:
     An array gives one metric for each label; they are named by a template, as in
     ``metric("error_{quantity}", lambda error: abs(error).max("drive"))``. A mapping is taken by its
     names; None is left out. Without a function this is a decorator.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim, metric
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     most = metric(lambda square: square.max())
+    ...
+    >>> solve(Squares()).metrics
+    {'most': 9.0}
     """
     if not isinstance(template, str):
         return Metric(template, "")
@@ -79,6 +95,23 @@ def table(function: Function | None = None, *, rows: Any = None, **columns: Any)
 
     ``table(rows="drive", gain="{:.0f}", error="{:+.2%}")`` has a row for each drive and a column
     for each array over drives; a second dimension makes a column for each of its labels.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim, table
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     squares = table(rows=number, square="{:.0f}")
+    ...
+    >>> study = Squares()
+    >>> list(study.tables(solve(study).answer))
+    ['squares']
     """
     if function is not None:
         return Table(function)
@@ -137,6 +170,30 @@ def figure(function: Function) -> Any:
 
     It may also return a mapping from names of figures; None is no figure. A name such as
     ``figure-8-7`` puts the number into the figure's caption.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim, figure
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...
+    ...     @figure
+    ...     def parabola(number, square):
+    ...         from matplotlib.figure import Figure
+    ...
+    ...         drawing = Figure()
+    ...         drawing.subplots().plot(number, square)
+    ...         return drawing
+    ...
+    >>> study = Squares()
+    >>> list(study.figures(solve(study).answer))
+    ['parabola']
     """
     return Drawn(function)
 
@@ -160,6 +217,23 @@ def lines(
         Which axes are logarithmic: "x", "y", "xy" or "".
     limit
         A level drawn across.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from workbench import Study, solve
+    >>> from workbench.study import array, dim, lines
+    >>> @dataclass(frozen=True)
+    ... class Squares(Study):
+    ...     '''Squares of some numbers.'''
+    ...
+    ...     number = dim(1, 2, 3)
+    ...     square = array(number, "1", "square", lambda number: number**2)
+    ...     parabola = lines("square", x="number", log="", limit=5.0)
+    ...
+    >>> study = Squares()
+    >>> list(study.figures(solve(study).answer))
+    ['parabola']
     """
     return _Lines(name, x, each, log, limit, title)
 

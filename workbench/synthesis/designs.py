@@ -60,6 +60,44 @@ class DesignTask:
     ------
     InputError
         No perturbation in `plant` or `regular`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.executor import Context
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import DESIGNS, DesignTask, regularised
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> regular = regularised(plant, 0.1)
+    >>> task = DesignTask(
+    ...     plant,
+    ...     regular,
+    ...     regular.nominal(),
+    ...     control.ss(G),
+    ...     W_S=control.tf([0.4], [1.0, 0.01]),
+    ...     W_KS=0.1,
+    ...     reference=K,
+    ... )
+    >>> DESIGNS["reference"](task, Context()) is K
+    True
     """
 
     plant: GeneralisedPlant

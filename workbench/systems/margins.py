@@ -38,7 +38,17 @@ Curve = Callable[[RealArray], Any]
 
 
 def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
-    """Response (F,) of a loop with one input and one output at `frequency` [Hz] (F,)."""
+    """Response (F,) of a loop with one input and one output at `frequency` [Hz] (F,).
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.systems import loop_response
+    >>> L = control.ss(control.tf([1.0], [1.0, 1.0]))
+    >>> loop_response(L, np.array([0.0, 1 / (2 * np.pi)])).round(6).tolist()
+    [(1+0j), (0.5-0.5j)]
+    """
     values: ComplexArray = response(loop, 2 * np.pi * frequency)[:, 0, 0]
     return values
 
@@ -48,6 +58,14 @@ def search_grid(loop: StateSpace, lowest: float = LOWEST, highest: float = HIGHE
 
     They reach from `lowest` to `highest` [Hz]; in a sampled loop to just below half its sampling
     frequency. Raises InputError for an empty range.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import search_grid
+    >>> grid = search_grid(control.ss(control.tf([1.0], [1.0, 1.0])), 0.1, 100.0)
+    >>> float(grid[0]), round(float(grid[-1]), 6)
+    (0.1, 100.0)
     """
     end = NYQUIST_SHARE / loop.dt / 2 if loop.dt else highest
     if not 0.0 < lowest < end < math.inf:
@@ -58,7 +76,15 @@ def search_grid(loop: StateSpace, lowest: float = LOWEST, highest: float = HIGHE
 
 
 def crossings(curve: Curve, frequency: RealArray) -> RealArray:
-    """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours."""
+    """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.systems import crossings
+    >>> crossings(lambda f: f**2 - 4.0, np.linspace(0.6, 10.0, 20)).round(6).tolist()
+    [2.0]
+    """
     from scipy.optimize.elementwise import find_root
 
     before = np.flatnonzero(np.diff(np.sign(curve(frequency))))
@@ -69,7 +95,16 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
 
 
 def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
-    """Frequency ranges [Hz] within a grid in which a continuous curve is positive."""
+    """Frequency ranges [Hz] within a grid in which a continuous curve is positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.systems import bands
+    >>> found = bands(lambda f: 4.0 - f**2, np.linspace(0.5, 10.0, 20))
+    >>> [round(float(end), 6) for end in found[0]]
+    [0.5, 2.0]
+    """
     edges = [frequency[0], *crossings(curve, frequency), frequency[-1]]
     middle = np.sqrt(np.multiply(edges[1:], edges[:-1]))
     inside = curve(middle) > 0
@@ -123,6 +158,15 @@ class Margins:
     phase                     phase margin [deg] of the crossover with the smallest; infinite
                               without a crossover;
     crossover_hz              frequency [Hz] of that crossover, where |L| = 1; NaN without one.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import margins
+    >>> L = control.ss(control.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
+    >>> found = margins(L, [0.01, 0.1, 0.2, 1.0])
+    >>> round(found.increase, 4)  # 8 / 2
+    4.0
     """
 
     decrease: float
@@ -165,6 +209,17 @@ def margins(loop: StateSpace, frequency: ArrayLike | None = None) -> Margins:
         L, one input and one output, closed with negative feedback. Its stability is not checked.
     frequency
         Grid [Hz] (F,) between whose points crossings are searched; None: `search_grid(loop)`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.systems import margins
+    >>> L = control.ss(control.tf([1e6], [1.0, 300.0, 3e4, 0.0]))
+    >>> found = margins(L)
+    >>> round(found.increase, 4)  # 300 * 3e4 / 1e6
+    9.0
+    >>> round(found.increase_hz, 3)  # sqrt(3e4) rad/s
+    27.566
     """
 
     def L(at: RealArray) -> ComplexArray:
@@ -195,6 +250,15 @@ def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str
 
     "S": |S| stays under -3 dB below it; "crossover": |L| stays under 1 above it; "T": |T| stays
     under -3 dB above it. `frequency` [Hz] (F,): search grid, None: `search_grid(loop)`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.systems import bandwidths
+    >>> L = control.ss(control.tf([100.0], [1.0, 0.0]))
+    >>> round(2 * np.pi * bandwidths(L)["crossover"], 4)
+    100.0
     """
 
     def L(at: RealArray) -> ComplexArray:
@@ -212,7 +276,14 @@ def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str
 
 
 def modulus_margin(L: ArrayLike) -> float:
-    """Smallest |1 + L| of a loop's responses (...,), the distance from -1: 1 / max |S|."""
+    """Smallest |1 + L| of a loop's responses (...,), the distance from -1: 1 / max |S|.
+
+    Examples
+    --------
+    >>> from workbench.systems import modulus_margin
+    >>> modulus_margin([-0.5, -0.5 - 0.5j, -1j])
+    0.5
+    """
     return float(abs(1.0 + np.asarray(L)).min())
 
 

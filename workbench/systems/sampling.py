@@ -18,6 +18,14 @@ def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealAr
     """Transition matrix (n, n) and input matrix (n, m) of x' = a x + b u over `duration` [s].
 
     The input u is constant for this time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.simulation import hold
+    >>> A, B = hold([[-1.0]], [[1.0]], duration=0.5)
+    >>> bool(np.isclose(A[0, 0], np.exp(-0.5))), bool(np.isclose(B[0, 0], 1 - np.exp(-0.5)))
+    (True, True)
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     n, m = b.shape
@@ -44,6 +52,16 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     `period` is the sampling time [s]. Within [k, k + 1) samples the input changes once, at k plus
     the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
     become states, placed after those of the plant.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.simulation import sampled
+    >>> G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> late = sampled(G, 0.1, delay=0.5)
+    >>> late.nstates, bool(np.isclose(late.dcgain(), 1.0))
+    (2, True)
     """
     import control
 
@@ -80,6 +98,14 @@ def continued(system: StateSpace) -> StateSpace:
     Its response at frequency (2/T) tan(w T / 2) equals that of the discrete system at w, so both
     have the same stability and the same norm. Raises InputError for a continuous system, and for
     a pole at -1.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.simulation import continued, in_discrete_time
+    >>> G = control.ss([[-3.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> round(float(continued(in_discrete_time(G, 0.1)).poles()[0].real), 6)
+    -3.0
     """
     import control
 
@@ -99,6 +125,14 @@ def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
     """Outputs (N, outputs) of a discrete-time system, initially at rest, for inputs (N, inputs).
 
     Raises InputError for another shape.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.simulation import respond
+    >>> delay = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], 1.0)
+    >>> respond(delay, [[1.0], [2.0], [3.0]]).ravel().tolist()
+    [0.0, 1.0, 2.0]
     """
     u = np.ascontiguousarray(inputs, float)
     if u.ndim != 2 or u.shape[1] != system.ninputs:

@@ -14,7 +14,14 @@ from workbench.errors import InputError
 
 
 class ConeKind(StrEnum):
-    """The self-dual cones that conic solvers share, and the zero cone, whose dual is the space."""
+    """The self-dual cones that conic solvers share, and the zero cone, whose dual is the space.
+
+    Examples
+    --------
+    >>> from workbench.conic import ConeKind
+    >>> ConeKind.SECOND_ORDER.name
+    'SECOND_ORDER'
+    """
 
     ZERO = "zero"
     NONNEGATIVE = "nonnegative"
@@ -28,6 +35,12 @@ class ConeFactor:
 
     A second-order cone is |(s_2, ..., s_n)| <= s_1. A symmetric matrix is given by its upper
     triangle, column by column: S_11, S_12, S_22, S_13, ..., without factors.
+
+    Examples
+    --------
+    >>> from workbench.conic import ConeFactor, ConeKind
+    >>> ConeFactor(ConeKind.SEMIDEFINITE, 3).rows  # the upper triangle of a 3 by 3 matrix
+    6
     """
 
     kind: ConeKind
@@ -64,6 +77,14 @@ class ConicForm:
     ------
     InputError
         A shape that does not fit, a number that is not finite, or a cone of no size.
+
+    Examples
+    --------
+    >>> from workbench.conic import ConeFactor, ConeKind, ConicForm
+    >>> cones = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
+    >>> form = ConicForm([1.0], [[-1.0], [1.0]], [-2.0, 5.0], cones)
+    >>> form.A.shape  # x >= 2 and x <= 5
+    (2, 1)
     """
 
     c: RealArray

@@ -58,6 +58,17 @@ class EstimationDemands:
     ------
     InputError
         Numbers that are not positive and finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import EstimationDemands
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> demands.disturbance_size([0.0]).tolist()
+    [0.003]
     """
 
     error_above: float
@@ -102,6 +113,24 @@ class FaultLoop:
     ------
     InputError
         A period that is not positive, a filter that is not proven stable.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> bool(loop.amplification(loop.warped(grid)).min() >= 1.0)
+    True
     """
 
     model: UncertaintyModel

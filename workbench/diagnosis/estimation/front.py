@@ -45,6 +45,27 @@ class FrontPoint:
     """A filter of the front: coefficients, relative error, leakage and rms of the noise.
 
     Leakage and noise are in the unit of the fault.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultFront, FaultLoop, LaguerreBasis
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> point = FaultFront(loop, grid).least(
+    ...     LaguerreBasis(loop, 1.0).response(6, loop.warped(grid)), 0.5
+    ... )
+    >>> point.error <= 0.5 * (1 + 1e-6), len(point.coefficients)
+    (True, 6)
     """
 
     coefficients: RealArray
@@ -62,6 +83,26 @@ class FaultFront:
 
     frequency: grid [Hz] (F,), rising. Raises InputError for another one, and where it has no
     frequency at which the error, or none at which the leakage is limited.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultFront, FaultLoop
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> front = FaultFront(loop, grid, nominal=True)
+    >>> error, leakage, noise = front.judged(np.ones(len(grid), complex))  # T = 1: all passes
+    >>> error, round(leakage, 4), round(noise, 5)
+    (0.0, 0.003, 0.0001)
     """
 
     def __init__(self, loop: FaultLoop, frequency: ArrayLike, nominal: bool = False) -> None:

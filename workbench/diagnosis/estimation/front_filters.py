@@ -39,6 +39,25 @@ class FrontFilter:
 
     ``removal``: certified conditions of the loop from whose error the estimate is removed, its
     sensitivity over the peak that was asked for; None where none was.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis, full_order
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> found = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
+    >>> found.answer.K.noutputs, found.removal is None
+    (1, True)
     """
 
     F: StateSpace
@@ -67,6 +86,25 @@ def full_order(
     that the certificate is about, in the unit of the fault. peak: of the sensitivity while the
     estimate is removed from the error, None where it never is. Raises SolverError where the set of
     plants allows no such filter.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis, full_order
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> found = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, error=0.5, leakage=2e-3)
+    >>> found.meets, found.point.error <= 0.5 * (1 + 1e-6)
+    (True, True)
     """
     front = FaultFront(loop, frequency)
     point = front.least(basis.response(count, front.omega), error, peak=peak)
@@ -87,6 +125,32 @@ def few_states(
     Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
     which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
     SolverError where no reduction has poles that meet the relative error, the leakage and the peak.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import (
+    ...     EstimationDemands,
+    ...     FaultLoop,
+    ...     LaguerreBasis,
+    ...     few_states,
+    ...     full_order,
+    ... )
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> limits = {"error": 0.5, "leakage": 2e-3}
+    >>> F = full_order(loop, grid, LaguerreBasis(loop, 1.0), 6, **limits).F
+    >>> few_states(loop, grid, F, 3, **limits).F.nstates <= 3
+    True
     """
     program = estimation(loop, error, leakage)
 

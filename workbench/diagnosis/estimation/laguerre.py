@@ -19,6 +19,25 @@ class LaguerreBasis:
     """Functions of T: zero where the loop integrates, then all-pass factors with one pole.
 
     corner: -pole [rad/s]. Raises InputError for one that is not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, LaguerreBasis
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+    >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+    >>> basis = LaguerreBasis(loop, corner=1.0)
+    >>> bool(basis.filter(np.ones(3)).poles().real.max() < 0)
+    True
     """
 
     loop: FaultLoop

@@ -55,6 +55,22 @@ class FaultFilter(DrawnController):
     (requirements, 2) has the lower and the upper bound of every requirement. ``stacked`` (2,) has
     those of all requirements together, at all frequencies. ``least`` is the least norm of all
     requirements together that was found for the nominal plant; NaN if none was looked for.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.diagnosis import FaultEstimation, Requirement
+    >>> from workbench.uncertainty import generalised_plant
+    >>> lag = control.tf([1.0], [1.0, 0.5])
+    >>> plant = generalised_plant(
+    ...     [(lag, "d", "x")], {"y": "x + f"}, exogenous=["d", "f"], measurement="y"
+    ... )
+    >>> slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
+    >>> wanted = [Requirement("leakage", "d", slow), Requirement("error", "f", fast)]
+    >>> answer = wb.solve(FaultEstimation(plant, "f", wanted), "riccati").answer
+    >>> answer.peaks.shape, bool(answer.lower <= answer.upper)
+    ((2, 2), True)
     """
 
     K: StateSpace
@@ -121,6 +137,22 @@ class FaultEstimation(Program):
         that the measurements do not show, or that cannot be told from each other; requirements as
         of `Requirement`, on signals that the plant does not have, or none on the faults; a start
         that does not fit or is not stable.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.diagnosis import FaultEstimation, Requirement
+    >>> from workbench.uncertainty import generalised_plant
+    >>> lag = control.tf([1.0], [1.0, 0.5])
+    >>> plant = generalised_plant(
+    ...     [(lag, "d", "x")], {"y": "x + f"}, exogenous=["d", "f"], measurement="y"
+    ... )
+    >>> slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
+    >>> wanted = [Requirement("leakage", "d", slow), Requirement("error", "f", fast)]
+    >>> solution = wb.solve(FaultEstimation(plant, "f", wanted), "riccati")
+    >>> solution.certificate.holds, solution.answer.K.ninputs
+    (True, 1)
     """
 
     plant: GeneralisedPlant

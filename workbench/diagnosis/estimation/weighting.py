@@ -50,6 +50,14 @@ class Requirement:
         Lowest and highest frequency [rad/s] at which the requirement must hold.
 
     Raises InputError for a bound that is not positive, or a band that is not two frequencies.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import Requirement
+    >>> weight = control.tf([1.0, 0.1], [1.0, 2.0])
+    >>> Requirement("error", "f", weight, bound=0.3, band=(1.0, 100.0)).band
+    (1.0, 100.0)
     """
 
     name: str

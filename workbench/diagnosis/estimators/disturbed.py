@@ -30,6 +30,17 @@ class DisturbedPlant:
 
     The state is (plant, oscillators, colour, beside). Raises InputError if something does not
     fit, or if a mode does not show in y; the message names the mode.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> model.period, model.seen  # two states of the lens and two of the oscillator
+    (0.001, 4)
     """
 
     plant: StateSpace

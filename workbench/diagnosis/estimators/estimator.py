@@ -43,6 +43,21 @@ class Estimate(NamedTuple):
 
     outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); frequency (N,) [Hz] of the
     rotation.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
+    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> found = estimate(estimator.controller, np.zeros(10), np.zeros(10), np.ones(10))
+    >>> found.outputs.shape, found.disturbance.shape, found.frequency.tolist()[:1]
+    ((10, 1), (10,), [5.0])
     """
 
     outputs: RealArray
@@ -58,6 +73,20 @@ class Estimator:
     gain   M (seen,) of the correction in the module's first equation.
 
     Raises InputError if the gain has another shape or leaves the observer unstable.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, placed
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
+    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> bool(abs(Estimator(model, estimator.gain).poles()).max() < 1)
+    True
     """
 
     model: DisturbedPlant
@@ -130,7 +159,24 @@ def _check_quality(quality: float) -> None:
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
-    """The estimator with these discrete poles (seen,); raises InputError as `observer_gain`."""
+    """The estimator with these discrete poles (seen,); raises InputError as `observer_gain`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, placed
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
+    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> bool(
+    ...     np.isclose(abs(estimator.poles()).max(), np.exp(-8.0 * 1e-3))
+    ... )  # the oscillator's decay
+    True
+    """
     need_model(model)
     n = model.seen
     A, C = model.A[:n, :n], model.C[None, :n]
@@ -145,6 +191,23 @@ def estimate(
 
     Raises InputError for lengths that differ, values that are not finite, or a quality outside 0
     to 1.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import DisturbedPlant, Rotation, estimate, placed
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> poles = np.exp(1e-3 * np.array([-150.0, -200.0]))
+    >>> estimator = placed(model, np.concatenate([poles, model.rotation.poles(1e-3, 8.0)]))
+    >>> d = np.sin(2 * np.pi * 5.0 * 1e-3 * np.arange(3000))
+    >>> y = control.forced_response(model.plant, inputs=[0 * d, d]).outputs.ravel()
+    >>> found = estimate(estimator.controller, y, 0 * d, np.ones(3000))
+    >>> bool(abs(found.disturbance - d)[-100:].max() < 1e-3)
+    True
     """
     given = dict(zip(MEASURED, (measurement, known, quality), strict=True))
     columns = [as_array(values, f"the {name}") for name, values in given.items()]

@@ -57,6 +57,12 @@ class Noise:
     defect       d, in the unit of y; a quality w adds the noise d sqrt(1/w^2 - 1) to y.
 
     Raises InputError unless all are finite and not negative, measurement and disturbance positive.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import Noise
+    >>> Noise(known=0.0, disturbance=1e-3, measurement=1e-2, defect=1.0).defect
+    1.0
     """
 
     known: float
@@ -82,6 +88,18 @@ class KalmanEstimator:
     If the model adapts the rotation, the oscillators follow its frequency; the covariance is
     computed for the first frequency. Raises SolverError if there is no stationary filter to start
     from.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import DisturbedPlant, KalmanEstimator, Noise, Rotation
+    >>> from workbench.simulation import sampled
+    >>> A, B = [[0.0, 1.0], [-400.0, -25.0]], [[0.0, 0.0], [400.0, 400.0]]
+    >>> lens = control.ss(A, B, [[1.0, 0.0]], 0.0)
+    >>> model = DisturbedPlant(sampled(lens, 1e-3), Rotation(frequency=5.0))
+    >>> estimator = KalmanEstimator(model, Noise(0.0, 1e-3, 1e-2, 1.0))
+    >>> bool(abs(estimator.settled.poles()).max() < 1)
+    True
     """
 
     model: DisturbedPlant

@@ -34,6 +34,15 @@ def observer_gain(
     Raises InputError for wrong shapes, for poles that are unstable or not in conjugate pairs, and
     for a mode that the outputs do not show; the message names the mode. Raises SolverError if a
     pole is missed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import observer_gain
+    >>> A, C = np.array([[0.0, 1.0], [-4.0, -0.5]]), np.array([[1.0, 0.0]])
+    >>> L = observer_gain(A, C, [-5.0, -6.0])
+    >>> np.sort(np.linalg.eigvals(A - L @ C).real).round(6).tolist()
+    [-6.0, -5.0]
     """
     a, c, wanted = _checked(A, C, poles, period)
     scaled, scale = balanced_matrix(a)

@@ -43,6 +43,12 @@ def prototype_poles(kind: Prototype, order: int, bandwidth: float) -> ComplexArr
     higher orders lose digits.
 
     Raises InputError for another kind or order, or a bandwidth that is not positive and finite.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import prototype_poles
+    >>> prototype_poles("bessel", 1, bandwidth=100.0).real.round(6).tolist()
+    [-100.0]
     """
     limit = {"itae": max(ITAE), "bessel": 16}.get(str(kind))
     if limit is None:

@@ -38,6 +38,13 @@ class Rotation:
     for a while only.
 
     Raises InputError for a frequency, harmonics, range, rate or floor that is not possible.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import Rotation
+    >>> rotation = Rotation(frequency=10.0, harmonics=(1, 2))
+    >>> rotation.limits, rotation.oscillators(1e-3).shape
+    ((10.0, 10.0), (4, 4))
     """
 
     frequency: float

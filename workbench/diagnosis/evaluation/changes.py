@@ -28,6 +28,13 @@ def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) ->
     With `falling` the alarm is raised when the signal is below `on` and ends when it is above
     `off`. `signal` is the number of the measurement. Raises InputError unless off <= on, or
     off >= on with `falling`.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import hysteresis
+    >>> from workbench.simulation import play
+    >>> play(hysteresis(on=1.0, off=0.5), [[0.8], [1.2], [0.8], [0.3]]).ravel().tolist()
+    [0.0, 1.0, 1.0, 0.0]
     """
     need_numbers(on=on, off=off)
     need_places(signal=signal)
@@ -54,6 +61,13 @@ def cusum(
     after the end of a fault.
 
     Raises InputError unless drift >= 0 and ceiling > 0.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import cusum
+    >>> from workbench.simulation import play
+    >>> play(cusum(drift=0.5), [[0.0], [1.0], [1.0], [0.0]])[:, 0].tolist()
+    [0.0, 0.5, 1.0, 0.5]
     """
     need_numbers(drift=drift, mean=mean, ceiling=ceiling)
     need_places(signal=signal)
@@ -76,6 +90,12 @@ def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
     Coloured noise passes it more often; take the threshold from records then. `deviation` is sigma,
     the standard deviation of the residual. Raises InputError unless all are positive and the run
     length is longer than that of the threshold 0.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import cusum_threshold
+    >>> round(cusum_threshold(run_length=465.0, drift=0.5, deviation=1.0), 1)
+    4.3
     """
     need_numbers(run_length=run_length, drift=drift, deviation=deviation)
     if not (0.0 < run_length < math.inf and 0.0 < drift < math.inf and 0.0 < deviation < math.inf):
@@ -120,6 +140,13 @@ def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Co
     change. The noise is assumed white and Gaussian with the standard deviation sigma, `deviation`.
 
     Raises InputError unless window >= 1 and deviation > 0.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import glr
+    >>> from workbench.simulation import play
+    >>> play(glr(window=2, deviation=1.0), [[0.0], [2.0], [2.0]])[:, 0].tolist()
+    [0.0, 2.0, 4.0]
     """
     need_whole(window, "window")
     need_numbers(deviation=deviation, mean=mean)

@@ -24,7 +24,18 @@ LARGEST_CORRELATION_CONDITION = 1e10
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """A Gaussian for each kind of fault: means (K, n), covariances' Cholesky factors (K, n, n)."""
+    """A Gaussian for each kind of fault: means (K, n), covariances' Cholesky factors (K, n, n).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import Clusters
+    >>> rng, kinds = np.random.default_rng(0), np.repeat([0, 1], 50)
+    >>> features = rng.standard_normal((100, 2)) + 10.0 * kinds[:, None]
+    >>> clusters = Clusters.fit(features, kinds, ("scratch", "fingerprint"))
+    >>> clusters.classify([[0.0, 0.0], [10.0, 10.0]]).tolist()
+    [0, 1]
+    """
 
     names: tuple[str, ...]
     means: RealArray
@@ -83,6 +94,12 @@ def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
 
     The last column counts negative numbers, which stand for none of the kinds. Raises InputError
     for different lengths and for numbers of kinds that do not exist.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import confusion
+    >>> confusion([0, 0, 1, 1], [0, 1, 1, -1], kinds=2).tolist()
+    [[1, 1, 0], [0, 1, 1]]
     """
     need_whole(kinds, "kinds")
     rows = _labels("true", true, kinds)

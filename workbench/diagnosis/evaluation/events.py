@@ -20,6 +20,12 @@ def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Int
     apart: events with fewer samples than this between them are joined into one. Returns first
     sample and one after the last of each. Raises InputError for a signal that is empty or not
     finite, and unless off <= on and apart >= 0.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import events
+    >>> events([0, 3, 1.5, 0, 3, 0], on=2.0, off=1.0)
+    [(1, 3), (4, 5)]
     """
     values = as_series("signal", signal)
     _check_count("apart", apart)
@@ -40,6 +46,12 @@ def matched_events(
 
     tail: samples behind a fault's end in which an event still belongs to it. Raises InputError for
     a negative tail.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import matched_events
+    >>> matched_events([(2, 4), (9, 12)], faults=[(10, 11), (20, 22)])
+    [1, -1]
     """
     _check_count("tail", tail)
     numbers = []

@@ -19,7 +19,14 @@ Interval = tuple[int, int]
 
 
 def intervals(flags: ArrayLike) -> list[Interval]:
-    """The stretches in which a series (N,) is true."""
+    """The stretches in which a series (N,) is true.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import intervals
+    >>> intervals([False, True, True, False, True])
+    [(1, 3), (4, 5)]
+    """
     as_series("flags", flags)
     edges = np.flatnonzero(np.diff(np.asarray(flags, bool).astype(int), prepend=0, append=0))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
@@ -33,6 +40,13 @@ class Detection:
     false_alarms      the number of alarms that overlap no fault;
     fault_free        the time without a fault [s];
     false_alarm_share the share of the fault-free samples with an alarm.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import detection
+    >>> found = detection([0, 1, 0, 0, 0, 1, 1, 0], faults=[(4, 7)], period=0.1)
+    >>> found.missed, round(found.false_alarm_rate, 6)  # one in the 0.5 s without a fault
+    (0.0, 2.0)
     """
 
     delays: RealArray
@@ -63,6 +77,14 @@ def detection(
 
     Raises InputError for faults that are outside the record, empty, or overlap (tails included),
     and for a record that is empty or not finite.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import detection
+    >>> alarm = [0, 1, 0, 0, 0, 1, 1, 0]
+    >>> found = detection(alarm, faults=[(4, 7)], period=0.1)
+    >>> found.delays.tolist(), found.false_alarms
+    ([0.1], 1)
     """
     raised = as_series("alarm", alarm) != 0.0
     need_numbers(period=period)
@@ -103,6 +125,13 @@ class Roc:
     area         under the curve: the probability that a faulty score is above a fault-free one,
                  ties counting half;
     deviation    standard error of the area (J. A. Hanley and B. J. McNeil, Radiology 143, 1982).
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import roc
+    >>> curve = roc(clean=[0.1, 0.2], faulty=[0.5, 0.9])
+    >>> curve.area, curve.detection.tolist()[-1]
+    (1.0, 1.0)
     """
 
     levels: RealArray
@@ -116,6 +145,12 @@ def roc(clean: ArrayLike, faulty: ArrayLike) -> Roc:
     """The ROC curve of fault-free scores (N,) and faulty ones (M,); a large score means a fault.
 
     Raises InputError if there are no scores, or some are not finite.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import roc
+    >>> round(roc(clean=[0.1, 0.2, 0.3], faulty=[0.25, 0.5, 0.9]).area, 4)  # 8 pairs of 9
+    0.8889
     """
     without, given = np.sort(as_series("clean", clean)), np.sort(as_series("faulty", faulty))
     levels = np.concatenate([[np.inf], np.unique(np.concatenate([without, given]))[::-1]])

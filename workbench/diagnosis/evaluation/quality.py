@@ -35,6 +35,12 @@ def clean_level(record: ArrayLike) -> float:
 
     record (N,). Raises InputError for a record that is empty or not finite, and for a median that
     is not positive.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import clean_level
+    >>> clean_level([1.0, 1.0, 0.2, 1.0, 1.0])
+    1.0
     """
     values = as_array(record, "the record")
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
@@ -84,6 +90,14 @@ def quality_signal(
     InputError
         Unless 0 <= dist_min < dist_max, alpha > 0, level > 0 and 0 <= extinct < 1, all finite, and
         when dist_min is not above the noise.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import quality_signal
+    >>> from workbench.simulation import play
+    >>> quality = quality_signal(level=2.0, dist_min=0.1, dist_max=0.5)
+    >>> play(quality, [[1.0, 1.0], [0.1, 0.1]])[:, 0].tolist()
+    [1.0, 0.0]
     """
     _check_level(level)
     need_numbers(dist_min=dist_min, dist_max=dist_max, alpha=alpha, extinct=extinct)
@@ -115,6 +129,13 @@ def drop_detector(
     the share `release`. noise: rms of the signal without fault, relative to the level. signal: its
     number among the measurements. Raises InputError unless 0 < below <= release < 1, and when the
     margin 1 - release is not above the noise.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import drop_detector
+    >>> from workbench.simulation import play
+    >>> play(drop_detector(level=2.0), [[2.0], [1.3], [1.5], [1.7]]).ravel().tolist()
+    [0.0, 1.0, 1.0, 0.0]
     """
     _check_level(level)
     need_numbers(below=below, release=release)

@@ -23,6 +23,13 @@ def moving_rms(window: int, signals: Sequence[int] = (0,)) -> Controller:
     At the start of a record the mean is over the samples so far. `signals` are the numbers of the
     measurements that are residuals. Raises InputError if the window is shorter than one sample or
     there are no signals.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import moving_rms
+    >>> from workbench.simulation import play
+    >>> play(moving_rms(window=2), [[3.0], [3.0], [0.0]]).ravel().round(4).tolist()
+    [3.0, 3.0, 2.1213]
     """
     need_whole(window, "window")
     if not isinstance(signals, Sequence):

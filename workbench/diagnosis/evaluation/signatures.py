@@ -21,7 +21,15 @@ NO_FAULT, AMBIGUOUS = -1, -2
 
 
 def isolable(structure: ArrayLike) -> bool:
-    """Whether every fault of a structure matrix (R, F) has a signature of its own that is not 0."""
+    """Whether every fault of a structure matrix (R, F) has a signature of its own that is not 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import isolable
+    >>> isolable(np.array([[True, False], [True, True]])), isolable(np.array([[True, True]]))
+    (True, False)
+    """
     columns = _structure(structure).T
     distinct = len(np.unique(columns, axis=0)) == len(columns)
     return bool(distinct and columns.any(axis=1).all())
@@ -34,6 +42,14 @@ def isolate(structure: ArrayLike, fired: ArrayLike) -> NDArray[np.int64]:
     has fired, AMBIGUOUS where two signatures are equally near. Signatures should differ in more
     than one residual, so that a single missed one does not point to another fault. Raises
     InputError if the numbers of residuals differ or entries are not boolean.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import isolate
+    >>> structure = np.array([[True, False], [True, True]])  # rows: residuals, columns: faults
+    >>> isolate(structure, np.array([[True, True], [False, True], [False, False]])).tolist()
+    [0, 1, -1]
     """
     matrix = _structure(structure)
     flags = _flags(fired, "fired")

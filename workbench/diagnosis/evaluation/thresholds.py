@@ -29,6 +29,14 @@ class Threshold:
     rate        the expected share of fault-free values above the level;
     interval    contains that share with the probability `confidence`;
     samples     the number of fault-free values (or blocks of them) that the level was taken from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import quantile_threshold
+    >>> found = quantile_threshold(np.arange(1000.0), false_alarm_rate=0.05)
+    >>> found.samples, found.confidence, bool(found.interval[0] < found.rate < found.interval[1])
+    (1000, 0.95, True)
     """
 
     level: float
@@ -49,6 +57,14 @@ def quantile_threshold(
     and the rate is that of blocks; they must be longer than the residual's memory.
 
     Raises InputError if there are too few values for the rate, or they are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.diagnosis import quantile_threshold
+    >>> found = quantile_threshold(np.arange(1000.0), false_alarm_rate=0.05)
+    >>> found.level, round(found.rate, 3)
+    (950.0, 0.05)
     """
     values = as_series("clean", clean)
     need_numbers(false_alarm_rate=false_alarm_rate, confidence=confidence)
@@ -83,6 +99,12 @@ def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -
 
     Raises InputError for different lengths, negative values, and a level that is not above the
     noise.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import bounded_threshold
+    >>> float(bounded_threshold(gains=[2.0, 0.5], bounds=[0.1, 0.4]))
+    0.40000000000000036
     """
     gain, bound = as_series("gains", gains), as_series("bounds", bounds)
     if gain.shape != bound.shape or min(gain.min(), bound.min()) < 0.0:
@@ -93,7 +115,14 @@ def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -
 
 
 def above_noise(level: float, noise: float) -> float:
-    """The given level. Raises InputError unless it is finite and above the noise."""
+    """The given level. Raises InputError unless it is finite and above the noise.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import above_noise
+    >>> above_noise(0.5, noise=0.1)
+    0.5
+    """
     need_numbers(level=level, noise=noise)
     if not (math.isfinite(level) and 0.0 <= noise < math.inf):
         raise InputError(f"level {level}, noise {noise}: both must be finite, noise not negative")
@@ -118,6 +147,14 @@ def adaptive_alarm(
     T. `residual` and `known` are the numbers of the measurements r and v.
 
     Raises InputError unless base > 0, gain >= 0 and 0 <= decay < 1.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import adaptive_alarm
+    >>> from workbench.simulation import play
+    >>> alarm = adaptive_alarm(base=0.1, gain=1.0, decay=0.5)
+    >>> play(alarm, [[0.5, 0.0], [0.5, 1.0], [0.5, 0.0]]).tolist()  # rows: alarm and threshold
+    [[1.0, 0.1], [0.0, 1.1], [0.0, 0.6]]
     """
     need_numbers(base=base, gain=gain, decay=decay)
     need_places(residual=residual, known=known)

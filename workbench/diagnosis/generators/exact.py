@@ -78,6 +78,18 @@ def fault_detection(
         too few or without their conjugates.
     SolverError
         Rounding spoils the decoupling, at orders from about 20 on.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, fault_detection
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> generator = fault_detection(model, poles=-3.0, omega=0.0)
+    >>> round(float(abs(generator.R(0j))), 6)  # the gain from the fault
+    1.0
     """
     need_faults(model)
     return fault_isolation(model, np.ones((1, len(model.faults)), dtype=bool), poles, omega=omega)
@@ -100,6 +112,17 @@ def fault_isolation(
     InputError
         As for `fault_detection`. A structure has another shape, other entries, a row of zeros, or
         a row that is not attainable; the message says which faults cannot be told from which.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, fault_isolation, structure_matrix
+    >>> plant = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0, inputs=["f1", "f2"])
+    >>> model = FaultModel(plant, faults=("f1", "f2"))
+    >>> generator = fault_isolation(model, [[1, 0], [0, 1]], poles=-2.0)
+    >>> structure_matrix(generator.Q, model).astype(int).tolist()
+    [[1, 0], [0, 1]]
     """
     need_faults(model)
     rows = _structure(model, structure)

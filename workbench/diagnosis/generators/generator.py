@@ -33,6 +33,18 @@ class ResidualGenerator:
 
     ``R``, from faults and noise, has no mode that cancels. Its poles are therefore those of the
     residual, and its response is right at poles of the plant too.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, fault_detection
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> generator = fault_detection(model, poles=-3.0, omega=0.0)
+    >>> generator.faults, generator.R.poles().real.round(6).tolist()
+    (('f',), [-3.0])
     """
 
     Q: StateSpace
@@ -56,6 +68,18 @@ def transfer(
         or the model has a pole at one of the frequencies.
     UnknownNameError
         A name that is no input of the model.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, fault_detection, transfer
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> generator = fault_detection(model, poles=-3.0, omega=0.0)
+    >>> abs(transfer(generator.Q, model, ["f", "d", "u"], [0.0])).round(6).ravel().tolist()
+    [1.0, 0.0, 0.0]
     """
     if not isinstance(model, FaultModel):
         raise InputError(f"model must be a FaultModel, not {type(model).__name__}")
@@ -90,6 +114,17 @@ def structure_matrix(
         poles (weak structure).
 
     Raises InputError as `transfer` does.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, fault_isolation, structure_matrix
+    >>> plant = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0, inputs=["f1", "f2"])
+    >>> model = FaultModel(plant, faults=("f1", "f2"))
+    >>> generator = fault_isolation(model, [[1, 1], [0, 1]], poles=-2.0)
+    >>> structure_matrix(generator.Q, model).astype(int).tolist()
+    [[1, 1], [0, 1]]
     """
     need_faults(model)
     if omega is None:

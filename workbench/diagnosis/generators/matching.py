@@ -36,7 +36,18 @@ RESPONSE_RANK_SHARE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class ModelMatch:
-    """A generator, its error R - [M_r 0] from faults and noise, and the error's certified norm."""
+    """A generator, its error R - [M_r 0] from faults and noise, and the error's certified norm.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, ModelMatch, model_matching
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> match = model_matching(model, control.tf([1.0], [1.0, 1.0]), poles=-2.0)
+    >>> isinstance(match, ModelMatch), bool(match.error.poles().real.max() < 0)
+    (True, True)
+    """
 
     generator: ResidualGenerator
     error: StateSpace
@@ -79,6 +90,16 @@ def model_matching(
         null space; the poles are refused by `generator.denominator`.
     SolverError
         As `workbench.synthesis.hinf`; or rounding makes the error unstable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, model_matching
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> match = model_matching(model, control.tf([1.0], [1.0, 1.0]), poles=-2.0)
+    >>> round(match.norm, 3)
+    0.1
     """
     need_faults(model)
     M_r = _reference(model, reference)
@@ -113,6 +134,18 @@ def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
     """A proper basis Q_1 of all generators that decouple controls and disturbances.
 
     Raises InputError if the disturbances leave none, and as `generator.denominator` does.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, null_space_generator, transfer
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> Q = null_space_generator(model, poles=-3.0).Q
+    >>> float(abs(transfer(Q, model, ["u", "d"], [0.1, 1.0, 10.0])).max().round(9))
+    0.0
     """
     need_faults(model)
     parity = Parity(model, model.disturbances)
@@ -133,6 +166,22 @@ def matching_bound(
 
     It is the norm of the part of [M_r 0] that the rows of Q_1 [G_f G_w; 0] do not span there.
     Raises InputError as `generator.transfer` does, and for a reference that does not fit.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import (
+    ...     FaultModel,
+    ...     matching_bound,
+    ...     model_matching,
+    ...     null_space_generator,
+    ... )
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> reference, Q_1 = control.tf([1.0], [1.0, 1.0]), null_space_generator(model, poles=-2.0).Q
+    >>> bound = matching_bound(model, Q_1, reference, [0.01, 1.0, 10.0])
+    >>> bool(bound.max() <= model_matching(model, reference, poles=-2.0).norm)
+    True
     """
     need_faults(model)
     M_r = _reference(model, reference)

@@ -27,6 +27,15 @@ class ParityRelation:
     ``v`` is (order + 1, p), ``w`` (order + 1, m), ``generator`` the same relation as a filter.
     ``index`` is equation 7.23 of the thesis on a window: the norm of the row from disturbances and
     noise to r, over that of the row from the faults; 0 if disturbances and noise are decoupled.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, parity_relation
+    >>> plant = control.ss(0.5, [[1.0, 1.0]], 1.0, 0.0, 1.0, inputs=["u", "f"])
+    >>> relation = parity_relation(FaultModel(plant, controls=("u",), faults=("f",)), order=1)
+    >>> relation.v.shape, relation.w.shape, relation.generator.faults
+    ((2, 1), (2, 1), ('f',))
     """
 
     v: NDArray[np.float64]
@@ -58,6 +67,16 @@ def parity_relation(model: FaultModel, order: int) -> ParityRelation:
     ----------
     Chow, Willsky, IEEE TAC 29 (1984) 603; Ding, Model-based Fault Diagnosis Techniques (2013),
     section 7.4: the generalised eigenvalue problem of the optimal parity vector.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, parity_relation
+    >>> plant = control.ss(0.5, [[1.0, 1.0]], 1.0, 0.0, 1.0, inputs=["u", "f"])
+    >>> relation = parity_relation(FaultModel(plant, controls=("u",), faults=("f",)), order=1)
+    >>> ratio = relation.v[0, 0] / relation.v[1, 0]
+    >>> round(float(ratio), 6)  # y(k) - 0.5 y(k - 1) needs no initial state
+    -0.5
     """
     need_faults(model)
     need_whole(order, "order")

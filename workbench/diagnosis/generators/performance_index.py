@@ -38,7 +38,18 @@ VANISHED_GAIN_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PerformanceIndex:
-    """Bounds of every residual's index; ``lower`` is its value at ``omega`` [rad/s]."""
+    """Bounds of every residual's index; ``lower`` is its value at ``omega`` [rad/s].
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, null_space_generator, performance_index
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> found = performance_index(null_space_generator(model, poles=-2.0).Q, model, band=(0.1, 1.0))
+    >>> round(float(found.omega[0]), 3), bool(found.lower[0] <= found.upper[0])
+    (1.0, True)
+    """
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
@@ -88,6 +99,17 @@ def performance_index(
         shows none of the faults; as `generator.transfer`.
     SolverError
         The level does not settle.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, null_space_generator, performance_index
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> Q = null_space_generator(model, poles=-2.0).Q
+    >>> found = performance_index(Q, model, band=(0.1, 1.0))
+    >>> round(float(found.upper[0]), 3)  # 0.1 |1 + j omega| at omega = 1, rounded outward
+    0.142
     """
     need_faults(model)
     over = tuple(model.faults if faults is None else faults)

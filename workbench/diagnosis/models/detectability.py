@@ -38,6 +38,18 @@ class Detectability:
     ``remaining`` (k,) is the share of the fault's response that the disturbances do not span, at
     random points of the s-plane. ``masked_by`` has, for a fault that is not detectable, a least set
     of disturbances that hide it: none of them can be left out.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, detectability
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> found = detectability(model, omega=[0.0, 1.0])
+    >>> found.faults, found.weak.tolist(), found.strong.tolist()
+    (('f',), [True], [[True, True]])
     """
 
     faults: tuple[str, ...]
@@ -68,6 +80,19 @@ def detectability(
         No fault is left; frequencies are negative or not finite.
     UnknownNameError
         A name in `decoupled` is not that of a fault.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, detectability
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> detectability(
+    ...     model, omega=0.0
+    ... ).strong.tolist()  # y1 shows the fault without the disturbance
+    [[True]]
     """
     need_faults(model)
     at = frequencies(model, omega)
@@ -96,6 +121,14 @@ def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, .
 
     It is empty if the fault moves no output at all. Raises InputError if the inputs do not hide
     the fault.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, masking
+    >>> plant = control.ss(-1.0, [[1.0, 1.0]], 1.0, 0.0, inputs=["d", "f"])
+    >>> masking(FaultModel(plant, disturbances=("d",), faults=("f",)), "f", ["d"])
+    ('d',)
     """
     need_faults(model)
     kept = list(among)
@@ -115,6 +148,16 @@ def isolability(model: FaultModel) -> NDArray[np.bool_]:
     faults can be isolated even if they occur together.
 
     Raises InputError without a fault.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, isolability
+    >>> plant = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0, inputs=["f1", "f2"])
+    >>> model = FaultModel(plant, faults=("f1", "f2"))
+    >>> isolability(model).tolist()
+    [[True, True], [True, True]]
     """
     need_faults(model)
     faults = model.faults
@@ -143,6 +186,16 @@ def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> 
     ------
     InputError
         There is no fault or there are too many; frequencies are negative or not finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel, attainable_structures
+    >>> plant = control.ss(-np.eye(2), np.eye(2), np.eye(2), 0.0, inputs=["f1", "f2"])
+    >>> model = FaultModel(plant, faults=("f1", "f2"))
+    >>> attainable_structures(model).astype(int).tolist()
+    [[0, 1], [1, 0], [1, 1]]
     """
     need_faults(model)
     if len(model.faults) > MOST_FAULTS:
@@ -164,6 +217,16 @@ def unattainable(
 
     The result is empty if the row is attainable, because residuals that each show one of its faults
     have a combination that shows all. Parameters and errors are those of `attainable_structures`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, unattainable
+    >>> plant = control.ss(
+    ...     -1.0, [[1.0, 1.0]], 1.0, 0.0, inputs=["f1", "f2"]
+    ... )  # one output, two faults
+    >>> unattainable(FaultModel(plant, faults=("f1", "f2")), [1, 0])
+    ('f1',)
     """
     need_faults(model)
     chosen = np.asarray(row)

@@ -50,6 +50,17 @@ class FaultModel:
         sampling time; an input is in two groups or in none.
     UnknownNameError
         A name is not that of an input of the system.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.diagnosis import FaultModel
+    >>> A, B = [[-1.0, 0.0], [0.0, -2.0]], [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]
+    >>> plant = control.ss(A, B, np.eye(2), 0.0, inputs=["u", "d", "f"], outputs=["y1", "y2"])
+    >>> model = FaultModel(plant, controls=("u",), disturbances=("d",), faults=("f",))
+    >>> model.outputs, model.response(["f"], [0.0]).real.ravel().tolist()
+    (('y1', 'y2'), [1.0, 0.5])
     """
 
     system: StateSpace

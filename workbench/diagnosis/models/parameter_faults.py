@@ -33,6 +33,18 @@ def multiplicative_lft(
     ------
     InputError
         As `FaultModel.with_multiplicative_fault`; or there is no parameter.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, multiplicative_lft
+    >>> plant = control.ss(
+    ...     [[0.0, 1.0], [-4.0, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs=["u"]
+    ... )
+    >>> stiffness = ([[0.0, 0.0], [1.0, 0.0]], None, None, None)
+    >>> lft = multiplicative_lft(FaultModel(plant, controls=("u",)), {"stiffness": stiffness})
+    >>> [block.name for block in lft.structure]
+    ['stiffness']
     """
     if not changes:
         raise InputError("changes is empty; it needs the matrices of one parameter or more")

@@ -61,6 +61,16 @@ class MagnitudeFit(Program):
     ------
     InputError
         Data that are not as above; the message says which and where.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.fitting import MagnitudeFit
+    >>> omega = np.geomspace(0.1, 10, 30)
+    >>> solution = wb.solve(MagnitudeFit(omega, 1 / np.hypot(omega, 1), order=1))
+    >>> solution.certificate.holds, solution.answer.poles.real.round(4).tolist()
+    (True, [-1.0])
     """
 
     omega: Any  # arrays after construction
@@ -239,6 +249,15 @@ def fit_magnitude(
         Data that do not fit together, neither order nor error, or both.
     SolverError
         The method gave no valid answer, or no order meets the error.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import fit_magnitude
+    >>> omega = np.geomspace(0.1, 10, 30)
+    >>> W = fit_magnitude(omega, 1 / np.hypot(omega, 1), order=1, cover=True)
+    >>> bool((abs(W(1j * omega)) >= 1 / np.hypot(omega, 1) * (1 - 1e-9)).all())
+    True
     """
     options = options or Options()
     if (order is None) == (error is None):

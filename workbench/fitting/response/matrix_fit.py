@@ -54,6 +54,16 @@ def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None)
     ------
     InputError
         Other data, or too few frequencies for the order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import fit_matrix_response
+    >>> omega = np.geomspace(0.1, 10, 30)
+    >>> values = np.array([[[1 / (1j * w + 1)], [2 / (1j * w + 1)]] for w in omega])
+    >>> G = fit_matrix_response(omega, values, order=1)
+    >>> G.poles().real.round(4).tolist(), G.noutputs
+    ([-1.0], 2)
     """
     omega = as_frequencies(omega)
     values = as_array(values, "values", dtype=complex)

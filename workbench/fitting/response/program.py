@@ -69,6 +69,16 @@ class ResponseFit(Program):
     InputError
         Data or options other than these; more coefficients than data; a response of zero under the
         default weight.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.fitting import ResponseFit
+    >>> omega = np.geomspace(0.1, 10, 30)
+    >>> solution = wb.solve(ResponseFit(omega, 3 / (1j * omega + 2), order=1))
+    >>> solution.certificate.holds, solution.answer.poles.real.round(4).tolist()
+    (True, [-2.0])
     """
 
     omega: Any  # arrays after construction
@@ -259,6 +269,17 @@ def fit_response(
         The same as for `ResponseFit`; neither an order nor an error is given.
     SolverError
         No valid answer, or none within ``error``; the message names the best error reached.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import fit_response
+    >>> omega = np.geomspace(0.1, 10, 30)
+    >>> G = fit_response(
+    ...     omega, 3 / (1j * omega + 2), error=1e-6
+    ... )  # the least order that has this error
+    >>> G.nstates, G.poles().real.round(4).tolist()
+    (1, [-2.0])
     """
     if order is None and error is None:
         raise InputError("neither order nor error is given: give one of them, or both")

@@ -36,6 +36,20 @@ class ClosedLoopFit(StateSpaceFit):
     InputError
         As for `StateSpaceFit`, of the excitation too; several experiments; a controller in
         continuous time, or with other channels than the record.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import ClosedLoopFit
+    >>> G, C = control.tf([0.5], [1, -0.5], 1.0), control.ss([], [], [], [[0.4]], 1.0)
+    >>> r = np.random.default_rng(0).standard_normal(200)
+    >>> u = control.forced_response(control.feedback(1, G * C), inputs=r).outputs
+    >>> y = control.forced_response(G, inputs=u).outputs
+    >>> program = ClosedLoopFit(u, y, orders=[1], direct=False, excitation=r, controller=C)
+    >>> wb.solve(program, "two-stage").certificate.valid
+    True
     """
 
     excitation: Any = field(default=None, kw_only=True)

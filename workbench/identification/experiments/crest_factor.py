@@ -42,6 +42,16 @@ class CrestFactor(Program):
         Harmonic numbers, shape (K,), rising, above 0 and below samples / 2.
     samples
         Samples per period.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import CrestFactor
+    >>> program = CrestFactor(1.0, np.arange(1, 6), 64)
+    >>> solution = wb.solve(program)
+    >>> solution.certificate.valid, bool(program.multisine(solution.answer).crest_factor < 1.8)
+    (True, True)
     """
 
     amplitudes: Any
@@ -192,6 +202,16 @@ def schroeder_phases(lines: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
     The sweep stays at each line for a time proportional to its power. Schroeder, IEEE Trans. Inf.
     Theory 16(1), 1970, equation 11, extended to lines with gaps:
     phase_k = -2 pi sum_{j < k} (line_k - line_j) p_j, where p_j is the share of power of line j.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import Multisine, schroeder_phases
+    >>> lines, amplitudes = np.arange(1, 17), np.ones(16)
+    >>> swept = Multisine(lines, amplitudes, schroeder_phases(lines, amplitudes), 128)
+    >>> in_phase = Multisine(lines, amplitudes, np.zeros(16), 128)
+    >>> swept.crest_factor < 2 < in_phase.crest_factor
+    True
     """
     power = amplitudes**2 / np.sum(amplitudes**2)
     before, moment = np.cumsum(power) - power, np.cumsum(power * lines) - power * lines

@@ -26,6 +26,12 @@ def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
     -------
     ndarray
         Ratios of shape (...); multiply by 100 for percent.
+
+    Examples
+    --------
+    >>> from workbench.identification import total_harmonic_distortion
+    >>> float(total_harmonic_distortion([10.0, 0.3, 0.4]))
+    0.05
     """
     sizes = np.abs(np.asarray(amplitudes))
     if sizes.ndim == 0 or sizes.shape[-1] < 2:
@@ -52,6 +58,17 @@ class LineDistortion:
     odd_square, even_square
         Mean squares at these lines without the noise's share: unbiased, so that noise alone makes
         them negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import line_amplitudes, line_distortion
+    >>> time = np.arange(4 * 64) / 64
+    >>> u = np.cos(2 * np.pi * time) + np.cos(2 * np.pi * 7 * time + 1.0)
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    >>> found = line_distortion(line_amplitudes(u + 0.1 * u**3 + noise, 64), excited=[1, 7])
+    >>> found.detected(), bool(found.odd > 10 * found.even)
+    (True, True)
     """
 
     odd: float
@@ -86,6 +103,17 @@ def line_distortion(
         The odd lines of the multisine. The lines between the first and the last are examined.
     transients
         Number of leading periods to discard.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import line_amplitudes, line_distortion
+    >>> time = np.arange(4 * 64) / 64
+    >>> u = np.cos(2 * np.pi * time) + np.cos(2 * np.pi * 7 * time + 1.0)
+    >>> noise = 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    >>> found = line_distortion(line_amplitudes(u + 0.1 * u**2 + noise, 64), excited=[1, 7])
+    >>> bool(found.even > 10 * found.odd), found.even_p < 0.01
+    (True, True)
     """
     periods = np.asarray(amplitudes, dtype=complex)
     lines = np.asarray(excited)
@@ -117,6 +145,16 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
         gives; three harmonics or more, and three periods or more.
     transients
         Number of leading periods at each frequency to discard.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import harmonic_distortion, sine_fit
+    >>> time = np.arange(5 * 64) / 64
+    >>> u = np.cos(2 * np.pi * time) + 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    >>> amplitudes = sine_fit(u + 0.1 * u**3, 64.0, 1.0, harmonics=3)
+    >>> round(float(harmonic_distortion(amplitudes[None]).odd), 3)  # of 0.1 cos(t)^3
+    0.025
     """
     every = np.asarray(amplitudes, dtype=complex)
     if every.ndim != 3 or every.shape[2] < 3:

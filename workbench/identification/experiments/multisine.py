@@ -31,6 +31,14 @@ def line_amplitudes(signal: ArrayLike, samples: int) -> np.ndarray:
     ------
     InputError
         The length of the record is no whole number of periods.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import line_amplitudes
+    >>> signal = 1 + 3 * np.cos(2 * np.pi * 2 * np.arange(16) / 8)
+    >>> abs(line_amplitudes(signal, samples=8)).round(6).tolist()  # two periods, lines 0 to 4
+    [[1.0, 0.0, 3.0, 0.0, 0.0], [1.0, 0.0, 3.0, 0.0, 0.0]]
     """
     values = as_record(signal, "signal")
     if samples < 2:
@@ -65,6 +73,13 @@ class Multisine:
         Phases [rad], shape (K,).
     samples
         Samples per period.
+
+    Examples
+    --------
+    >>> from workbench.identification import Multisine
+    >>> signal = Multisine(lines=[1, 3], amplitudes=1.0, phases=[0.0, 0.0], samples=8)
+    >>> signal.period().round(6).tolist()[:3], round(signal.crest_factor, 4)
+    ([2.0, 0.0, 0.0], 2.0)
     """
 
     lines: Any
@@ -97,7 +112,16 @@ class Multisine:
 def random_multisine(
     lines: ArrayLike, amplitudes: ArrayLike, samples: int, rng: np.random.Generator
 ) -> Multisine:
-    """A multisine with independent random phases, uniform over the circle."""
+    """A multisine with independent random phases, uniform over the circle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import random_multisine
+    >>> signal = random_multisine([1, 3, 5], 1.0, 64, np.random.default_rng(0))
+    >>> signal.period().shape, bool(np.isclose(np.mean(signal.period() ** 2), 3 / 2))
+    ((64,), True)
+    """
     return Multisine(lines, amplitudes, rng.uniform(0, 2 * np.pi, np.size(lines)), samples)
 
 
@@ -114,6 +138,14 @@ def odd_lines(
     -------
     excited, silent
         Line numbers, rising.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import odd_lines
+    >>> excited, silent = odd_lines(1, 15, group=4, rng=np.random.default_rng(0))
+    >>> len(excited), len(silent), set((np.r_[excited, silent] % 2).tolist())
+    (6, 2, {1})
     """
     if group < 2:
         raise InputError(f"a group needs two lines or more to leave one silent, not {group}")

@@ -9,7 +9,21 @@ from workbench.errors import InputError
 
 
 class IdentificationWarning(UserWarning):
-    """Data are usable but need attention; the message says what to do."""
+    """Data are usable but need attention; the message says what to do.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import numpy as np
+    >>> from workbench.identification import IdentificationWarning, from_periods
+    >>> noisy = np.array([[1.0, -0.8, 1.1, -0.9]])
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     response = from_periods([1.0], noisy, noisy)
+    ...
+    >>> caught[0].category is IdentificationWarning
+    True
+    """
 
 
 def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
@@ -20,6 +34,12 @@ def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
     InputError
         The record is empty, complex or not numeric; or a sample is NaN or infinite: the message
         names the first one and its channel.
+
+    Examples
+    --------
+    >>> from workbench.identification import as_record
+    >>> as_record([1, 2, 3]).dtype.name
+    'float64'
     """
     values = np.asarray(signal)
     if values.dtype.kind not in "biuf":
@@ -89,6 +109,12 @@ def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> 
     -------
     ndarray
         Shares between 0 and 1, shape (...).
+
+    Examples
+    --------
+    >>> from workbench.identification import saturation
+    >>> saturation([0.0, 1.0, 1.0, 0.5], limits=(-1.0, 1.0)).tolist()
+    0.5
     """
     values = as_record(signal)
     if limits is not None:

@@ -24,7 +24,7 @@ def read_record(
     sample_rate: float | None = None,
     time: str | None = None,
 ) -> Dataset:
-    """Read a record of inputs and outputs from a file.
+    r"""Read a record of inputs and outputs from a file.
 
     Parameters
     ----------
@@ -49,6 +49,15 @@ def read_record(
     InputError
         The file cannot be read; a variable is missing, contains NaN or differs in length; or the
         instants are not equidistant.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from workbench.identification import read_record
+    >>> _ = Path("log.csv").write_text("time,u,y\n0.0,1.0,0.0\n0.1,1.0,0.5\n0.2,1.0,0.7\n")
+    >>> record = read_record("log.csv", inputs=["u"], outputs=["y"], time="time")
+    >>> record["y"].values.tolist(), record.sizes["time"]
+    ([[0.0, 0.5, 0.7]], 3)
     """
     import xarray as xr
 
@@ -99,7 +108,7 @@ def read_record(
 
 
 def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
-    """Read a measured frequency response from a file.
+    r"""Read a measured frequency response from a file.
 
     Parameters
     ----------
@@ -115,6 +124,15 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     -------
     Dataset
         ``response`` (frequency, output, input); the attribute ``read`` says what was found out.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from workbench.identification import read_response
+    >>> _ = Path("curve.csv").write_text("f [kHz],re,im\n1,1.0,0.0\n2,0.5,-0.5\n")
+    >>> found = read_response("curve.csv", "f", ("re", "im"))
+    >>> found["frequency"].values.tolist(), found["response"].values.ravel().tolist()
+    ([1000.0, 2000.0], [(1+0j), (0.5-0.5j)])
     """
     import xarray as xr
 

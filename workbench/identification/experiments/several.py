@@ -38,6 +38,14 @@ class Experiments:
         Names and units of the channels.
     excitation
         What drove a closed loop from outside (N, nr), where that was recorded.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import Experiments
+    >>> record = Experiments(np.ones((5, 1)), np.arange(5.0)[:, None], sample_time=0.1)
+    >>> record.starts, record.sample_time, record.missing
+    ((0,), 0.1, 0)
     """
 
     u: RealArray
@@ -144,6 +152,14 @@ def as_experiments(
     ------
     InputError
         What was given is no record, or is broken: the message names the channel and the sample.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import as_experiments
+    >>> record = as_experiments([np.ones(5), np.ones(3)], [np.arange(5.0), np.arange(3.0)])
+    >>> record.u.shape, record.starts
+    ((8, 1), (0, 5))
     """
     if samples not in (None, "rows", "columns"):
         raise InputError(f'samples is {samples!r}; it must be "rows", "columns" or None')

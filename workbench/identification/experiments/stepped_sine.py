@@ -36,6 +36,13 @@ class SteppedSine:
         Peak value, one for all frequencies or one for each.
     sample_rate
         Sampling frequency [Hz].
+
+    Examples
+    --------
+    >>> from workbench.identification import SteppedSine
+    >>> sine = SteppedSine([10.0, 20.0], periods=2, amplitude=1.0, sample_rate=1000.0)
+    >>> [(frequency, len(samples)) for frequency, samples in sine]
+    [(10.0, 200), (20.0, 100)]
     """
 
     frequencies: Any  # arrays after construction
@@ -98,6 +105,17 @@ def sine_fit(
     InputError
         The record has less than one period, a harmonic is beyond half the sample rate, or a period
         has fewer samples than the 2 * harmonics + 1 unknowns.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import sine_fit
+    >>> time = np.arange(250) / 1000.0
+    >>> signal = 0.5 + 2 * np.cos(2 * np.pi * 12 * time) + 0.1 * np.cos(2 * np.pi * 24 * time)
+    >>> abs(sine_fit(signal, 1000.0, 12.0, harmonics=2)).round(
+    ...     6
+    ... ).tolist()  # in each of three periods
+    [[2.0, 0.1], [2.0, 0.1], [2.0, 0.1]]
     """
     values = as_record(signal, "signal")
     _require_below_nyquist(np.array([frequency * harmonics]), sample_rate)

@@ -15,7 +15,7 @@ File = str | PathLike[str]
 
 
 def read_variables(file: File) -> dict[str, np.ndarray]:
-    """Every numeric variable of a file, by name.
+    r"""Every numeric variable of a file, by name.
 
     A file named ``.mat`` has MATLAB's format up to version 7, one named ``.nc`` is NetCDF; all
     others are text with columns separated by commas, semicolons, tabs or blanks, with decimal
@@ -27,6 +27,14 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
     ------
     InputError
         The file is missing, or does not have the format that its name says.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from workbench.identification import read_variables
+    >>> _ = Path("log.csv").write_text("time,u,y\n0.0,1.0,0.0\n0.1,1.0,0.5\n")
+    >>> {name: column.tolist() for name, column in read_variables("log.csv").items()}
+    {'time': [0.0, 0.1], 'u': [1.0, 1.0], 'y': [0.0, 0.5]}
     """
     return read_table(file).variables
 

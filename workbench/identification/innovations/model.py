@@ -29,6 +29,15 @@ class InnovationsModel:
     The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
     later an input acts; empty where none does. ``sample_time`` [s] and the names of the channels
     are those of the record.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import InnovationsModel
+    >>> one = np.ones((1, 1))
+    >>> model = InnovationsModel(0.5 * one, one, one, 0 * one, 0.2 * one, np.zeros(1), np.zeros(1))
+    >>> model.order, model.radius, round(model.predictor_radius, 6)
+    (1, 0.5, 0.3)
     """
 
     A: RealArray

@@ -20,7 +20,14 @@ ACTIVE_BOUND_DISTANCE = 1e-6
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter to estimate: the start of its search, and its lower and upper bound."""
+    """A parameter to estimate: the start of its search, and its lower and upper bound.
+
+    Examples
+    --------
+    >>> from workbench.identification import FittedParameter
+    >>> FittedParameter(start=1.0, lower=0.1).upper
+    inf
+    """
 
     start: float
     lower: float = -np.inf

@@ -59,6 +59,20 @@ class MeasuredResponse:
         Degrees of freedom of the variance if it is an estimate: 2 (M - 1) for M periods.
     name
         Name in messages and figures.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import FittedParameter, MeasuredResponse
+    >>> frequency = np.geomspace(0.1, 10, 20)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> measured = MeasuredResponse(
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ... )
+    >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
+    >>> residuals = measured.residuals({"k": 3.0, "a": 2.0})
+    >>> bool(abs(residuals).max() < 1e-9)
+    True
     """
 
     model: Callable[[ParameterValues, Any], Any]
@@ -177,6 +191,25 @@ class MeasuredRecord:
         `MeasuredResponse`.
     name
         Name in messages and figures.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import FittedParameter, MeasuredRecord, fit_parameters
+    >>> u = np.sign(np.sin(np.arange(60.0)))
+    >>> y = [0.0]
+    >>> for k in range(59):
+    ...     y.append(0.8 * y[-1] + u[k])
+    ...
+    >>> record = MeasuredRecord(
+    ...     lambda p, x, u: ([p["a"] * x[0] + u[0]], [x[0]]),
+    ...     lambda p: [0.0],
+    ...     u[None],
+    ...     np.array(y)[None],
+    ...     [1e-6],
+    ... )
+    >>> round(fit_parameters(record, {"a": FittedParameter(0.5)}).values["a"], 4)
+    0.8
     """
 
     step: Callable[

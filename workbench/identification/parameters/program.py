@@ -46,6 +46,21 @@ class ParameterFit(LeastSquares, Program):
     their standard deviation. The problem may have local minima, so no method claims to find the
     best one; raise ``starts`` if that is a concern. Arguments and errors are those of
     `LeastSquares`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import FittedParameter, MeasuredResponse, ParameterFit
+    >>> frequency = np.geomspace(0.1, 10, 20)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> measured = MeasuredResponse(
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ... )
+    >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
+    >>> solution = wb.solve(ParameterFit([measured], start), "scipy")
+    >>> solution.certificate.valid, solution.answer.round(4).tolist()
+    (True, [3.0, 2.0])
     """
 
     default_method: ClassVar[str] = "ipopt"
@@ -189,7 +204,22 @@ class ParameterFit(LeastSquares, Program):
 
 @dataclass(frozen=True, eq=False)
 class ParameterEstimate:
-    """Fitted parameters: values by name, covariance, half-widths of intervals, and warnings."""
+    """Fitted parameters: values by name, covariance, half-widths of intervals, and warnings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import FittedParameter, MeasuredResponse, fit_parameters
+    >>> frequency = np.geomspace(0.1, 10, 20)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> measured = MeasuredResponse(
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ... )
+    >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
+    >>> found = fit_parameters(measured, start, confidence=0.95)
+    >>> bool(found.half_widths["k"] < 1e-2), found.covariance.shape
+    (True, (2, 2))
+    """
 
     values: Mapping[str, float]
     covariance: np.ndarray
@@ -233,6 +263,20 @@ def fit_parameters(
     IdentificationWarning
         Active bounds, parameters that the data hardly determine, or residuals larger than the
         variance allows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import FittedParameter, MeasuredResponse, fit_parameters
+    >>> frequency = np.geomspace(0.1, 10, 20)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> measured = MeasuredResponse(
+    ...     lambda p, s: p["k"] / (s + p["a"]), frequency, exact, np.full(20, 1e-6)
+    ... )
+    >>> start = {"k": FittedParameter(1.0), "a": FittedParameter(1.0, lower=0.1)}
+    >>> found = fit_parameters(measured, start)
+    >>> {name: round(value, 4) for name, value in found.values.items()}
+    {'k': 3.0, 'a': 2.0}
     """
     program = ParameterFit(data if isinstance(data, Sequence) else [data], parameters)
     solution = solve(program, method, options)

@@ -46,6 +46,17 @@ def arx(
         Whether inputs may act at once: without, B_0 = 0.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import arx, as_experiments
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> model = arx(as_experiments(u, y), order=1)
+    >>> float(model.A[0, 0].round(4)), model.order
+    (0.5, 1)
     """
     late = record.delayed(delay)
     nu, ny = late.u.shape[1], late.y.shape[1]
@@ -89,6 +100,17 @@ def impulse_response(
 
     Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
     scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import as_experiments, impulse_response
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> model = impulse_response(as_experiments(u, y))
+    >>> float((model.C @ model.B)[0, 0].round(2))  # the first sample of the response
+    0.5
     """
     late = record.delayed(delay)
     nu, ny = late.u.shape[1], late.y.shape[1]

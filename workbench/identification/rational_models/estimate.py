@@ -33,6 +33,19 @@ class RationalModelEstimate:
     """A rational model of a response, its uncertainty, and what the residuals say of it.
 
     ``candidates`` holds the tests of every order that was tried.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, fit_rational_model
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> variance = np.full((60, 1, 1), 2e-6)
+    >>> measured = ResponseEstimate(frequency, (exact + noise)[:, None, None], variance, np.inf)
+    >>> found = fit_rational_model(measured, orders=1, excess=1)
+    >>> found.certificate.valid, sorted(found.candidates)
+    (True, [1])
     """
 
     model: CommonPoleModel
@@ -111,6 +124,19 @@ def fit_rational_model(
     -----
     IdentificationWarning
         No order is accepted: bands by the variance alone are then too narrow.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, fit_rational_model
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> variance = np.full((60, 1, 1), 2e-6)
+    >>> measured = ResponseEstimate(frequency, (exact + noise)[:, None, None], variance, np.inf)
+    >>> found = fit_rational_model(measured, orders=[1, 2], excess=1)
+    >>> found.model.order, found.model.poles.real.round(2).tolist()
+    (1, [-2.0])
     """
     tried = [int(orders)] if isinstance(orders, int | np.integer) else list(orders)
     program = RationalModelFit(

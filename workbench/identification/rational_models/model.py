@@ -37,6 +37,16 @@ class CommonPoleModel:
     ------
     InputError
         Rows of different lengths, other poles in an entry, or a sample time that is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import Rational
+    >>> from workbench.identification import CommonPoleModel
+    >>> entry = Rational([], [-2.0], 3.0)
+    >>> model = CommonPoleModel([[entry]], np.array([[0.1]]))  # 3 exp(-0.1 s) / (s + 2)
+    >>> model.order, model.is_stable, abs(model.response(np.array([0.0]))).ravel().tolist()
+    (1, True, [1.5])
     """
 
     entries: Sequence[Sequence[Rational]]

@@ -85,6 +85,20 @@ class RationalModelFit(Program):
     InputError
         As `WeightedResponse`; orders that the data do not determine or that are below the excess;
         frequencies above half the sampling rate; or other values out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import RationalModelFit
+    >>> rng, omega = np.random.default_rng(0), np.geomspace(0.2, 30, 60)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> program = RationalModelFit(
+    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), [1, 2], 1
+    ... )
+    >>> solution = wb.solve(program)
+    >>> solution.certificate.valid, solution.answer.model.order
+    (True, 1)
     """
 
     omega: Any

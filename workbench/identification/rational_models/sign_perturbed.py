@@ -48,6 +48,24 @@ class SignPerturbedRegion:
     ------
     InputError
         Another number of sums, or a confidence that is no such fraction.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import (
+    ...     ResponseEstimate,
+    ...     SignPerturbedRegion,
+    ...     fit_rational_model,
+    ... )
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> variance = np.full((60, 1, 1), 2e-6)
+    >>> measured = ResponseEstimate(frequency, (exact + noise)[:, None, None], variance, np.inf)
+    >>> found = fit_rational_model(measured, orders=1, excess=1)
+    >>> region = SignPerturbedRegion(found.uncertainty.structure, confidence=0.95)
+    >>> region.contains(found.model)
+    True
     """
 
     structure: ModelStructure

@@ -14,7 +14,22 @@ from workbench.identification.rational_models.model import CommonPoleModel
 
 @dataclass(frozen=True, eq=False)
 class RationalModels:
-    """Fitted models of rising order, and the number of the one that is chosen."""
+    """Fitted models of rising order, and the number of the one that is chosen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import RationalModelFit
+    >>> rng, omega = np.random.default_rng(0), np.geomspace(0.2, 30, 60)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> program = RationalModelFit(
+    ...     omega, 3 / (1j * omega + 2) + noise, np.full((60, 1, 1), 2e-6), [1, 2], 1
+    ... )
+    >>> answer = wb.solve(program).answer
+    >>> [model.order for model in answer.models], answer.chosen
+    ([1, 2], 0)
+    """
 
     models: tuple[CommonPoleModel, ...]
     chosen: int

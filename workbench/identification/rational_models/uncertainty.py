@@ -35,6 +35,19 @@ class ModelUncertainty:
         Structure and data of the fit, and the fitted model.
     degrees
         Degrees of freedom of the variance of the data.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, fit_rational_model
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> exact = 3.0 / (2j * np.pi * frequency + 2.0)
+    >>> noise = 1e-3 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> variance = np.full((60, 1, 1), 2e-6)
+    >>> measured = ResponseEstimate(frequency, (exact + noise)[:, None, None], variance, np.inf)
+    >>> uncertainty = fit_rational_model(measured, orders=1, excess=1).uncertainty
+    >>> bool(uncertainty.radius([1.0], 0.95).max() < 0.01)
+    True
     """
 
     structure: ModelStructure

@@ -25,6 +25,16 @@ class Assumptions:
         its moments on the complex sphere.
     independent
         Independence of successive periods, by their correlation; low with transients or drifts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import from_periods
+    >>> rng = np.random.default_rng(0)
+    >>> noise = rng.standard_normal((2, 50, 8, 2)) @ [1, 1j]
+    >>> found = from_periods(np.arange(1, 51), 1 + 1e-3 * noise[0], 0.5 + 1e-3 * noise[1])
+    >>> found.assumptions.holds()
+    True
     """
 
     circular: float

@@ -34,6 +34,19 @@ class LinearApproximation(ResponseEstimate):
         that it is negative about as often as positive where there is none.
     realisations
         Number of realisations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, best_linear_approximation
+    >>> frequency, variance = np.array([1.0]), np.full((1, 1, 1), 1e-6)
+    >>> seen = [
+    ...     ResponseEstimate(frequency, np.full((1, 1, 1), g + 0j), variance, 6.0)
+    ...     for g in (1.9, 2.1)
+    ... ]
+    >>> found = best_linear_approximation(seen)
+    >>> float(found.response[0, 0, 0].real), bool(found.distortion_variance[0, 0, 0] > 1e-3)
+    (2.0, True)
     """
 
     covariance: np.ndarray
@@ -55,6 +68,28 @@ def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearAp
     ------
     InputError
         Fewer than two responses, or other frequencies or sizes in one of them.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import (
+    ...     best_linear_approximation,
+    ...     periodic_local_polynomial,
+    ...     random_multisine,
+    ... )
+    >>> rng, lines, responses = np.random.default_rng(0), np.arange(1, 20, 2), []
+    >>> for _ in range(4):
+    ...     u = np.tile(random_multisine(lines, 0.3, 64, rng).period(), 4)
+    ...     y = control.forced_response(
+    ...         control.tf([0.5], [1, -0.5], 1.0), inputs=u + 0.1 * u**3
+    ...     ).outputs
+    ...     y += 1e-3 * rng.standard_normal(len(y))
+    ...     responses.append(periodic_local_polynomial(u[:, None], y[:, None], 64, lines))
+    ...
+    >>> found = best_linear_approximation(responses)
+    >>> found.realisations, bool((found.variance >= found.noise_variance).mean() > 0.8)
+    (4, True)
     """
     given = list(responses)
     if len(given) < 2:

@@ -37,6 +37,17 @@ class LocalPolynomial:
     noise
         Covariance (F, ny, ny) of the discrete Fourier transform, scaled by 1/sqrt(N), of the output
         noise.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import local_polynomial
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = local_polynomial(u[:, None], y[:, None], at=[100, 200])
+    >>> found.frequency.tolist(), found.variance.shape
+    ([0.1, 0.2], (2, 1, 1))
     """
 
     frequency: RealArray
@@ -92,6 +103,18 @@ def local_polynomial(
     -----
     IdentificationWarning
         An input excites too few lines of a band, as a periodic one does: the response is NaN there.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import local_polynomial
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = local_polynomial(u[:, None], y[:, None])
+    >>> exact = 0.5 / (np.exp(2j * np.pi * found.frequency) - 0.5)
+    >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
+    True
     """
     u, y = checked_record(u, y)
     unknowns = (degree + 1) * (u.shape[1] + 1)

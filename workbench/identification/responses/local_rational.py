@@ -45,6 +45,18 @@ def local_rational(
     ------
     InputError
         The same as for `local_polynomial`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import local_rational
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = local_rational(u[:, None], y[:, None], at=[100, 200])
+    >>> exact = 0.5 / (np.exp(2j * np.pi * found.frequency) - 0.5)
+    >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
+    True
     """
     u, y = checked_record(u, y)
     unknowns = (degree + 1) * (u.shape[1] + 1) + degree

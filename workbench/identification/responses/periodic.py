@@ -40,6 +40,16 @@ class ResponseEstimate:
         E|error|^2 of each entry of the response, in the same shape.
     degrees
         Number of real degrees of freedom of the variance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate
+    >>> measured = ResponseEstimate(
+    ...     np.array([1.0]), np.full((1, 1, 1), 2.0 + 0j), np.full((1, 1, 1), 1e-4), 14.0
+    ... )
+    >>> measured.omega.round(4).tolist(), bool(0.01 < measured.radius(0.95)[0, 0, 0] < 0.03)
+    ([6.2832], True)
     """
 
     frequency: np.ndarray
@@ -127,6 +137,16 @@ class PeriodicResponse(ResponseEstimate):
     covariance
         Covariance E[error error^H] (F, outputs inputs, outputs inputs) of the entries of the
         response, row by row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import from_periods
+    >>> rng = np.random.default_rng(0)
+    >>> u = np.ones((2, 8)) + 1e-3 * rng.standard_normal((2, 8))
+    >>> found = from_periods([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
+    >>> found.periods, bool(found.half_width(0.95).max() < 1e-2)
+    (8, True)
     """
 
     input_covariance: np.ndarray
@@ -168,6 +188,16 @@ def from_periods(
     -----
     IdentificationWarning
         The excitation is less than five times its own noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import from_periods
+    >>> rng = np.random.default_rng(0)
+    >>> u = np.ones((2, 8)) + 1e-3 * rng.standard_normal((2, 8))
+    >>> found = from_periods([1.0, 2.0], u, 0.5 * u + 1e-3 * rng.standard_normal((2, 8)))
+    >>> found.response.real.round(2).ravel().tolist(), found.degrees
+    ([0.5, 0.5], 14.0)
     """
     frequencies = np.atleast_1d(np.asarray(frequency, dtype=float))
     inputs, outputs = _amplitudes(u, "u", frequencies), _amplitudes(y, "y", frequencies)

@@ -56,6 +56,18 @@ class PeriodicLocalResponse(ResponseEstimate):
         one between the excited ones are silent.
     transient
         Share (F, ny) of the power at the excited lines that was the transient's.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import periodic_local_polynomial
+    >>> lines, samples = np.array([1, 3, 5, 7]), 64
+    >>> u = sum(np.cos(2 * np.pi * k * np.arange(4 * samples) / samples + k**2) for k in lines)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
+    >>> found.frequency.tolist(), found.transient.shape
+    ([0.015625, 0.046875, 0.078125, 0.109375], (4, 1))
     """
 
     covariance: ComplexArray
@@ -82,6 +94,22 @@ class PeriodicStream:
     ------
     InputError
         Numbers out of range.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import PeriodicStream, periodic_local_polynomial
+    >>> lines, samples = np.array([1, 3, 5, 7]), 64
+    >>> u = sum(np.cos(2 * np.pi * k * np.arange(4 * samples) / samples + k**2) for k in lines)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> stream = PeriodicStream(samples, periods=4, lines=lines)
+    >>> for k in range(4):
+    ...     stream.add(u[64 * k : 64 * (k + 1), None], y[64 * k : 64 * (k + 1), None])
+    ...
+    >>> whole = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
+    >>> bool(np.allclose(stream.response().response, whole.response))
+    True
     """
 
     def __init__(
@@ -219,6 +247,19 @@ def periodic_local_polynomial(
     InputError
         Other shapes, values that are not finite, dead channels, fewer than two periods, inputs that
         do not excite a line, or not as many experiments as inputs.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import periodic_local_polynomial
+    >>> lines, samples = np.array([1, 3, 5, 7]), 64
+    >>> u = sum(np.cos(2 * np.pi * k * np.arange(4 * samples) / samples + k**2) for k in lines)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = periodic_local_polynomial(u[:, None], y[:, None], samples, lines)
+    >>> exact = 0.5 / (np.exp(2j * np.pi * lines / samples) - 0.5)
+    >>> bool(abs(found.response[:, 0, 0] - exact).max() < 1e-3)
+    True
     """
     pair = []
     for name, given in (("u", u), ("y", y)):

@@ -25,6 +25,17 @@ class SpectralResponse(ResponseEstimate):
         Share of each output's power that the inputs explain, shape (F, outputs).
     segments
         Effective number of independent segments.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import spectral_response
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = spectral_response(u, y, sample_rate=1.0, segment=50)
+    >>> bool(found.coherence.min() > 0.9), found.response.shape
+    (True, (24, 1, 1))
     """
 
     noise: np.ndarray
@@ -65,6 +76,18 @@ def spectral_response(
     InputError
         NaN, a dead channel, different lengths, too few segments for the inputs, or inputs that are
         linearly dependent at some frequency.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import spectral_response
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = spectral_response(u, y, sample_rate=1.0, segment=50)
+    >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
+    >>> bool(abs(found.response[:, 0, 0] / exact - 1).max() < 0.1)
+    True
     """
     inputs, outputs = np.atleast_2d(as_record(u, "u")), np.atleast_2d(as_record(y, "y"))
     require_alive(inputs, "u")

@@ -68,6 +68,18 @@ def step_response(
     -----
     IdentificationWarning
         The output still moves at the end of the steps.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import step_response
+    >>> u = np.tile(np.r_[np.zeros(200), np.ones(200)], 3)
+    >>> y = control.forced_response(control.tf([0.1], [1, -0.9], 0.01), inputs=u).outputs
+    >>> found = step_response(u, y, 100.0, [200, 400, 600], 200, [1.0])
+    >>> exact = control.tf([0.1], [1, -0.9], 0.01)(np.exp(2j * np.pi * 0.01))
+    >>> bool(abs(found.response[0, 0, 0] / exact - 1) < 1e-3)
+    True
     """
     signals = [as_record(one, name) for one, name in ((u, "u"), (y, "y"))]
     frequencies = np.atleast_1d(as_record(frequency, "frequency"))

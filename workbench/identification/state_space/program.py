@@ -87,6 +87,18 @@ class StateSpaceFit(RecordedQuestion, Program):
     ------
     InputError
         No record was given, or it is broken; or it is too short for the washout or the orders.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import StateSpaceFit
+    >>> u = np.random.default_rng(0).standard_normal(200)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), "n4sid")
+    >>> solution.certificate.valid
+    True
     """
 
     default_method: ClassVar[str] = "prediction-error"

@@ -28,6 +28,19 @@ class TransferFunctionEstimate:
         Root mean square of the output's error.
     iterations
         Number of iterations made.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import SampledRecord, filtered_least_squares
+    >>> time = np.arange(2000) * 0.05
+    >>> u = np.sign(np.sin(time**1.3))
+    >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
+    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> found = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 3.0])
+    >>> round(float(abs(found.response([0.0])[0])), 2), found.covariance.shape
+    (1.5, (2, 2))
     """
 
     numerator: RealArray

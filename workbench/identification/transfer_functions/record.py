@@ -31,6 +31,13 @@ class SampledRecord:
     ------
     InputError
         Records of different lengths, values that are not finite, or a channel that never changes.
+
+    Examples
+    --------
+    >>> from workbench.identification import SampledRecord
+    >>> record = SampledRecord([0.0, 1.0, 1.0], [0.0, 0.0, 0.5], sample_rate=100.0)
+    >>> record.hold
+    'zero-order'
     """
 
     u: RealArray

@@ -60,6 +60,19 @@ def filtered_least_squares(
     ------
     InputError
         Other degrees, an unstable filter, or a record that does not tell the coefficients.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import SampledRecord, filtered_least_squares
+    >>> time = np.arange(2000) * 0.05
+    >>> u = np.sign(np.sin(time**1.3))
+    >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
+    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> found = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 3.0])
+    >>> np.r_[found.numerator, found.denominator].round(2).tolist()
+    [3.0, 1.0, 2.0]
     """
     model = FilteredRecord.of(record, degrees, denominator)
     phi, target = model.regressors()
@@ -84,6 +97,23 @@ def refined_instruments(
         A record that does not tell the coefficients.
     SolverError
         The iterations do not settle: start from a better model, or lower the degrees.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import (
+    ...     SampledRecord,
+    ...     filtered_least_squares,
+    ...     refined_instruments,
+    ... )
+    >>> time = np.arange(2000) * 0.05
+    >>> u = np.sign(np.sin(time**1.3))
+    >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
+    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> start = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 10.0])
+    >>> refined_instruments(record, start).denominator.round(2).tolist()
+    [1.0, 2.0]
     """
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
     values = np.append(start.numerator, mirrored(start.denominator)[1:])
@@ -123,6 +153,19 @@ def output_error(
         A record that does not tell the coefficients.
     SolverError
         The steps do not end at a minimum.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import SampledRecord, filtered_least_squares, output_error
+    >>> time = np.arange(2000) * 0.05
+    >>> u = np.sign(np.sin(time**1.3))
+    >>> y = control.forced_response(control.tf([3.0], [1.0, 2.0]), time, u).outputs
+    >>> record = SampledRecord(u, y, sample_rate=20.0, hold="first-order")
+    >>> start = filtered_least_squares(record, degrees=(0, 1), denominator=[1.0, 10.0])
+    >>> output_error(record, start).numerator.round(2).tolist()
+    [3.0]
     """
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
     values = np.append(start.numerator, mirrored(start.denominator)[1:])

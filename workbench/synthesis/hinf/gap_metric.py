@@ -47,6 +47,14 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     ------
     InputError, SolverError
         As `nu_gap`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import gap_metric
+    >>> gap = gap_metric(control.tf([1], [1, -0.001]), control.tf([1], [1, 0.001]))
+    >>> bool(gap.upper < 0.01)
+    True
     """
     need_tolerance(tolerance)
     below = nu_gap(first, second)

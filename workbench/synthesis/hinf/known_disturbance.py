@@ -58,6 +58,24 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
         positive, finite and different.
     SolverError
         The Riccati equation was not solved well enough to prove anything.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import hinf, known_disturbance_bound
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, -1.0])
+    >>> plant = generalised_plant(
+    ...     [(G, "v", "x")],
+    ...     {"v": "u + d", "y": "x + n"},
+    ...     exogenous=["d", "n"],
+    ...     performance=["x", "u"],
+    ...     control="u",
+    ...     measurement="y",
+    ... )
+    >>> bound, disturbance = known_disturbance_bound(plant, [0.5, 1.0, 2.0])
+    >>> bool(0 < bound < hinf(plant).norm), disturbance.shape
+    (True, (2, 3))
     """
     poles = np.unique(np.asarray(rates, dtype=float))
     if not (poles.size == np.size(rates) > 0 and (poles > 0).all() and np.isfinite(poles).all()):

@@ -65,6 +65,16 @@ class LoopShaping(HinfSynthesis):
     ------
     InputError
         As `HinfSynthesis`; or a weight does not fit.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import LoopShaping
+    >>> program = LoopShaping(control.tf([1.0], [1.0, 0.0]))
+    >>> solution = wb.solve(program)
+    >>> solution.certificate.holds, round(solution.answer.norm**2, 2)  # of an integrator: 2
+    (True, 2.0)
     """
 
     G: StateSpace

@@ -40,6 +40,17 @@ class MixedSensitivity(HinfSynthesis):
     ------
     InputError
         As `HinfSynthesis`; there is no weight; or a weight has another size.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import MixedSensitivity
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> program = MixedSensitivity(G, W_S=control.tf([0.5, 1.0], [1.0, 0.01]), W_KS=0.1)
+    >>> solution = wb.solve(program)
+    >>> solution.certificate.holds, bool(solution.answer.norm < 1)
+    (True, True)
     """
 
     G: StateSpace

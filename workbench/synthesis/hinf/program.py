@@ -41,6 +41,17 @@ class HinfController(drawn.DrawnController):
 
     ``gamma`` is the level for which K was made; ``norm`` is at most gamma. ``least`` is a level
     below which the method found no controller (NaN: the method was asked for a given level).
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import MixedSensitivity
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> program = MixedSensitivity(G, W_S=control.tf([0.5, 1.0], [1.0, 0.01]), W_KS=0.1)
+    >>> answer = wb.solve(program).answer
+    >>> answer.K.nstates, bool(answer.least <= answer.norm <= answer.gamma)
+    (2, True)
     """
 
     K: StateSpace
@@ -83,6 +94,25 @@ class HinfSynthesis(Program):
     References
     ----------
     Zhou, Doyle, Glover, Robust and Optimal Control (1996), chapter 17.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import HinfSynthesis
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, -1.0])
+    >>> plant = generalised_plant(
+    ...     [(G, "v", "x")],
+    ...     {"v": "u + d", "y": "x + n"},
+    ...     exogenous=["d", "n"],
+    ...     performance=["x", "u"],
+    ...     control="u",
+    ...     measurement="y",
+    ... )
+    >>> solution = wb.solve(HinfSynthesis(plant))
+    >>> solution.certificate.holds, round(solution.answer.least, 2)
+    (True, 2.73)
     """
 
     plant: GeneralisedPlant
@@ -239,6 +269,16 @@ def hinf(
     SolverError
         No valid controller was found. The message says why; if gamma is too small, it gives the
         least level.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import hinf
+    >>> B, C, D = [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
+    >>> P = control.ss([[-1.0]], B, C, D)
+    >>> found = hinf(P, measurements=1, controls=1)
+    >>> bool(found.norm < 1), found.K.nstates
+    (True, 1)
     """
     import control
 

@@ -68,6 +68,14 @@ def discretised(
         K is sampled; the time is not positive; a prewarp is given with "zoh" or is not below half
         the sampling rate; K has a pole at 2 / sample_time; or, with a plant, half the sampling rate
         is below the loop's bandwidth, or the sampled loop is unstable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import discretised
+    >>> K = discretised(control.tf([1.0], [1.0, 2.0]), sample_time=0.1)
+    >>> round(float(K.poles()[0].real), 6), K.dt  # (1 - 0.1) / (1 + 0.1)
+    (0.818182, 0.1)
     """
     K = as_system(K, "K")
     if K.dt:

@@ -58,6 +58,14 @@ def export(
         The format is unknown; the controller is not finite, or is continuous with "c"; JSON cannot
         hold the metadata; an option belongs to another format; or the folder is missing or not
         writable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import export
+    >>> file = export(control.ss([[0.9]], [[1.0]], [[0.1]], [[0.0]], 0.01), "controller.h", "c")
+    >>> "controller_step" in file.read_text()
+    True
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the path of a file is needed, not {path!r}")
@@ -83,6 +91,15 @@ def load_controller(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
     ------
     ResultError
         The file cannot be read, or is not one of these.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import export, load_controller
+    >>> K = control.ss([[0.9]], [[1.0]], [[0.1]], [[0.0]], 0.01)
+    >>> again, metadata = load_controller(export(K, "K.json", "json", metadata={"axis": "focus"}))
+    >>> again.A.tolist(), metadata
+    ([[0.9]], {'axis': 'focus'})
     """
     path = Path(path)
     try:

@@ -45,6 +45,16 @@ class ImplementedController(DrawnController):
     ``K`` acts as the given controller does, u = sign K y; ``found`` says how it was discretised.
     ``peak`` bounds mu of the sampled loop for a set of plants, ``sensitivity`` is a certified bound
     of the peak of its sensitivity. ``margins`` has an entry for each control signal.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import Implementation
+    >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
+    >>> answer = wb.solve(Implementation(K, G, period=0.1)).answer
+    >>> answer.precision, "controller_step" in answer.code()
+    ('double', True)
     """
 
     K: StateSpace

@@ -90,6 +90,16 @@ class Implementation(Program):
     ------
     InputError
         Something does not fit; the message says what.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import Implementation
+    >>> K, G = control.tf([10.0], [1.0], 0.1), control.tf([1.0], [1.0, 1.0])
+    >>> solution = wb.solve(Implementation(K, G, period=0.1, precision="float"))
+    >>> solution.certificate.holds, solution.answer.K.dt
+    (True, 0.1)
     """
 
     K: Any  # a StateSpace after construction

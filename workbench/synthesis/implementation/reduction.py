@@ -41,6 +41,34 @@ class ReducedController:
     The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
     uncertainty it is the peak of the gain, for a plant without performance the peak of mu of robust
     stability. Where the loop is not ``stable`` both bounds are infinite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import reduce_order
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> found = reduce_order(K, plant, order=0).tried[0]
+    >>> found.order, found.stable, bool(found.lower <= found.upper)
+    (0, True, True)
     """
 
     K: StateSpace
@@ -69,6 +97,34 @@ class ReducedControllers:
 
     ``smallest`` is the controller of the least order that has a stable loop with a certified peak
     of at most the target; None where no order has one.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import reduce_order
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
+    >>> [controller.order for controller in reduce_order(K2, plant).tried]
+    [0, 1, 2]
     """
 
     tried: tuple[ReducedController, ...]
@@ -125,6 +181,14 @@ def approximated(
         The controller or plant is sampled; the order is below 0, above that of K, or below the
         number of poles that the method keeps; or the method is "weighted" and there is no plant, or
         K does not stabilise it.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import approximated
+    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
+    >>> approximated(K, 1, "balanced").poles().real.round(2).tolist()
+    [-1.0]
     """
     K = _continuous(K)
     return _of_order(K, order, method, _reducer(K, method, plant, None))
@@ -139,6 +203,14 @@ def approximations(
     it. The others start from an approximation with up to `DETOUR` states more, by any method.
 
     Arguments and errors are those of `approximated`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import approximations
+    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
+    >>> next(approximations(K, 1, "balanced")).nstates
+    1
     """
     K = _continuous(K)
     yield approximated(K, order, method, plant)
@@ -190,6 +262,35 @@ def reduce_order(
     InputError
         As `approximated`; the target is not positive; or refinement is asked for a plant without
         uncertainty.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import reduce_order
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
+    >>> reduced = reduce_order(K2, plant, target=1.0)
+    >>> reduced.smallest.order
+    1
     """
     need_positive(target, "target")
     K = _continuous(K)

@@ -49,6 +49,15 @@ class SampledMargins:
                   plant is discretised again for each delay. Infinite where the gain never passes 1.
                   NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for some
                   fractions of a sample only, and none of these was found critical.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import sampled_conditions
+    >>> K = control.tf([10.0], [1.0], 0.1)
+    >>> margins = sampled_conditions(control.tf([1.0], [1.0, 0.0]), K, 0.1).margins[0]
+    >>> round(margins.phase, 4), round(margins.delay, 4)
+    (60.0, 1.0)
     """
 
     gain: tuple[float, float]
@@ -62,6 +71,16 @@ class SampledConditions:
     """Stability of a sampled loop, its pole of largest modulus, and its margins.
 
     ``margins`` has an entry for each control signal; it is empty where the loop is unstable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import sampled_conditions
+    >>> found = sampled_conditions(
+    ...     control.tf([1.0], [1.0, 0.0]), control.tf([10.0], [1.0], 0.1), 0.1
+    ... )
+    >>> round(abs(found.pole), 6)  # 1 - 10 * 0.1
+    0.0
     """
 
     stable: bool
@@ -92,6 +111,16 @@ def sampled_conditions(
     InputError
         The plant is sampled; K is not, or has another sampling time or size; or the sign or the
         delay is wrong.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import sampled_conditions
+    >>> found = sampled_conditions(
+    ...     control.tf([1.0], [1.0, 0.0]), control.tf([10.0], [1.0], 0.1), 0.1
+    ... )
+    >>> found.stable, round(found.margins[0].gain[1], 4)  # unstable from 2 / (10 * 0.1) on
+    (True, 2.0)
     """
     plant, sign = plant_and_sign(plant, sign)
     K = as_system(K, "K")

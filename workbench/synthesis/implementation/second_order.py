@@ -32,6 +32,14 @@ class Sections:
 
     A row is (b0 + b1 / z + b2 / z^2) / (1 + a1 / z + a2 / z^2); outputs are sums over inputs. The
     sampling time is ``dt`` [s].
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import second_order_sections
+    >>> sections = second_order_sections(control.tf([1.0, 0.5], [1.0, -0.9], 0.1))
+    >>> sections.ninputs, sections.noutputs, sections.dt
+    (1, 1, 0.1)
     """
 
     channels: tuple[tuple[RealArray, ...], ...]
@@ -87,6 +95,14 @@ def second_order_sections(K: Any) -> Sections:
         The controller is continuous or has no sampling time.
     SolverError
         Because of rounding errors, poles and zeros do not reproduce the response of K.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import second_order_sections
+    >>> K = control.tf([1.0, 0.5, 0.2], [1.0, -1.2, 0.5], 0.1)
+    >>> second_order_sections(K).channels[0][0].round(6).tolist()
+    [[1.0, 0.5, 0.2, 1.0, -1.2, 0.5]]
     """
     K = as_system(K, "K")
     if not K.dt or K.dt is True:

@@ -49,6 +49,14 @@ class AnalyticBasis:
     InputError
         Corners that are not positive, a band that is none, a zero or pole that is not in the right
         half-plane or is given twice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import AnalyticBasis
+    >>> basis = AnalyticBasis(np.geomspace(0.1, 10.0, 8), (1e-3, 1e3), poles=[1.0])
+    >>> basis.size
+    9
     """
 
     corners: RealArray

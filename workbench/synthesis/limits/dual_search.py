@@ -46,6 +46,18 @@ def highest_proven(
         As `DualCertificate.excess`.
     SolverError
         The solver gives no answer for a level.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.executor import Context
+    >>> from workbench.fitting import Rational
+    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions, highest_proven
+    >>> loop = LoopFunctions(Rational([], [], 0.1), Rational([], [], 1.0), Rational([], [1.0], 1.0))
+    >>> basis = AnalyticBasis(np.geomspace(0.05, 20.0, 12), (1e-3, 1e3), poles=[1.0])
+    >>> found = highest_proven(loop, basis, 1.0, 3.0, Context())
+    >>> 1.8 < found.level < 2.01  # 1 / (s - 1) needs |K S| of 2
+    True
     """
     best = None
     for _ in range(BISECTION_LEVELS):

@@ -36,7 +36,19 @@ halvings reaches the tolerance."""
 
 @dataclass(frozen=True)
 class LeastMu:
-    """No controller has mu below ``lower`` (F,); one with ``T`` (F,) has ``upper`` (F,)."""
+    """No controller has mu below ``lower`` (F,); one with ``T`` (F,) has ``upper`` (F,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LoopWeights, least_mu
+    >>> weights = LoopWeights(
+    ...     np.array([0.5]), np.array([0.2]), np.array([0.1]), np.array([0.3 + 0j])
+    ... )
+    >>> found = least_mu(weights)
+    >>> bool(np.isclose(weights.mu(found.T)[0], found.upper[0]))
+    True
+    """
 
     lower: RealArray
     upper: RealArray
@@ -63,6 +75,17 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
     ------
     InputError
         A tolerance that is not above 0 and below 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LoopWeights, least_mu
+    >>> weights = LoopWeights(
+    ...     np.array([0.5]), np.array([0.2]), np.array([0.1]), np.array([0.3 + 0j])
+    ... )
+    >>> found = least_mu(weights)
+    >>> bool(found.lower[0] <= found.upper[0] <= 1.001 * found.lower[0])
+    True
     """
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
@@ -109,6 +132,17 @@ def largest_least_mu(
         Frequencies [rad/s] (F,), increasing.
     rounds
         How often frequencies are added between the neighbours of the largest bound.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LoopWeights, largest_least_mu
+    >>> def weights(omega):
+    ...     return LoopWeights(1 / np.hypot(omega, 0.1), 0.5 * omega, 0.1 + 0 * omega, 0j * omega)
+    ...
+    >>> bound, omega = largest_least_mu(weights, np.geomspace(0.1, 10, 30))
+    >>> bool(0 < bound < 1)
+    True
     """
     lower = least_mu(weights(omega)).lower
     for _ in range(rounds):

@@ -69,6 +69,16 @@ class LoopFunctions:
 
     Raises InputError where W_u / G does not grow at high frequencies: nothing would force T to fall
     there, and no integral over all frequencies would be finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.fitting import Rational
+    >>> from workbench.synthesis import AnalyticBasis, LoopFunctions
+    >>> loop = LoopFunctions(Rational([], [], 0.1), Rational([], [], 1.0), Rational([], [1.0], 1.0))
+    >>> basis = AnalyticBasis(np.geomspace(0.05, 20.0, 12), (1e-3, 1e3), poles=[1.0])
+    >>> loop.nominal.circular is None, loop.at(np.array([1.0])).performance.round(6).tolist()
+    (True, [0.1])
     """
 
     performance: Rational

@@ -34,6 +34,16 @@ class LoopWeights:
         |W_p|, |W_u / G| and |W_c| (F,).
     real
         W_r (F,), complex; 0 for circles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LoopWeights
+    >>> weights = LoopWeights(
+    ...     np.array([0.5]), np.array([0.2]), np.array([0.1]), np.array([0.3 + 0j])
+    ... )
+    >>> float(weights.mu(np.array([0.0 + 0j]))[0])  # without a controller: |W_p|
+    0.5
     """
 
     performance: RealArray

@@ -80,6 +80,24 @@ class ControlCover:
         Known dynamics between e and the controller.
     lowest
         Lowest frequency [rad/s] at which mu is looked at, below the slowest pole of W_p.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import ControlCover
+    >>> from workbench.uncertainty import Responses
+    >>> omega = np.geomspace(0.01, 100, 60)
+    >>> plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T)
+    >>> cover = ControlCover(
+    ...     plants,
+    ...     1,
+    ...     performance=lambda w: 0.5 / (1j * w + 0.05),
+    ...     control=lambda w: 0.02 + 0 * w,
+    ...     sensor=lambda w: 1 + 0j * w,
+    ...     lowest=0.01,
+    ... )
+    >>> cover.responses.omega.size
+    60
     """
 
     def __init__(

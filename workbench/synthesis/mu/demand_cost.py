@@ -52,6 +52,34 @@ class DemandCost(Study):
     ------
     InputError
         As `MuSynthesis`; no order.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import DemandCost
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> study = DemandCost(plant, orders=(1, 2), fastest_pole=100.0)
+    >>> len(study.demands)
+    3
     """
 
     plant: GeneralisedPlant

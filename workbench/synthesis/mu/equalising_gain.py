@@ -34,6 +34,32 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     -------
     float
         NaN where no factor up to LARGEST_GAIN, or up to that of instability, does.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import equalising_gain
+    >>> from workbench.uncertainty import generalised_plant
+    >>> def channel(output, weight):
+    ...     parts = [
+    ...         (control.tf([1.0], [1.0, 1.0]), "v", "y"),
+    ...         (control.ss([], [], [], [[weight]]), output, "z"),
+    ...     ]
+    ...     parts.append((control.ss([], [], [], [[0.01]]), "u", "z_d"))
+    ...     return generalised_plant(
+    ...         parts,
+    ...         {"v": "u + d", "e": "r - y"},
+    ...         perturbation=[(Complex(1), "z_d", "d")],
+    ...         exogenous=["r"],
+    ...         performance=["z"],
+    ...         control=["u"],
+    ...         measurement="e",
+    ...     )
+    ...
+    >>> K = control.ss([], [], [], [[1.0]])
+    >>> equalising_gain(channel("e", 1.0), channel("u", 0.1), K) > 1
+    True
     """
 
     def apart(log_gain: float) -> float:

@@ -23,7 +23,15 @@ STATE_DIRECTIONS = 24
 
 
 class Family(ABC):
-    """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x."""
+    """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x.
+
+    Examples
+    --------
+    >>> from workbench.synthesis import PID, Family
+    >>> family, x = PID.of(2.0, 1.0, 0.1, 0.01)
+    >>> isinstance(family, Family), x.shape
+    (True, (4,))
+    """
 
     @abstractmethod
     def system(self, x: RealArray) -> StateSpace:
@@ -60,6 +68,16 @@ class Modal(Family):
     A has blocks w [[0, 1], [-a, -b]], and a block -w c if the order is odd. A block may have
     complex or real poles, stable or not. The corners ``w`` [rad/s] are those of the controller for
     which the family is made, so that the parameters are of order one.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.synthesis import Modal
+    >>> K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[1.0], [0.0]], [[0.0, 1.0]], [[0.5]])
+    >>> family, x = Modal.of(K)
+    >>> bool(np.isclose(family.system(x)(3j), K(3j)))
+    True
     """
 
     corners: tuple[float, ...]

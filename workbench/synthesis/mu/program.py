@@ -52,6 +52,35 @@ class MuController(DrawnController):
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
     frequency of the lower bound. ``history`` has the rounds of the iteration, and ``peak`` the
     multipliers and the perturbation that prove the bounds.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import MuSynthesis
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), "dk").answer
+    >>> bool(answer.lower <= answer.upper < 0.9), answer.K.noutputs
+    (True, 1)
     """
 
     K: StateSpace
@@ -115,6 +144,35 @@ class MuSynthesis(Program):
         The plant has no structure, performance or exogenous signals; it is sampled and a family or
         a fastest pole is asked for; the start does not fit or does not stabilise; or the target is
         not positive and finite.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import MuSynthesis
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> solution = wb.solve(MuSynthesis(plant, target=0.9), "dk")
+    >>> solution.certificate.holds, bool(solution.answer.upper <= 0.9)
+    (True, True)
     """
 
     plant: GeneralisedPlant

@@ -29,6 +29,35 @@ class Iterate:
     gamma of its H-infinity controller (NaN: there is none). ``fit`` is the largest relative miss of
     the fitted scalings (NaN: there are none). ``K`` is the controller. ``scalings`` are the
     parameters (blocks, P), by name, of the scalings fitted to its loop, as in `Scalings`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.structure import Complex
+    >>> from workbench.synthesis import MuSynthesis
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
+    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
+    ... ]
+    >>> sums = {"v": "u + d", "e": "r - y"}
+    >>> uncertain = [(Complex(1), "z", "d")]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     sums,
+    ...     perturbation=uncertain,
+    ...     exogenous=["r"],
+    ...     performance=["z_e"],
+    ...     control=["u"],
+    ...     measurement="e",
+    ... )
+    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
+    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), "dk").answer
+    >>> [type(each).__name__ for each in answer.history][:1], answer.history[-1].order > 0
+    (['Iterate'], True)
     """
 
     peak: float

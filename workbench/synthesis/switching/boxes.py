@@ -60,6 +60,20 @@ class SwitchedBox:
     ------
     InputError
         Ends of other shapes, not finite or in the wrong order; parts or halved that do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import SwitchedBox
+    >>> def box(share):
+    ...     '''x' = -p x + u, p within 0.5 share of 1; a defect cuts off the gain of 0.5.'''
+    ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
+    ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
+    ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
+    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...
+    >>> len(box(1.0).cells())
+    2
     """
 
     ends: tuple[RealArray, RealArray]
@@ -224,6 +238,22 @@ def proven_share(
     multiples
         Rising multiples of the set. The cells of the result are those of the largest multiple that
         is proven wholly, or else of the first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.executor import Context
+    >>> from workbench.synthesis import SwitchedBox, proven_share
+    >>> def box(share):
+    ...     '''x' = -p x + u, p within 0.5 share of 1; a defect cuts off the gain of 0.5.'''
+    ...     ends = np.array([1.0 - 0.5 * share]), np.array([1.0 + 0.5 * share])
+    ...     plant = lambda p: np.array([[-p[0], 1.0], [0.0, 0.0]])
+    ...     loops = lambda held: (held[:1, :1] - 0.5 * held[:1, 1:], held[:1, :1])
+    ...     return SwitchedBox(ends, plant, loops, period=1.0, parts=(2,))
+    ...
+    >>> found = proven_share(box, (0.5, 1.0), Context())
+    >>> list(found.volumes)
+    [1.0, 1.0]
     """
     volumes: list[float] = []
     kept: list[CellProof] = []

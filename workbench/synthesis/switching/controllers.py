@@ -54,13 +54,34 @@ def split_slowest(K: StateSpace) -> SplitController:
 
 
 def unswitched(K: StateSpace) -> Modes:
-    """Modes of a sampled controller that goes on as it is while the measurement has a defect."""
+    """Modes of a sampled controller that goes on as it is while the measurement has a defect.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.synthesis import discretised, unswitched
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = unswitched(K)
+    >>> bool(np.array_equal(clean.A, defect.A))
+    True
+    """
     alone = _alone(split_slowest(K))
     return alone, alone
 
 
 def measurement_dropped(K: StateSpace) -> Modes:
-    """Modes of a sampled controller whose input is set to zero during a defect; its states run."""
+    """Modes of a sampled controller whose input is set to zero during a defect; its states run.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import discretised, measurement_dropped
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = measurement_dropped(K)
+    >>> bool(clean.B.any()), bool(defect.B.any())
+    (True, False)
+    """
     alone = _alone(split_slowest(K))
     return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
 
@@ -69,6 +90,15 @@ def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
     """Modes of a sampled controller whose input passes F during a defect: K, then K F.
 
     F: sampled, one input and output; it is fed all the time.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import discretised, measurement_filtered
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> clean, defect = measurement_filtered(K, control.ss(0.5, 0.5, 1.0, 0.0, 0.1))
+    >>> clean.A.shape  # the controller's state and that of the filter
+    (2, 2)
     """
     alone = _alone(split_slowest(K))
     n, both = len(alone.A), block_diag(alone.A, F.A)
@@ -88,6 +118,16 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
     """Modes of a sampled controller K in whose place another one stands during a defect.
 
     Raises InputError where they have different slowest poles.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import controller_replaced, discretised
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> slow = discretised(control.tf([0.1, 0.1], [1.0, 0.01]), 0.1)
+    >>> clean, defect = controller_replaced(K, slow)
+    >>> bool(abs(defect.B).sum() < abs(clean.B).sum())
+    True
     """
     a, _, _, B, C, _ = first = split_slowest(K)
     a2, b2, A2, B2, C2, D2 = split_slowest(other)

@@ -55,6 +55,28 @@ class Deviations:
     ------
     InputError
         Frequencies and amplitudes of other shapes; no defect; a negative F.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.simulation import sampled
+    >>> from workbench.synthesis import (
+    ...     Deviations,
+    ...     SampledPlant,
+    ...     discretised,
+    ...     measurement_dropped,
+    ...     switched_loop,
+    ... )
+    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> found = Deviations(
+    ...     loop, amplitude=np.array([2.0]), omega=np.array([0.5]), longest=8, false=0.3
+    ... )
+    >>> abs(found.steady_error).shape, bool(abs(found.steady_error[0]) < 2.0)
+    ((1,), True)
     """
 
     loop: SwitchedLoop

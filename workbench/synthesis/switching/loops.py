@@ -29,6 +29,21 @@ class SampledPlant:
 
     A (n, n), B (n, 1); output (1, n): the state's share in y; measured (1, n): in H y. gain: k of
     the measured error. period [s]. filter: response of H.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.simulation import sampled
+    >>> from workbench.synthesis import (
+    ...     SampledPlant,
+    ...     discretised,
+    ... )
+    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> plant.period, plant.A.round(4).tolist()
+    (0.1, [[0.8187]])
     """
 
     A: RealArray
@@ -45,6 +60,14 @@ class ControllerMode:
     """State space model of all controllers in one mode, from the measured error to u.
 
     A (m, m), B (m, 1), C (1, m), D (1, 1).
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import ControllerMode, discretised, unswitched
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> isinstance(unswitched(K)[0], ControllerMode)
+    True
     """
 
     A: RealArray
@@ -63,6 +86,24 @@ class SwitchedLoop:
 
     clean, defect: A_i (n, n) and B_i (n, 1) of each mode. output (1, n). period [s]. filter:
     response of H.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.simulation import sampled
+    >>> from workbench.synthesis import (
+    ...     SampledPlant,
+    ...     discretised,
+    ...     measurement_dropped,
+    ...     switched_loop,
+    ... )
+    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> loop.clean[0].shape, loop.output.shape
+    ((2, 2), (1, 2))
     """
 
     clean: tuple[RealArray, RealArray]
@@ -73,7 +114,26 @@ class SwitchedLoop:
 
 
 def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
-    """The loop of a plant and of controllers in two modes, closed with negative feedback."""
+    """The loop of a plant and of controllers in two modes, closed with negative feedback.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.simulation import sampled
+    >>> from workbench.synthesis import (
+    ...     SampledPlant,
+    ...     discretised,
+    ...     measurement_dropped,
+    ...     switched_loop,
+    ... )
+    >>> G = sampled(control.ss(-2.0, 1.0, [[1.0], [1.0]], 0.0), 0.1)
+    >>> plant = SampledPlant(G.A, G.B, G.C[:1], G.C[1:], 1.0, 0.1, np.ones_like)
+    >>> K = discretised(control.tf([1.0, 1.0], [1.0, 0.01]), 0.1)
+    >>> loop = switched_loop(plant, measurement_dropped(K))
+    >>> bool(abs(np.linalg.eigvals(loop.clean[0])).max() < 1)
+    True
+    """
     clean, defect = ((transition(plant, mode), disturbance_input(plant, mode)) for mode in modes)
     output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
     return SwitchedLoop(clean, defect, output, plant.period, plant.filter)
@@ -97,6 +157,16 @@ def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
 
     G: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
     is late.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.synthesis import closed_transition
+    >>> G, K = control.ss(-2.0, 1.0, 1.0, 0.0), control.ss([], [], [], [[3.0]], 0.1)
+    >>> held = np.exp(-0.2)
+    >>> bool(np.isclose(closed_transition(G, K, 0.0), held - 3.0 * (1 - held) / 2.0))
+    True
     """
     P = sampled(G, K.dt, delay)
     corner = P.A - P.B @ K.D @ P.C

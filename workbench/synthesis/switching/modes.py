@@ -37,6 +37,14 @@ class Mode:
         A matrix is not square or not finite; stays are not whole and positive, or in the wrong
         order; a sought mode has a longest stay; or the rate is not between 0 and 1, or belongs to a
         mode with a longest stay.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import Mode
+    >>> mode = Mode("clean", 0.9 * np.eye(2), shortest=None)
+    >>> mode.name, mode.shortest is None
+    ('clean', True)
     """
 
     name: str

@@ -43,7 +43,19 @@ FALL_MARGIN = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Dwell:
-    """Shortest stay ``samples`` of the sought modes, and the ``P`` (modes, n, n) that prove it."""
+    """Shortest stay ``samples`` of the sought modes, and the ``P`` (modes, n, n) that prove it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.synthesis import Mode, SwitchedStability
+    >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
+    >>> program = SwitchedStability((Mode("clean", clean, shortest=None), Mode("defect", defect)))
+    >>> dwell = wb.solve(program, "clarabel").answer
+    >>> dwell.P.shape
+    (2, 2, 2)
+    """
 
     samples: int
     P: RealArray
@@ -68,6 +80,17 @@ class SwitchedStability(Program):
     InputError
         There are fewer modes; no mode is sought; modes differ in plants or states; the limit is not
         positive; a mode without a longest stay is unstable; or a plant does not reach a rate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.synthesis import Mode, SwitchedStability
+    >>> clean, defect = np.array([[0.5, 1.0], [0.0, 0.5]]), np.array([[0.5, 0.0], [1.0, 0.5]])
+    >>> program = SwitchedStability((Mode("clean", clean, shortest=None), Mode("defect", defect)))
+    >>> solution = wb.solve(program, "clarabel")
+    >>> solution.certificate.valid, solution.answer.samples >= 1
+    (True, True)
     """
 
     modes: tuple[Mode, ...]

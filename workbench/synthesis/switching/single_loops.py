@@ -61,6 +61,18 @@ class SingleLoops:
     ------
     InputError
         Other names of the discrete controllers.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import SingleLoops
+    >>> K, G = control.ss([], [], [], [[1.0]]), control.ss(0.0, 40.0, 1.0, 0.0)
+    >>> loops = SingleLoops(
+    ...     {"gain": K}, {"gain": control.ss([], [], [], [[1.0]], 0.001)}, {"tank": G}, 0.0
+    ... )
+    >>> found = loops.margins()
+    >>> found.phase.round(2).tolist()  # of an integrator, continuous and sampled [deg]
+    [[[90.0], [88.85], [88.85]]]
     """
 
     controllers: Mapping[str, StateSpace]

@@ -29,6 +29,15 @@ class LeadLag(Family):
     with g, z and p positive. The parameters are log g, log z and log p. For m = n = 2 these are the
     zero of the PI part, zero and pole of the lead, and the roll-off. ``leak`` [rad/s] is the size
     of the fixed pole of the integrator.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.synthesis import LeadLag
+    >>> family, x = LeadLag.of(control.tf([3.0, 3.0], [1.0, 10.1, 1.0]))
+    >>> np.exp(x).round(4).tolist(), round(family.leak, 4)
+    ([3.0, 1.0, 10.0], 0.1)
     """
 
     leak: float
@@ -115,6 +124,14 @@ class PID(Family):
     """K(s) = P + I / (s + leak) + D s / (T s + 1), with one input and one output.
 
     The parameters are P, I and D, each divided by its own unit (``gains``), and log T.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import PID
+    >>> family, x = PID.of(P=2.0, I=1.0, D=0.1, T=0.01, leak=0.0)
+    >>> bool(np.isclose(family.system(x)(2j), 2.0 + 1 / 2j + 0.1 * 2j / (0.01 * 2j + 1)))
+    True
     """
 
     gains: tuple[float, float, float]
@@ -185,7 +202,15 @@ class PID(Family):
 
 @dataclass(frozen=True)
 class Decentralised(Family):
-    """A diagonal K: a controller with one input and one output for each channel."""
+    """A diagonal K: a controller with one input and one output for each channel.
+
+    Examples
+    --------
+    >>> from workbench.synthesis import PID, Decentralised
+    >>> family, x = Decentralised.of([PID.of(2.0, 1.0, 0.1, 0.01)] * 2)
+    >>> family.counts, family.system(x).ninputs
+    ((4, 4), 2)
+    """
 
     channels: tuple[Family, ...]
     counts: tuple[int, ...]
