@@ -7,7 +7,7 @@ import importlib
 import inspect
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_origin
 
 from gallery import write_page
 
@@ -35,7 +35,12 @@ ROOMS = (
     "workbench.bench.comparison",
 )
 """Rooms with a public face, in the order of the reference."""
-KINDS = {"function": "Functions", "class": "Classes", "data": "Constants", "module": "Methods"}
+KINDS = {
+    "function": "Functions",
+    "class": "Classes",
+    "data": "Constants and types",
+    "module": "Methods",
+}
 MODULES_ARE = (
     "Modules whose import registers methods. Each method is asked by its name, as in "
     '`wb.solve(program, "name")`.'
@@ -55,6 +60,8 @@ def kind_of(found: Any) -> str:
     """Which directive documents an object."""
     if inspect.ismodule(found):
         return "module"
+    if get_origin(found) is not None:  # the name of a type, such as Callable[[int], None]
+        return "data"
     if inspect.isclass(found):
         return "class"
     return "function" if callable(found) else "data"

@@ -38,12 +38,13 @@ def made_safe(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str], *_: Any
 ) -> None:
     """Escape what reStructuredText would take for markup; formulas and sessions stay literal."""
-    literal = False
+    literal = session = False
     kept: list[str] = []
     for line in with_formulas(lines):
         if literal and line.strip() and not line.startswith(" "):
             literal = False
-        session = line.lstrip().startswith((">>>", "..."))
+        # What a session prints belongs to it, up to the next empty line.
+        session = line.lstrip().startswith(">>>") or (session and bool(line.strip()))
         kept.append(line if literal or session else escaped(line))
         literal = literal or line.rstrip().endswith("::")
     lines[:] = kept

@@ -53,6 +53,12 @@ class EnclosingStadium(Cover):
         Complex, broadcast against the sets; None: free.
     angle
         Direction of the segment [rad], modulo pi, broadcast against the sets; None: free.
+
+    Examples
+    --------
+    >>> from workbench.geometry import EnclosingStadium, NarrowestStadium
+    >>> issubclass(NarrowestStadium, EnclosingStadium)
+    True
     """
 
     center: Any = None  # an ndarray after construction, if given

@@ -20,7 +20,15 @@ SEGMENT_POINTS = 721
 
 
 def multiplied(factor: ArrayLike, sets: Stadium) -> Stadium:
-    """Stadiums (F,) multiplied by complex numbers (F,)."""
+    """Stadiums (F,) multiplied by complex numbers (F,).
+
+    Examples
+    --------
+    >>> from workbench.geometry import multiplied, narrowest_stadium
+    >>> stadiums = narrowest_stadium([[0, 2, 4, 2 + 1j]])
+    >>> multiplied(2j, stadiums).radius.round(6).tolist()  # twice as large, turned by 90 degrees
+    [1.0]
+    """
     factor = np.asarray(factor, dtype=complex)
     size = abs(factor)
     angle = np.mod(sets.angle + np.angle(factor), np.pi)
@@ -31,13 +39,29 @@ def around_nominal(nominal: Array, relative: Stadium) -> Stadium:
     """The sets nominal * (1 + delta) of relative deviations delta in stadiums (F,).
 
     nominal: complex (F,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.geometry import around_nominal, narrowest_stadium
+    >>> deviations = narrowest_stadium([[-0.1, 0.1, 0.05j]])
+    >>> around_nominal(np.array([2.0]), deviations).center.shape
+    (1,)
     """
     placed = multiplied(nominal, relative)
     return Stadium(nominal + placed.center, placed.radius, placed.half_length, placed.angle)
 
 
 def signed_distance(point: complex, sets: Stadium) -> RealArray:
-    """Distance (F,) of a point from the boundary of each stadium (F,), negative inside."""
+    """Distance (F,) of a point from the boundary of each stadium (F,), negative inside.
+
+    Examples
+    --------
+    >>> from workbench.geometry import narrowest_stadium, signed_distance
+    >>> stadiums = narrowest_stadium([[0, 2, 4, 2 + 1j]])
+    >>> signed_distance(2 + 0.5j, stadiums).round(6).tolist()
+    [-0.5]
+    """
     points = NarrowestStadium(np.full((len(sets.radius), 1), point))
     away: RealArray = (points.distance(sets)[:, 0] - sets.radius).astype(float)
     return away
@@ -48,6 +72,14 @@ def signed_distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, Re
 
     A half plane with the segment inside bounds the distance from below, a point of the segment
     from above. Both are refined once around the best.
+
+    Examples
+    --------
+    >>> from workbench.geometry import narrowest_stadium, signed_distance_bounds
+    >>> stadiums = narrowest_stadium([[0, 2, 4, 2 + 1j]])
+    >>> low, high = signed_distance_bounds(10 + 0.5j, stadiums)
+    >>> bool(low[0] <= high[0])
+    True
     """
     away = ((point - sets.center) * np.exp(-1j * sets.angle))[:, None]
     length = sets.half_length[:, None]

@@ -64,6 +64,8 @@ def generalised_plant(
     Examples
     --------
     >>> import control
+    >>> from workbench.structure import Full
+    >>> from workbench.uncertainty import generalised_plant
     >>> G = control.tf(1, [1, 1], inputs="v", outputs="x")
     >>> plant = generalised_plant(
     ...     [G, (control.tf(0.1, 1), "u", "y_c")],
@@ -71,6 +73,8 @@ def generalised_plant(
     ...     perturbation=[(Full(1, 1), "y_c", "u_c")],
     ...     exogenous="r", control="u", performance="e", measurement="e",
     ... )
+    >>> plant.controls, plant.measurements, len(plant.structure)
+    (1, 1, 1)
     """
     if not isinstance(sums, Mapping):
         raise InputError(f'sums must be a mapping such as {{"e": "r - y"}}, not {sums!r}')

@@ -41,6 +41,17 @@ class GeneralisedPlant:
     last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
     exogenous, and the outputs between are performance. Raises InputError where the system has too
     few inputs or outputs, and for a wrong type of system, structure or number.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.structure import Complex, Structure
+    >>> from workbench.uncertainty import GeneralisedPlant
+    >>> P = control.ss(-np.eye(1), np.ones((1, 3)), np.ones((3, 1)), np.zeros((3, 3)))
+    >>> plant = GeneralisedPlant(P, Structure([Complex(1)]), controls=1, measurements=1)
+    >>> plant.exogenous, plant.performance
+    (1, 1)
     """
 
     system: StateSpace

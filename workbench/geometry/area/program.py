@@ -47,6 +47,15 @@ class SmallestAreaStadium(EnclosingStadium):
 
     The problem is not convex, even at a given angle. The answer is certified by containment and by
     a lower bound on the area over all angles and radii, by branch and bound.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.geometry import SmallestAreaStadium
+    >>> points = np.array([[0, 2, 4, 2 + 1j]])
+    >>> wb.solve(SmallestAreaStadium(points)).certificate.valid
+    True
     """
 
     default_method: ClassVar[str] = "search"
@@ -142,6 +151,13 @@ def smallest_area_stadium(
         Empty or non-finite points, real-valued pairs, a centre or angle that does not broadcast.
     SolverError
         The method gave no answer.
+
+    Examples
+    --------
+    >>> from workbench.geometry import smallest_area_stadium
+    >>> stadium = smallest_area_stadium([0, 2, 4, 2 + 1j])
+    >>> 0.4 < float(stadium.radius) < 2.0
+    True
     """
     return uncertified_answer(SmallestAreaStadium(points, center, angle), method, options)
 

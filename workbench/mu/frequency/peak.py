@@ -176,6 +176,16 @@ def with_complex_part(
     ----------
     Packard, Pandey, Continuity properties of the real/complex structured singular value, IEEE
     Trans. Automatic Control 38 (1993) 415-428.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import with_complex_part
+    >>> from workbench.structure import Real, Structure
+    >>> system = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
+    >>> _, structure = with_complex_part(system, Structure([Real(1)]), 0.01)
+    >>> len(structure)
+    2
     """
     if not (isinstance(complex_part, Number) and 0.0 < complex_part < math.inf):
         raise InputError(

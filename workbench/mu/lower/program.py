@@ -58,6 +58,18 @@ class MuLowerBound(Program):
         results take the names and coordinates of the leading axes of an `xarray.DataArray`.
     structure
         The blocks of Delta.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.mu import MuLowerBound
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> solution = wb.solve(MuLowerBound(M, structure))
+    >>> solution.certificate.valid, round(solution.metrics["mu_lower_peak"], 4)
+    (True, 0.625)
     """
 
     M: Any  # an ndarray from here on

@@ -46,6 +46,18 @@ class SetMargins:
     outside ``gain_lost``, at the phase ``phase_lost`` and at the delay ``delay_lost`` (infinite, or
     0 for a lower end, where none was found): ``plants`` has the parameters of the plants that are
     lost first, by "rise", "fall", "phase" and "delay".
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import SetMargins, set_margins
+    >>> from workbench.uncertainty import real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> found = set_margins(
+    ...     tf([18], [1, 1.8, k]), control.tf([0.4, 1.0], [0.02, 1.0]), tolerance=0.1
+    ... )
+    >>> [isinstance(margin, SetMargins) for margin in found.values()]
+    [True, True]
     """
 
     gain: tuple[float, float]
@@ -84,6 +96,18 @@ def set_margins(
     ------
     InputError
         As `loop_margins`; the plant has no real parameter.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import set_margins
+    >>> from workbench.uncertainty import real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> found = set_margins(
+    ...     tf([18], [1, 1.8, k]), control.tf([0.4, 1.0], [0.02, 1.0]), tolerance=0.1
+    ... )
+    >>> [round(margin.phase) > 0 for margin in found.values()]
+    [True, True]
     """
     need_tolerance(tolerance)
     need_count("parts", parts)

@@ -55,6 +55,16 @@ def bundle_plot(
     ------
     InputError
         The system has no uncertain element, or a kind is not known.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import bundle_plot
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> len(bundle_plot(closed, kinds=["step", "poles"], samples=5).axes)
+    2
     """
     found = uncertain(system, "system")
     if not found.elements:

@@ -39,6 +39,17 @@ class MonteCarlo:
 
     ``bound`` is proven for every member, NaN where nothing is. ``confidence`` is that of the
     intervals.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import monte_carlo
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> found = monte_carlo(closed, lambda member: float(member.dcgain()), count=20)
+    >>> found.confidence, bool(found.values.max() < 0.8)
+    (0.95, True)
     """
 
     values: RealArray
@@ -131,6 +142,17 @@ def monte_carlo(
     InputError
         The system has no uncertain element, an argument is out of its range, or the quantity of a
         member is no number.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import monte_carlo
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> found = monte_carlo(closed, count=20)
+    >>> found.values.shape, bool(found.values.max() <= found.bound)
+    ((20,), True)
     """
     found = uncertain(system, "system")
     if not found.elements:

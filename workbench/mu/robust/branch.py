@@ -103,6 +103,17 @@ def branch_and_bound(
         M is not one finite matrix that fits the structure, or gap or nodes is not positive.
     ContradictionError
         The lower bound is above the upper one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import branch_and_bound
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> found = branch_and_bound(M, structure, gap=0.01)
+    >>> bool(found.lower <= found.upper <= 1.02 * found.lower)
+    True
     """
     M = as_matrices(M, structure)
     if M.ndim != 2:

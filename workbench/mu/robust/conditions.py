@@ -37,6 +37,32 @@ class Conditions:
     the loop has no states). Where it is unstable all peaks are None. Without a perturbation
     ``robust_stability`` is None; without performance channels both performances are None. ``dt`` is
     the sampling time [s], 0 for continuous time.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import conditions
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> found = conditions(plant, K)
+    >>> found.hold, bool(found.stability_margin[0] > 1)
+    (True, True)
     """
 
     pole: complex | None
@@ -106,6 +132,35 @@ def conditions(
         As `GeneralisedPlant.channel`, `GeneralisedPlant.close` and `peak`.
     ContradictionError
         A lower bound is above an upper one, of the same peak or of one that cannot be larger.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import conditions
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> found = conditions(plant, K)
+    >>> (
+    ...     found.nominal_stability,
+    ...     round(found.robust_stability.upper, 2),
+    ... )  # 0.2 * 2 / 3 at most of K S
+    (True, 0.13)
     """
     import control
 

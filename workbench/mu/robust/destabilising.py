@@ -81,6 +81,19 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     InputError
         The lower bound is 0; Delta is not proven to destabilise this system; or, at 0 or
         infinity, the complex blocks of a complex Delta have no influence on the singularity.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import destabilising, peak
+    >>> from workbench.structure import Complex, Structure
+    >>> system = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
+    >>> structure = Structure([Complex(1)])
+    >>> found = peak(system, structure)
+    >>> Delta = destabilising(found, system, structure)
+    >>> poles = control.feedback(system, Delta, sign=1).poles()
+    >>> bool(abs(poles.real).min() < 1e-6), round(float(1 / found.lower), 3)
+    (True, 0.398)
     """
     import control
 

@@ -38,6 +38,17 @@ def margin_sensitivity(
     ------
     InputError
         As `robust_stability` and `robust_performance`; or the margin itself is 0 or infinite.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import margin_sensitivity
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> low, high = margin_sensitivity(closed)["k"]
+    >>> low <= 1 <= high  # the only element counts alone
+    True
     """
     need_positive(growth, "growth")
 

@@ -24,6 +24,32 @@ class GainRoom:
     At ``below`` and ``above`` it is proven not to be kept, by a perturbation or because the nominal
     loop is unstable; they are 0 and infinite where no such factor was found. Of factors between
     ``low`` and ``high`` nothing is proven.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import gain_room
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> room = gain_room(plant, K, tolerance=0.05)
+    >>> room.below <= room.low, room.high <= room.above
+    (True, True)
     """
 
     below: float
@@ -57,6 +83,32 @@ def gain_room(
     ------
     InputError
         A tolerance or ``most`` out of its range, or as `performance_peak`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import gain_room
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> room = gain_room(plant, K, tolerance=0.05)
+    >>> room.low <= 1 <= room.high
+    True
     """
     need_tolerance(tolerance)
     if not (isinstance(most, Number) and most > FIRST_STEP):

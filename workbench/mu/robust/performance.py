@@ -33,6 +33,32 @@ def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -
     ------
     InputError
         No GeneralisedPlant, one without performance, or as `GeneralisedPlant.close` and `peak`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import performance_peak
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> found = performance_peak(plant, K)
+    >>> bool(found.lower <= found.upper < 1)
+    True
     """
     need_plant(plant)
     loop = plant.close(K)
@@ -47,6 +73,31 @@ def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Swee
     They say nothing of an unstable nominal loop: ask `performance_peak` first.
 
     Raises InputError as `performance_peak`, and `frequency_sweep` for the frequencies.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import performance_sweep
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> parts = [
+    ...     (G, "v", "y"),
+    ...     (control.tf([0.2], [1.0]), "u", "z"),
+    ...     (control.tf([0.4], [1.0]), "e", "z_e"),
+    ... ]
+    >>> plant = generalised_plant(
+    ...     parts,
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> performance_sweep(plant, K, [0.1, 1.0, 10.0]).upper.shape
+    (3,)
     """
     need_plant(plant)
     return frequency_sweep(plant.close(K), plant.performance_structure, omega)

@@ -36,6 +36,13 @@ def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
         Diagonal entry c_r of the real scalar, complex (...); 0 where there is none.
     others
         Sum of |c_k| over the complex scalars (...), not negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import rank_one_mu
+    >>> rank_one_mu(np.array([0.3 + 0j, 0j]), np.array([0.4, 0.4])).round(6).tolist()
+    [0.7, 0.4]
     """
     along, across, size = np.abs(real.real), np.abs(real.imag), np.abs(real)
     at_end = others * along >= across * size
@@ -51,6 +58,14 @@ class RankOneLoop:
 
     ``uncertain`` (F,) is the response that an uncertainty of size 1 closes, ``performance`` (F,)
     that from w to z.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import RankOneLoop
+    >>> loop = RankOneLoop(np.array([0.3 + 0j]), np.array([0.5 + 0j]))
+    >>> loop.uncertain.shape
+    (1,)
     """
 
     uncertain: ComplexArray

@@ -55,6 +55,16 @@ class SkewBounds:
     blocks are at most 1, its varying blocks at most 1 / lower, and I - M Delta is singular up to
     rounding. Delta is NaN where lower is 0. Where lower is infinite the varying blocks are 0,
     because the fixed blocks alone make I - M Delta singular.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import skew_bounds
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> skew_bounds(M, structure, fixed=[0]).Delta.shape
+    (2, 2)
     """
 
     lower: RealArray
@@ -87,6 +97,17 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
         not have; or all blocks are fixed.
     ContradictionError
         A lower bound is above the upper one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import skew_bounds
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> found = skew_bounds(M, structure, fixed=[0])
+    >>> bool(found.lower <= found.upper)
+    True
     """
     M = as_matrices(M, structure)
     varies = np.array([k not in numbers_of(structure, fixed) for k in range(len(structure))])

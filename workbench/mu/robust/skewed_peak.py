@@ -60,6 +60,17 @@ class SkewedPeak:
     infinite where no bound was proven; the message says why.
     ``proof`` proves that mu is below 1 once the inputs of the varying blocks are divided by
     ``level``; it is None, and the level 0, for an infinite bound.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import skewed_peak
+    >>> from workbench.structure import Complex, Structure
+    >>> system = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
+    >>> found = skewed_peak(system, Structure([Complex(1), Complex(1)]), fixed=[0])
+    >>> found.proof is not None, found.Delta.shape
+    (True, (2, 2))
     """
 
     lower: float
@@ -102,6 +113,17 @@ def skewed_peak(
         As `peak` and `skew_bounds`.
     ContradictionError
         The lower bound is above the upper one.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import skewed_peak
+    >>> from workbench.structure import Complex, Structure
+    >>> system = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
+    >>> found = skewed_peak(system, Structure([Complex(1), Complex(1)]), fixed=[0])
+    >>> bool(found.lower <= found.upper), round(found.upper, 2)
+    (True, 0.52)
     """
     need_tolerance(tolerance)
     stable = fitting(system, structure, sampled=True)

@@ -56,6 +56,16 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     ----------
     Overton, Womersley, Optimality conditions and duality theory for minimizing sums of the largest
     eigenvalues of symmetric matrices, Mathematical Programming 62 (1993) 321-357.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.mu import gradient, upper_bound
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> gradient(M, structure, upper_bound(M, structure)).shape
+    (2, 2)
     """
     M = as_matrices(M, structure)
     if not isinstance(bound, UpperBound) or np.shape(bound.value) != M.shape[:-2]:

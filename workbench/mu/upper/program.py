@@ -76,6 +76,18 @@ class MuUpperBound(Program):
     Fan, Tits, Doyle, Robustness in the presence of mixed parametric uncertainty and unmodeled
     dynamics, IEEE Trans. Automatic Control 36 (1991) 25-38. Young, Newlin, Doyle, Computing bounds
     for the mixed mu problem, Int. J. Robust and Nonlinear Control 5 (1995) 573-590.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.mu import MuUpperBound
+    >>> from workbench.structure import Complex, Real, Structure
+    >>> structure = Structure([Real(1), Complex(1)])
+    >>> M = np.array([[0.5, 0.2j], [0.3, 0.4]])
+    >>> solution = wb.solve(MuUpperBound(M, structure), "fast")
+    >>> solution.certificate.valid
+    True
     """
 
     M: ComplexArray

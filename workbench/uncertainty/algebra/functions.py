@@ -83,7 +83,15 @@ def real(
 
 
 def complex_scalar(name: str, nominal: float, radius: float) -> UncertainSystem:
-    """An uncertain complex number within a radius of a real nominal."""
+    """An uncertain complex number within a radius of a real nominal.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import complex_scalar, tf
+    >>> G = complex_scalar("g", 2.0, radius=0.3) * tf([1], [1, 1])
+    >>> float(G.nominal.dcgain()), len(G.structure)
+    (2.0, 1)
+    """
     need_numbers(nominal=nominal)
     if not math.isfinite(nominal):
         raise InputError(f"nominal is {nominal!r}; it must be finite")
@@ -141,6 +149,13 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
     ------
     InputError
         The delays are negative, or not in order.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import delay, tf
+    >>> late = tf([1], [1, 1]) * delay("tau", 0.0, 0.1)
+    >>> [block.name for block in late.structure]
+    ['tau']
     """
     need_numbers(low=low, high=high)
     if not 0.0 <= low < high < math.inf:
@@ -158,6 +173,14 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
 
     Each is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain
     numbers. Repetitions of elements are reduced as far as `UncertainSystem.reduced` does.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import real, ss
+    >>> k = real("k", 4, percent=25)
+    >>> G = ss([[0, 1], [-k, -0.5]], [[0], [1]], [[1, 0]], [[0]])
+    >>> float(G.at(k=5.0).dcgain())
+    0.2
     """
     parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
     states = parts[0].noutputs
@@ -238,7 +261,15 @@ def _is_zero(found: UncertainSystem) -> bool:
 
 
 def append(*systems: Any) -> UncertainSystem:
-    """Systems beside each other: the inputs and outputs of the first, then of the second, ..."""
+    """Systems beside each other: the inputs and outputs of the first, then of the second, ...
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import append, real, tf
+    >>> two = append(tf([1], [1, real("a", 1, percent=20)]), 3.0)
+    >>> two.noutputs, two.ninputs
+    (2, 2)
+    """
     if not systems:
         raise InputError("append needs at least one system")
     parts = [uncertain(one, f"system {k}") for k, one in enumerate(systems, start=1)]
@@ -253,6 +284,13 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
     model of any kind, a number or an array; no element occurs more often than in the blocks.
 
     Raises InputError for rows of different lengths, sizes or sampling times that do not fit.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import block, real, tf
+    >>> G = tf([1], [1, real("a", 1, percent=20)])
+    >>> block([[G, 1.0], [0.0, G]]).noutputs
+    2
     """
     given = [as_list(row, f"row {i}") for i, row in enumerate(as_list(rows, "rows"), start=1)]
     lengths = {len(row) for row in given}

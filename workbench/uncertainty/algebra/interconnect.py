@@ -48,9 +48,11 @@ def interconnect(
 
     Examples
     --------
-    >>> from workbench.uncertainty import real, tf
+    >>> from workbench.uncertainty import interconnect, real, tf
     >>> G = tf([1], [1, real("a", 1, percent=20)])
     >>> S = interconnect([(G, "u", "y")], {"e": "r - y", "u": "e"}, inputs="r", outputs=["e", "y"])
+    >>> S.noutputs, [block.name for block in S.structure]
+    (2, ['a'])
     """
     if not isinstance(sums, Mapping):
         raise InputError(f'sums must be a mapping such as {{"e": "r - y"}}, not {sums!r}')

@@ -183,6 +183,12 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 
     The result is an LFT if one of the blocks is, else an array of floats. Raises InputError where
     the shapes of the blocks do not fit together.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import matrix
+    >>> matrix([[1.0, 2.0], [3.0, 4.0]]).tolist()
+    [[1.0, 2.0], [3.0, 4.0]]
     """
     blocks = [[lift(entry) for entry in row] for row in rows]
     result = _stack(blocks)
@@ -193,6 +199,13 @@ def left_divide(a: Any, b: Any) -> Any:
     """a^-1 b for matrices of numbers or LFTs; an LFT if one of them contains an LFT.
 
     Raises InputError where `a` is not square, or singular at the nominal values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import left_divide
+    >>> left_divide(np.array([[2.0, 0.0], [0.0, 4.0]]), np.array([[1.0], [1.0]])).ravel().tolist()
+    [0.5, 0.25]
     """
     if _any_lft((a, b)):
         return inverse(a) @ lift(b)
@@ -200,7 +213,24 @@ def left_divide(a: Any, b: Any) -> Any:
 
 
 def inverse(a: Any) -> Any:
-    """a^-1 of a square matrix of numbers or LFTs; raises InputError as `left_divide`."""
+    """a^-1 of a square matrix of numbers or LFTs; raises InputError as `left_divide`.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, inverse, matrix, parametric
+    >>> def model(m):
+    ...     '''x'' = f / m, its mass matrix inverted.'''
+    ...     return (
+    ...         [[0.0, 1.0], [0.0, 0.0]],
+    ...         matrix([[0.0], [inverse(matrix([[m]]))]]),
+    ...         [[1.0, 0.0]],
+    ...         [[0.0]],
+    ...     )
+    ...
+    >>> found = parametric(model, [Parameter("m", 2.0, 0.1)], inputs=["f"], outputs=["x"])
+    >>> found.at([0.0]).B.ravel().tolist()
+    [0.0, 0.5]
+    """
     value = lift(a)
     a11, a12, a21, a22 = value.blocks
     if a22.shape[0] != a22.shape[1]:

@@ -180,6 +180,20 @@ class Containment:
     negative inside; the most distant points are not counted if some may be left out. ``outside``
     (F,) is the number of points outside, with those. ``where`` names the frequency of the largest
     excess.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
+    >>> omega = np.geomspace(1, 100, 30)
+    >>> plants = Responses(
+    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
+    >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
+    >>> found = contains(model, plants)
+    >>> found.holds, bool(found.worst <= 0)
+    (True, True)
     """
 
     excess: RealArray
@@ -210,6 +224,20 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     ----------
     leave_out
         Number of points that may lie outside at each frequency.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Responses, UncertaintyModel, contains
+    >>> omega = np.geomspace(1, 100, 30)
+    >>> plants = Responses(
+    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
+    >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
+    >>> narrow = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.09], [1.0]))
+    >>> contains(model, plants).holds, contains(narrow, plants).holds
+    (True, False)
     """
     s = 1j * responses.axis.astype(np.longdouble)
     nominal = _value(model.nominal, s)

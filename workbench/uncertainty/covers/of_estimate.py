@@ -65,6 +65,22 @@ def cover_of_estimate(
         A sampled model, a model with a delay, another entry, or a confidence out of range.
     SolverError
         No weight of that order covers the discs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, fit_rational_model
+    >>> from workbench.uncertainty import cover_of_estimate
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> noise = 1e-2 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> response = 3 / (2j * np.pi * frequency + 2) + noise
+    >>> measured = ResponseEstimate(
+    ...     frequency, response[:, None, None], np.full((60, 1, 1), 2e-4), np.inf
+    ... )
+    >>> estimate = fit_rational_model(measured, orders=1, excess=1)
+    >>> model = cover_of_estimate(estimate.uncertainty, order=1, confidence=0.95)
+    >>> model.structure.rows
+    1
     """
     need_tolerance(confidence)
     order = as_count("order", order)

@@ -28,7 +28,16 @@ CANDIDATE_ANGLES = 360
 
 
 def narrowest(omega: RealArray, away: ComplexArray) -> RealArray:
-    """Angles (F,) [rad] of least width, those of the second set."""
+    """Angles (F,) [rad] of least width, those of the second set.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import narrowest
+    >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])  # three plants on a line
+    >>> float(narrowest(np.array([1.0]), away)[0].round(4))
+    0.7854
+    """
     return stadiums_about_nominal(away).angle
 
 
@@ -37,6 +46,14 @@ def smooth(weight: float = 0.1) -> Orientation:
 
     It minimises the sum of log(radius) + weight * (change of angle)^2 / (change of log omega) over
     all frequencies together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import smooth
+    >>> away = np.array([[-1.0 - 1j, 0.01, 1.0 + 1j]] * 3)
+    >>> smooth(0.1)(np.array([1.0, 2.0, 4.0]), away).shape
+    (3,)
     """
     return cheapest(_narrow, weight)
 
@@ -52,6 +69,14 @@ def limited(limit: float = math.pi / 12, nominal: RealArray | float | None = Non
         Largest difference [rad] between the two angles at which the narrowest one is taken.
     nominal
         Nominal orientation [rad], a number or of shape (F,); None: the smooth one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import limited
+    >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])
+    >>> limited(nominal=0.0)(np.array([1.0]), away).round(4).tolist()  # pi / 4 is too far from 0
+    [0.0]
     """
     if not 0 < limit <= math.pi / 2:
         raise InputError(f"limit must lie in (0, pi/2] rad, it is {limit}")
@@ -85,6 +110,17 @@ def cheapest(cost: Cost, weight: float) -> Orientation:
         Cost of every candidate angle at every frequency, see `Cost`.
     weight
         Weight of (change of angle)^2 / (change of log omega); 0 treats every frequency separately.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import cheapest
+    >>> def cost(omega, angle, radius, half_length):
+    ...     return radius
+    ...
+    >>> away = np.array([[-1.0 - 1j, 0.0, 1.0 + 1j]])
+    >>> cheapest(cost, weight=0.0)(np.array([1.0]), away).round(4).tolist()  # the narrowest
+    [0.7854]
     """
     if not weight >= 0:
         raise InputError(f"weight must not be negative, it is {weight}")

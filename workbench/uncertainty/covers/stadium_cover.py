@@ -36,6 +36,19 @@ class StadiumCover(UncertaintyCover):
         `workbench.uncertainty.covers.orientation`.
     minimum_phase
         Whether the zeros of the real weight must lie in the left half plane too, as in the thesis.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import Responses, StadiumCover
+    >>> omega = np.geomspace(1, 100, 20)
+    >>> plants = Responses(
+    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
+    >>> solution = wb.solve(StadiumCover(plants, order=1, complex_order=1, real_order=1))
+    >>> solution.certificate.valid
+    True
     """
 
     real_order: int = 4

@@ -14,6 +14,19 @@ class CoverSteps:
 
     ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
     the units of the weights. For circles the third set equals the second.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import CircleCover, Responses
+    >>> omega = np.geomspace(1, 100, 20)
+    >>> plants = Responses(
+    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
+    >>> steps = wb.solve(CircleCover(plants, order=1, complex_order=1)).answer
+    >>> steps.first.radius.shape, steps.model.lti.noutputs > 0
+    ((20,), True)
     """
 
     model: UncertaintyModel

@@ -91,6 +91,19 @@ class MatrixCover(Program):
     ------
     InputError
         Other data, or plants that the form does not reach.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import MatrixCover, MatrixResponses
+    >>> nominal = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> systems = [nominal * (1 + d) for d in (-0.1, 0.05, 0.1)]
+    >>> responses = MatrixResponses.of_systems(systems, np.geomspace(0.1, 10, 10))
+    >>> cover = MatrixCover(responses, nominal, left_order=1, right_order=1)
+    >>> wb.solve(cover).certificate.valid
+    True
     """
 
     responses: MatrixResponses

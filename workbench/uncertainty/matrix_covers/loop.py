@@ -37,6 +37,19 @@ class MatrixCoverForLoop(MatrixCover):
 
     The weights are a local optimum; the sets at each frequency, which have the least mu that
     weights of any order could have, are a global one.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.uncertainty import MatrixCoverForLoop, MatrixModel, MatrixResponses, feedback
+    >>> nominal = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> systems = [nominal * (1 + d) for d in (-0.1, 0.05, 0.1)]
+    >>> responses = MatrixResponses.of_systems(systems, np.geomspace(0.1, 10, 10))
+    >>> loop = feedback(np.eye(2), MatrixModel.unweighted(nominal, "additive") * 2.0)
+    >>> cover = MatrixCoverForLoop(responses, nominal, left_order=1, right_order=1, loop=loop)
+    >>> cover.quantifier
+    'at the 10 given frequencies, for these 3 plants'
     """
 
     loop: Any = field(kw_only=True)

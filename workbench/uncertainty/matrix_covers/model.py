@@ -42,6 +42,17 @@ class MatrixModel(Algebraic):
         Systems of python-control of one sampling time; X = W_1 Delta W_2.
     form
         Where X acts, such as ``"additive"`` or ``"inverse-output"``.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.uncertainty import MatrixModel
+    >>> nominal = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> model = MatrixModel(nominal, 0.1 * np.eye(2), np.eye(2))
+    >>> Delta = model.delta_of(nominal * 1.05)
+    >>> Delta.ninputs, Delta.noutputs
+    (2, 2)
     """
 
     nominal: Any

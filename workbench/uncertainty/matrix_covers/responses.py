@@ -43,6 +43,16 @@ class MatrixResponses:
     ------
     InputError
         Other data.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import MatrixResponses
+    >>> rng, omega = np.random.default_rng(0), np.geomspace(0.1, 10, 6)
+    >>> plants = 1 + 0.1 * rng.standard_normal((6, 5, 2, 2)) + np.eye(2)
+    >>> responses = MatrixResponses(omega, plants + 0j)
+    >>> responses.values.shape, len(responses.plants)
+    ((6, 5, 2, 2), 5)
     """
 
     omega: RealArray

@@ -122,6 +122,20 @@ class MatrixSets(Program):
     ------
     InputError
         Other data; deviations that are all alike at some frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.uncertainty import MatrixResponses, MatrixSets
+    >>> rng, omega = np.random.default_rng(0), np.geomspace(0.1, 10, 6)
+    >>> plants = 1 + 0.1 * rng.standard_normal((6, 5, 2, 2)) + np.eye(2)
+    >>> responses = MatrixResponses(omega, plants + 0j)
+    >>> sets = MatrixSets(
+    ...     responses.values - responses.values.mean(axis=1, keepdims=True), "diagonal", "diagonal"
+    ... )
+    >>> wb.solve(sets).certificate.holds
+    True
     """
 
     deviations: Array

@@ -36,6 +36,19 @@ def members(
     InputError
         A model that is not SISO, deltas of another shape, or plants that `Responses` refuses, such
         as unstable ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Parameter, members, parametric, vertices
+    >>> def spring(k):
+    ...     '''A, B, C, D of a mass on a spring.'''
+    ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
+    ...
+    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> plants = members(model, np.geomspace(0.1, 10, 20), vertices(model.parameters))
+    >>> plants.values.shape
+    (20, 2)
     """
     if (len(model.inputs), len(model.outputs)) != (1, 1):
         raise InputError(f"a SISO model is needed, not {len(model.outputs)} x {len(model.inputs)}")

@@ -50,6 +50,17 @@ class ParametricModel(Algebraic):
     channels before and after reduction. Deltas are a mapping from names, where missing parameters
     are at their nominal, or an array (..., P) in the order of ``parameters``. Deltas outside
     [-1, 1] are allowed.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, parametric
+    >>> def spring(k):
+    ...     '''A, B, C, D of a mass on a spring.'''
+    ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
+    ...
+    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> float(model.at({"k": 1.0}).dcgain())  # 1 / 5
+    0.2
     """
 
     model: Model
@@ -160,6 +171,17 @@ def parametric(
         the nominal or at a vertex of the box |delta| <= 1. Vertices are checked for at most 12
         parameters. If each parameter appears in one channel, the vertices decide for the whole box;
         otherwise `at` and `response` raise the error where it occurs.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, parametric
+    >>> def spring(k):
+    ...     '''A, B, C, D of a mass on a spring.'''
+    ...     return [[0.0, 1.0], [-k, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]]
+    ...
+    >>> model = parametric(spring, [Parameter("k", 4.0, 0.25)], inputs=["f"], outputs=["x"])
+    >>> model.repetitions
+    {'k': (1, 1)}
     """
     parameters = tuple(parameters)
     _check_names(parameters)

@@ -24,6 +24,12 @@ class Parameter:
     The name must be a Python identifier; the tolerance is relative.
 
     Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter
+    >>> float(Parameter("k", nominal=4.0, tolerance=0.25).at(1.0))
+    5.0
     """
 
     name: str
@@ -52,7 +58,14 @@ class Parameter:
 
 
 def vertices(parameters: Sequence[Parameter]) -> RealArray:
-    """All combinations (2^P, P) of the deltas -1 and 1."""
+    """All combinations (2^P, P) of the deltas -1 and 1.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, vertices
+    >>> vertices([Parameter("k", 4.0, 0.25), Parameter("d", 1.0, 0.1)]).tolist()
+    [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
+    """
     return levels(parameters, 2)
 
 
@@ -60,6 +73,12 @@ def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
     """All combinations (count^P, P) of `count` equidistant deltas from -1 to 1.
 
     Raises InputError for fewer than 2 levels, and where the table would be too large.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import Parameter, levels
+    >>> levels([Parameter("k", 4.0, 0.25)], count=3).ravel().tolist()
+    [-1.0, 0.0, 1.0]
     """
     if count < 2:
         raise InputError(f"{count} levels; at least 2 are needed, for -1 and 1")
@@ -72,5 +91,14 @@ def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
 
 
 def samples(parameters: Sequence[Parameter], count: int, rng: np.random.Generator) -> RealArray:
-    """Random deltas (count, P), uniform in [-1, 1]."""
+    """Random deltas (count, P), uniform in [-1, 1].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Parameter, samples
+    >>> drawn = samples([Parameter("k", 4.0, 0.25)], 100, np.random.default_rng(0))
+    >>> drawn.shape, bool(abs(drawn).max() <= 1)
+    ((100, 1), True)
+    """
     return rng.uniform(-1.0, 1.0, (count, len(parameters)))

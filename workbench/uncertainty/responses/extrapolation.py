@@ -39,6 +39,21 @@ def widened(responses: Responses, content: float) -> Responses:
     ------
     InputError
         A content outside (0, 1), or fewer than 4 plants at a frequency.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.uncertainty import Responses, UncertaintyModel, widened
+    >>> omega = np.geomspace(1, 100, 30)
+    >>> plants = Responses(
+    ...     omega, np.array([gain / (1j * omega / 30 + 1) for gain in (0.9, 1.0, 1.1)]).T
+    ... )
+    >>> model = UncertaintyModel(control.tf([30.0], [1.0, 30.0]), control.tf([0.11], [1.0]))
+    >>> rng = np.random.default_rng(0)
+    >>> many = Responses(omega, 1 + 0.1 * rng.standard_normal((30, 6, 2)) @ [1, 1j])
+    >>> widened(many, content=0.9).values.shape[1] > 6
+    True
     """
     if not 0 < content < 1:
         raise InputError(f"content is a probability between 0 and 1, it is {content}")
