@@ -10,7 +10,7 @@ import importlib
 import time
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 IMPORT_TIME = time.time_ns()
 """When this process imported the workbench [ns since the epoch], before any plant's module."""
