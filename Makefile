@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis docs notebooks clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis bench report docs notebooks clean
 
 # Run every named problem, print the table, write the HTML index, and open it where somebody looks.
 # The first certified figure comes within a minute, and the file is named.
@@ -85,6 +85,15 @@ study: $(READY)
 	rm -rf results/reference/compare results/reference/cells
 	cp -r results/study/compare results/study/cells results/reference/
 	$(BIN)/python docs/study.py
+
+# The workbench beside its peers (a quarter of an hour), and the page about it.
+bench: $(READY)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python docs/benchmarks.py
+
+# The technical report as a PDF, from docs/report, the reference results and the page of benchmarks.
+report: $(READY)
+	$(BIN)/python docs/report/report.py
+	@echo "open docs/report/report.pdf"
 
 # Run the notebooks of the course and keep their outputs.
 notebooks: $(READY)
