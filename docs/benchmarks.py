@@ -109,7 +109,8 @@ def of_mu(data: Dataset) -> Iterator[Row]:
                 *(float(one.sel(by=by)) for by in (peer, "fast")),
             )
     peak = data["peak"]
-    slowest = peak.isel(system=int((peak.sel(what="peak") / peak.sel(what="ab13md")).argmax()))
+    ratio = (peak.sel(what="peak") / peak.sel(what="ab13md")).values
+    slowest = peak.isel(system=int(ratio.argmax()))
     yield Row(
         "peak of mu, proven over all frequencies; the peer: bounds at 1,000 frequencies",
         "20 states",
@@ -257,9 +258,9 @@ def page(runs: Mapping[str, wb.Run]) -> str:
         "# Beside other tools\n",
         "`make bench` runs the named problems `bench/*` and writes this page. Each row compares "
         "the workbench with another tool on the same data, in one run, on one machine: both take "
-        "turns, and the shortest or the median of several times counts. Only the ratio says something "
-        "about your machine. The answers of both are compared as well; a row stands here only if "
-        "they agree, or if the workbench's bound is the better one.\n",
+        "turns, and the shortest or the median of several times counts. Only the ratio says "
+        "something about your machine. The answers of both are compared as well; a row stands here "
+        "only if they agree, or if the workbench's bound is the better one.\n",
         "The comparison is not quite fair to the workbench: most of its times contain a proof, and "
         "the peers' do not. A number below 1 means that the peer is faster.\n",
         markdown(HEADS, [row.cells() for row in rows(runs)]),
@@ -272,11 +273,12 @@ def page(runs: Mapping[str, wb.Run]) -> str:
         "mean; the workbench's controllers are certified.*\n",
         "## Fits of a measured record\n",
         "Models of the CD-player arm (a public record), chosen alike from both packages on the "
-        "first half and judged on the second. A fit is 100 % where the model explains everything.\n",
+        "first half and judged on the second. A fit is 100 % where the model explains "
+        "everything.\n",
         fits(runs),
         "## Versions\n",
         markdown(["tool", "version"], [["workbench", wb.__version__], *names]),
-        f"Python {info['versions']['python']}, {info['created'][:10]}.\n",
+        f"Python {info['versions']['python']}, {info['started'][:10]}.\n",
     ]
     return "\n".join(parts)
 
