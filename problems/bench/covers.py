@@ -229,7 +229,11 @@ def _family(plants: int, grid: int, rng: np.random.Generator) -> Responses:
 
 def _peak_memory() -> float:
     """Peak resident memory of this process [GiB]."""
-    import resource  # Windows has none, where the rest of this module may still be imported
+    if sys.platform == "win32":
+        import psutil
+
+        return float(psutil.Process().memory_info().peak_wset) / 2**30
+    import resource
 
     unit = 1 if sys.platform == "darwin" else 1024  # bytes there, kibibytes elsewhere
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30

@@ -106,7 +106,7 @@ def serve(file: str) -> None:
         importlib.import_module(module)
     waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_tasks, args=(tasks, waiting), daemon=True).start()
-    _send(("ready", None))
+    _send(("ready", os.getpid()))
     while True:
         task = waiting.get()
         os.truncate(file, 0)

@@ -156,6 +156,9 @@ class _Seat:
     def __init__(self, pool: Workers) -> None:
         self._pool = pool
         self._process: subprocess.Popen[bytes] | None = None
+        # Its own number, once it has told it: in a virtual environment of Windows what was started
+        # is a launcher, and Python is another process, whose memory counts.
+        self._number = 0
         self._heard: queue.SimpleQueue[tuple[str, Any] | None] = queue.SimpleQueue()
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.thread.start()
@@ -202,6 +205,7 @@ class _Seat:
         self._process = self._pool.start(self._file)
         self._ready = False
         self._heard = queue.SimpleQueue()
+        self._number = self._process.pid
         listener = threading.Thread(target=_hear, args=(self._process, self._heard), daemon=True)
         listener.start()
 
@@ -225,7 +229,7 @@ class _Seat:
         assert process is not None and process.stdin is not None
         try:
             while not self._ready:
-                self._next(process, None)
+                _, self._number = self._next(process, None)
                 self._ready = True
             pickle.dump(content, process.stdin)
             process.stdin.flush()
@@ -255,7 +259,7 @@ class _Seat:
                 if until is not None and time.monotonic() >= until:
                     self._leave()
                     raise TimeLimitError(f"killed at its time limit of {limit:.4g} s") from None
-                if allowed is not None and _resident(process.pid) > allowed:
+                if allowed is not None and _resident(self._number) > allowed:
                     self._leave()
                     raise MemoryLimitError(
                         f"killed at its memory limit of {allowed / 2**20:.4g} MiB"
