@@ -38,7 +38,6 @@ FIGURES = {
     "stadiums": ("cd/focus/stadiums", "plane-first-resonance"),
     "sizes": ("cd/focus/uncertainty-comparison", "sizes"),
     "mu": ("cd/focus/mu-pid-analysis", "one-x"),
-    "controllers": ("cd/focus/controllers", "both"),
     "switching": ("cd/focus/switching-stability", "figure-8-10"),
     "verdicts": ("cd/claims", "verdicts"),
 }
