@@ -38,6 +38,7 @@ KINDS = {
     "MagnitudeFit": "Magnitude fits",
     "ResponseFit": "Response fits",
     "RationalModelFit": "Rational models of responses",
+    "FeedbackFromRecords": "Feedback from records, without a model",
     "SwitchedStability": "Dwell times of switched loops",
     "FaultEstimation": "Fault filters",
     "StateSpaceFit": "State-space models of records",

@@ -220,6 +220,19 @@ PLANTED: dict[str, dict[str, Wrong]] = {
             a, P=a.P + np.triu(np.ones(a.P.shape[-2:]), 1), samples=1
         ),
     },
+    **{
+        name: {
+            "level 1 % too small": scaled("level", 0.99),
+            "level half": scaled("level", 0.5),
+            "gain of the other sign": scaled("K", -1.0),
+            "gain 30 % larger": scaled("K", 1.3),
+            "no gain": scaled("K", 0.0),
+            "not a number": scaled("K", np.nan),
+            "multiplier zero": scaled("multiplier", 0.0),
+            "multiplier ten times as large": scaled("multiplier", 10.0),
+        }
+        for name in ("record_decay", "record_h2", "record_hinf")
+    },
     "response_fit": FITS
     | {
         "gain 10 % too large": lambda R: R.scaled(1.1),

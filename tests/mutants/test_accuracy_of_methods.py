@@ -90,6 +90,7 @@ SMALL = {
         "parameter_fit",
         "matrix_traces",
         "matrix_cover",
+        "record_hinf",
     )
 }
 

@@ -68,6 +68,7 @@ MATHEMATICS = {
         "dgk": "mixed multipliers",
         "basis": "convex steps over a basis",
     },
+    "FeedbackFromRecords": SOLVERS | {"riccati": "Riccati equations of a game"},
     "SwitchedStability": SOLVERS | {"descent": "quasi-Newton descent"},
     "CrestFactor": NONLINEAR | {"schroeder": "a closed form", "clipping": "clipping"},
     "ParameterFit": NONLINEAR | {"scipy": "Gauss-Newton steps", "evolution": "a population"},

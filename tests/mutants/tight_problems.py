@@ -24,7 +24,15 @@ from workbench.identification import (
 from workbench.mu import MuLowerBound, MuUpperBound
 from workbench.program import Program
 from workbench.structure import Complex, Full, Real, Structure
-from workbench.synthesis import HinfSynthesis, Mode, MuSynthesis, SwitchedStability
+from workbench.synthesis import (
+    FeedbackFromRecords,
+    HinfSynthesis,
+    Mode,
+    MuSynthesis,
+    NoiseEnergy,
+    StateRecords,
+    SwitchedStability,
+)
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import (
@@ -228,6 +236,26 @@ def matrix_cover() -> Program:
     return MatrixCover(MatrixResponses(OMEGA, values), nominal, left_order=1, right_order=0)
 
 
+def state_records() -> StateRecords:
+    """A plant with a pole at 1.1 and 30 samples with a little noise."""
+    rng = np.random.default_rng(8)
+    x, u, w = rng.standard_normal((2, 30)), rng.standard_normal((1, 30)), rng.random((2, 30)) - 0.5
+    following = np.array([[1.1, 0.3], [0.0, 0.7]]) @ x + np.array([[0.2], [1.0]]) @ u + 0.2 * w
+    return StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+
+
+def record_decay() -> Program:
+    return FeedbackFromRecords(state_records())
+
+
+def record_h2() -> Program:
+    return FeedbackFromRecords(state_records(), "h2", np.eye(3)[:, :2], np.eye(3)[:, 2:])
+
+
+def record_hinf() -> Program:
+    return FeedbackFromRecords(state_records(), "hinf", np.eye(3)[:, :2], np.eye(3)[:, 2:])
+
+
 PROGRAMS = {
     make.__name__: make
     for make in (
@@ -235,7 +263,8 @@ PROGRAMS = {
         mu_lower_full,
         mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
-        parameter_fit, matrix_sets, matrix_traces, matrix_cover,
+        parameter_fit, matrix_sets, matrix_traces, matrix_cover, record_decay, record_h2,
+        record_hinf,
     )
 }  # fmt: skip
 

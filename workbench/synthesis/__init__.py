@@ -45,6 +45,11 @@ from workbench.synthesis.mu.program import MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.mu.structured import fixed
 from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
+from workbench.synthesis.records import conic as records_conic
+from workbench.synthesis.records import riccati as records_riccati
+from workbench.synthesis.records.inequalities import ProvenFeedback
+from workbench.synthesis.records.program import FeedbackFromRecords
+from workbench.synthesis.records.record import NoiseEnergy, StateRecords
 from workbench.synthesis.switching import conic as switching_conic
 from workbench.synthesis.switching import descent as switching_descent
 from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
@@ -79,6 +84,7 @@ __all__ = [
     "DualCertificate",
     "Dwell",
     "Family",
+    "FeedbackFromRecords",
     "FixedCascade",
     "FixedPoint",
     "HinfController",
@@ -96,6 +102,8 @@ __all__ = [
     "Mode",
     "MuController",
     "MuSynthesis",
+    "NoiseEnergy",
+    "ProvenFeedback",
     "ReducedController",
     "ReducedControllers",
     "SampledConditions",
@@ -104,6 +112,7 @@ __all__ = [
     "SampledRobustness",
     "Sections",
     "SingleLoops",
+    "StateRecords",
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
@@ -131,6 +140,8 @@ __all__ = [
     "measurement_dropped",
     "measurement_filtered",
     "proven_share",
+    "records_conic",
+    "records_riccati",
     "reduce_order",
     "regularised",
     "sampled_conditions",

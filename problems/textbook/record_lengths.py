@@ -1,0 +1,194 @@
+"""What a record must be like for a feedback without a model: its length, its noise, what is known.
+
+After figure 1 and the table of section VI of van Waarde, Camlibel and Mesbahi, IEEE Trans.
+Automatic Control 67 (2022) 162-175.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+from scipy.linalg import solve_discrete_are
+
+from workbench import figures, problem, solve
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Figure
+from workbench.solvers import Outcome
+from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
+
+from .record_feedback import A, B, C, D, bounded_records
+
+SAMPLES = 8
+"""Samples of each experiment: in more of them the unstable states grow out of proportion."""
+EXPERIMENTS = (2, 4, 8, 16, 32, 64)
+RADII = (0.05, 0.3, 0.6, 1.0)
+KNOWN = ("each sample", "energy")
+"""What is known of the noise: a bound of each sample, or 1.05 times the energy that it has."""
+ABOVE_ENERGY = 1.05
+ROUNDING = 1e-6
+"""Share by which rounding may put a norm beside what bounds it."""
+STABLE, NONE, OPEN = 1, 0, -1
+"""Verdicts: a gain is proven, it is proven that none is, or neither."""
+
+
+def known_plant_norm() -> float:
+    """The least H2 norm of a state feedback for the known plant, by the Riccati equation."""
+    P = solve_discrete_are(A, B, C.T @ C, D.T @ D)
+    return float(np.sqrt(np.trace(P)))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordLengths(Study):
+    """Proven H2 norms over the length of the record, and which records allow a feedback at all."""
+
+    draws: int
+
+    headline: ClassVar[str] = "norm_above_known"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for these {self.draws} draws of each record"
+
+    known, radius = dim(*KNOWN), dim(RADII, unit="1", meaning="bound of a noise sample")
+    experiments = dim(EXPERIMENTS, unit="1", meaning=f"experiments of {SAMPLES} samples")
+    draw = dim(lambda self: np.arange(self.draws))
+    entry, column = dim(lambda: np.arange(2)), dim(lambda: np.arange(3))
+
+    best = array((), "1", "least H2 norm of the known plant", known_plant_norm)
+
+    @part
+    def found(self, context: Context) -> list[list[list[list[tuple[float, RealArray, int]]]]]:
+        """Norm, gain and verdict of each record."""
+        return [
+            [
+                [[self._one(*at, draw, context) for draw in range(self.draws)] for at in row]
+                for row in rows
+            ]
+            for rows in context.track(self._places(), "records")
+        ]
+
+    def _places(self) -> list[list[list[tuple[str, float, int]]]]:
+        return [
+            [[(known, radius, count) for count in EXPERIMENTS] for radius in RADII]
+            for known in KNOWN
+        ]
+
+    def _one(
+        self, known: str, radius: float, count: int, draw: int, context: Context
+    ) -> tuple[float, RealArray, int]:
+        rng = np.random.default_rng([draw, count])
+        records = bounded_records(SAMPLES, radius, rng, count)
+        if known == "energy":
+            plant = np.hstack([A, B]) @ records.regressors
+            noise = records.following - plant
+            energy = NoiseEnergy(ABOVE_ENERGY * noise @ noise.T)
+            records = StateRecords(records.states, records.inputs, records.following, energy)
+        program = FeedbackFromRecords(records, "h2", C, D)
+        answer, _, _ = program.respond("riccati", context)
+        if answer is not None and program.proven(answer):
+            return answer.level, answer.K, STABLE
+        none = solve(program.stabilising).outcome is Outcome.INFEASIBLE
+        return np.nan, np.full((2, 3), np.nan), NONE if none else OPEN
+
+    places = (known, radius, experiments, draw)
+    verdict = array(places, "1", "1: proven gain, 0: proven that none is, -1: neither")(
+        lambda found: _each(found, 2)
+    )
+    level = array(places, "1", "proven H2 norm for every plant")(lambda found: _each(found, 0))
+    gain = array((*places, entry, column), "1", "gain")(lambda found: _each(found, 1))
+
+    @array(places, "1", "H2 norm of the loop of the true plant")
+    def true_norm(self, gain: DataArray) -> RealArray:
+        flat = gain.values.reshape(-1, 2, 3)
+        return np.array([_norm(K) for K in flat]).reshape(gain.shape[:-2])
+
+    decided = check(
+        "decided", "1 for a record without a verdict", lambda verdict: verdict == OPEN, at_most=0.0
+    )
+    below = check(
+        "true loops",
+        "norm of the loop of the true plant over the proven one, less 1",
+        lambda true_norm, level: (true_norm / level - 1.0).fillna(-1.0),
+        at_most=ROUNDING,
+    )
+    above = check(
+        "known plant",
+        "least norm of the known plant over the proven one, less 1",
+        lambda best, level: (best / level - 1.0).fillna(-1.0),
+        at_most=ROUNDING,
+    )
+
+    @metric
+    def norms(self, level: DataArray, true_norm: DataArray, best: DataArray) -> dict[str, float]:
+        """Of the longest record with the least noise, relative to the known plant, less 1."""
+        at = {"known": "energy", "radius": RADII[0], "experiments": EXPERIMENTS[-1]}
+        return {
+            "norm_above_known": float((level.sel(at) / best).median()) - 1.0,
+            "true_norm_above_known": float((true_norm.sel(at) / best).median()) - 1.0,
+        }
+
+    @metric
+    def shares(self, verdict: DataArray) -> dict[str, float]:
+        """Shares of all records with a proven gain."""
+        return {
+            f"proven_{known.replace(' ', '_')}": float((verdict.sel(known=known) == STABLE).mean())
+            for known in KNOWN
+        }
+
+    @figure
+    def norms_over_length(
+        self, level: DataArray, true_norm: DataArray, verdict: DataArray, best: DataArray
+    ) -> Figure:
+        """Proven norms and those of the true plant's loop, over the known plant's least one."""
+        drawn, panels = figures.axes(1, 2, size=(9.0, 4.2), sharex=True, sharey=True)
+        for panel, known in zip(panels, KNOWN, strict=True):
+            for radius, colour in zip(RADII, figures.CYCLE, strict=False):
+                at = {"known": known, "radius": radius}
+                proven = (verdict.sel(at) == STABLE).all("draw")
+                for values, look in ((level, "o-"), (true_norm, ":")):
+                    above = values.sel(at).median("draw").where(proven) / best - 1.0
+                    name = f"noise up to {radius:g}" if values is level else None
+                    count = SAMPLES * above["experiments"]
+                    panel.loglog(count, above, look, color=colour, label=name)
+                if (verdict.sel(at) == NONE).all():
+                    text = f"noise up to {radius:g}:\nproven that no gain serves"
+                    panel.text(0.04, 0.95, text, color=colour, transform=panel.transAxes, va="top")
+            figures.label(panel, "samples", title=f"known: {known} of the noise")
+        figures.label(panels[0], y="H2 norm over the known plant's, less 1\n(dotted: true plant)")
+        figures.legend_below(drawn, panels[0])
+        return drawn
+
+
+def _each(found: Any, place: int) -> RealArray:
+    """One of norm, gain and verdict of every record."""
+    return np.array([[[[one[place] for one in a] for a in b] for b in c] for c in found], float)
+
+
+def _norm(K: RealArray) -> float:
+    """H2 norm from noise to states and inputs of the true plant's loop; infinite if unstable."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    loop, seen = A + B @ K, C + D @ K
+    if not np.isfinite(K).all():
+        return np.nan
+    if np.abs(np.linalg.eigvals(loop)).max() >= 1.0:
+        return np.inf
+    return float(np.sqrt(np.trace(solve_discrete_lyapunov(loop.T, seen.T @ seen))))
+
+
+@problem("textbook/record-lengths")
+def record_lengths(draws: Annotated[int, Field(ge=1, le=100)] = 3) -> RecordLengths:
+    """How long a record, with how much noise, gives a feedback without a model.
+
+    Proven H2 norms over the number of samples, beside the least norm of the known plant, for three
+    sizes of the noise of which either each sample or only the energy is bounded. Records that allow
+    no feedback are proven to allow none.
+
+    draws: records of each kind.
+    """
+    return RecordLengths(draws)

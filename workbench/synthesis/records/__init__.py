@@ -1,0 +1,1 @@
+"""Feedback from records of states and inputs, for every plant that the records allow."""

@@ -1,0 +1,284 @@
+"""The matrix S-lemma as conic programs, in scaled coordinates.
+
+The variables are Y, L = K Y, the multiplier alpha and what measures the level. In
+coordinates xi = T^-1 x and v = U^-1 u the plants of the records are [A B] + Delta E, |Delta| <= 1,
+and the matrix of the lemma is
+
+    [corner - alpha I  0             A Y + B L    0        ]
+    [0                 alpha I       E [Y; L]     0        ]
+    [.                 .             Y            Y C_K'   ]
+    [0                 0             C_K Y        lower    ]
+
+with the corner rate^2 Y - I for "decay", Y for "h2" and Y - T^-1 F F' T^-T for "hinf", whose lower
+block is g I; else it is I. For "h2" moreover [V F' T^-T; T^-1 F Y] >= 0. The level is the root of
+the least g, or of the least trace of V. In the H-infinity case Y is gamma^2 times that of the
+lemma, which makes g = gamma^2 enter linearly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.sparse import csr_array, vstack
+
+from workbench.arrays import RealArray
+from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
+from workbench.certify.rounding import nearest_power_of_two
+from workbench.synthesis.records.record import StateRecords
+
+Criterion = Literal["decay", "h2", "hinf"]
+"""What the feedback minimises for the worst plant: a rate per sample, or a norm from w to z."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProvenFeedback:
+    """A gain u = K x with what proves its level for every plant that the records allow.
+
+    Y (n, n) is the inverse of the common Lyapunov matrix and ``multiplier`` the alpha of the
+    S-lemma. ``level`` is the rate per sample, or the H2 or H-infinity norm. ``bound`` is a level
+    below which no Y and K satisfy the inequality, proven by the rational ``dual``, or 0.
+    """
+
+    K: RealArray
+    Y: RealArray
+    multiplier: float
+    level: float
+    bound: float = 0.0
+    dual: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledRecords:
+    """What the conic programs and Riccati equations need of the records, in scaled coordinates.
+
+    Parameters
+    ----------
+    records, criterion
+        The records, and what is minimised.
+    C, D
+        The performance output z = C x + D u, of shapes (p, n) and (p, m); p is 0 for "decay".
+    F
+        The input (n, q) of the disturbance of the norms.
+    """
+
+    records: StateRecords
+    criterion: Criterion
+    C: RealArray
+    D: RealArray
+    F: RealArray
+
+    @cached_property
+    def units(self) -> tuple[RealArray, RealArray]:
+        """T (n, n) and U (m, m) with x = T xi, u = U v.
+
+        T T' = S, so that a Y of the size of S is near the identity; U makes the columns of B of
+        size 1.
+        """
+        T = np.linalg.cholesky(self.records.ellipsoid[0])
+        B = np.linalg.solve(T, self.records.centre[:, self.records.order :])
+        size = np.linalg.norm(B, axis=0)
+        U: RealArray = np.diag(1.0 / np.where(size > 0, size, 1.0))
+        return np.asarray(T), U
+
+    @cached_property
+    def disturbance(self) -> RealArray:
+        """The input (n, q) of the disturbance to the scaled states, T^-1 F."""
+        return np.asarray(np.linalg.solve(self.units[0], self.F))
+
+    @cached_property
+    def size(self) -> float:
+        """Unit of the performance output."""
+        x, u = self.units
+        largest = max(np.abs(self.C @ x).max(initial=0.0), np.abs(self.D @ u).max(initial=0.0))
+        return float(nearest_power_of_two(largest))
+
+    @cached_property
+    def performance(self) -> tuple[RealArray, RealArray]:
+        """C and D in the units of states, inputs and output."""
+        x, u = self.units
+        return self.C @ x / self.size, self.D @ u / self.size
+
+    @cached_property
+    def plant(self) -> tuple[RealArray, RealArray]:
+        """The central plant A (n, n), B (n, m)."""
+        (x, u), n = self.units, self.records.order
+        theta = np.linalg.solve(x, self.records.centre)
+        return theta[:, :n] @ x, theta[:, n:] @ u
+
+    @cached_property
+    def uncertainty(self) -> RealArray:
+        """E (n + m, n + m): the plants are [A B] + Delta E with |Delta| <= 1."""
+        found: RealArray = self.records.ellipsoid[1] @ block_diag(*self.units)
+        return found
+
+    @cached_property
+    def balance(self) -> float:
+        """The multiplier in whose units alpha is near 1."""
+        return float(np.linalg.norm(self.uncertainty, 2))
+
+    def restored(
+        self, Y: RealArray, K: RealArray, multiplier: float, level: float
+    ) -> ProvenFeedback:
+        """The answer in the units of the records; Y, K and the multiplier are the lemma's."""
+        x, u = self.units
+        Y = x @ Y @ x.T / self.size**2
+        K = u @ np.linalg.solve(x.T, K.T).T
+        return ProvenFeedback(K, (Y + Y.T) / 2, multiplier / self.size**2, level * self.size)
+
+    # --- conic forms ----------------------------------------------------------------------------
+
+    @property
+    def _places(self) -> tuple[int, int, int]:
+        """Numbers of entries of Y and L, and all variables before those of the level."""
+        n, m = self.records.order, self.records.controls
+        free = n * (n + 1) // 2
+        return free, m * n, free + m * n + 1
+
+    def taken(self, x: RealArray, level: float | None) -> ProvenFeedback:
+        """The answer that the variables x of a form mean; level: as of `form`."""
+        n, m = self.records.order, self.records.controls
+        free, gains, _ = self._places
+        Y = _symmetric(x[:free], n)
+        K = np.asarray(np.linalg.solve(Y, x[free : free + gains].reshape(m, n).T).T)
+        multiplier = self.balance * float(x[free + gains])
+        if level is None:
+            level = self.level_of(x)
+        scaled = level / self.size
+        if self.criterion == "hinf":
+            Y, multiplier = Y / scaled**2, multiplier / scaled**2
+        return self.restored(Y, K, multiplier, scaled)
+
+    def level_of(self, x: RealArray) -> float:
+        """The level that the variables of a form without a given level reach."""
+        c = self.form(None).c
+        return math.sqrt(max(float(c @ x), 0.0)) * self.size
+
+    def form(self, level: float | None, centred: bool = False) -> ConicForm:
+        """The conic program.
+
+        Parameters
+        ----------
+        level
+            The level that is asked for; None: the least one is sought ("decay" needs one).
+        centred
+            Seek the Y, L and alpha that satisfy the inequalities of the level by the largest
+            margin, at most 1, of which the last variable is the negative.
+        """
+        n, q = self.disturbance.shape
+        free, _, before = self._places
+        squared = None if level is None else (level / self.size) ** 2
+        sought = 0 if squared is not None else int(self.criterion == "hinf")
+        if self.criterion == "h2":
+            sought = q * (q + 1) // 2
+        count = before + sought + int(centred)
+        blocks = [self._lemma(squared, count, centred)]
+        cost = np.zeros(count)
+        if self.criterion == "h2":
+            blocks.append(self._coupling(count))
+            trace = np.zeros(count)
+            trace[[before + k for k, (i, j) in enumerate(triangle(q)) if i == j]] = 1.0
+            if squared is None:
+                cost = trace
+            else:
+                blocks.append((np.array([[squared]]), -trace[:, None, None]))
+        elif self.criterion == "hinf" and squared is None:
+            cost[before] = 1.0
+        if self.criterion == "decay" and centred:
+            below = np.zeros((count, n, n))
+            below[:free] = -_basis(n)
+            blocks.append((np.eye(n), below))
+        if centred:
+            cost = np.zeros(count)
+            cost[-1] = -1.0
+            blocks = [(F, _with_margin(slope)) for F, slope in blocks]
+            blocks.append((np.ones((1, 1)), -np.eye(count)[-1][:, None, None]))
+        return _stacked(blocks, cost)
+
+    def _lemma(
+        self, squared: float | None, count: int, centred: bool
+    ) -> tuple[RealArray, RealArray]:
+        """The matrix of the lemma as F_0 and its slopes (count, size, size)."""
+        n, m = self.records.order, self.records.controls
+        (A, B), (C, D) = self.plant, self.performance
+        p, total, E = len(C), n + m, self.uncertainty / math.sqrt(self.balance)
+        free, gains, before = self._places
+        start = np.cumsum([0, n, total, n, p])
+        size = int(start[-1])
+        F, slope = np.zeros((size, size)), np.zeros((count, size, size))
+        first, second, third, last = (slice(*start[k : k + 2]) for k in range(4))
+        basis = _basis(n)
+        rate = squared if self.criterion == "decay" and squared is not None else 1.0
+        slope[:free, first, first] = rate * basis
+        slope[:free, third, third] = basis
+        slope[:free, first, third] = A @ basis
+        slope[:free, second, third] = E[:, :n] @ basis
+        slope[:free, last, third] = C @ basis
+        each = np.eye(gains).reshape(gains, m, n)
+        there = slice(free, free + gains)
+        slope[there, first, third] = B @ each
+        slope[there, second, third] = E[:, n:] @ each
+        slope[there, last, third] = D @ each
+        slope[:, third, : start[2]] = slope[:, : start[2], third].swapaxes(1, 2)
+        slope[:, third, last] = slope[:, last, third].swapaxes(1, 2)
+        slope[before - 1, first, first] = -self.balance * np.eye(n)
+        slope[before - 1, second, second] = np.eye(total)
+        if self.criterion == "hinf":
+            F[first, first] = -self.disturbance @ self.disturbance.T
+            if squared is None:
+                slope[before, last, last] = np.eye(p)
+            else:
+                F[last, last] = squared * np.eye(p)
+        else:
+            F[last, last] = np.eye(p)
+        if self.criterion == "decay" and not centred:
+            F[first, first] = -np.eye(n)
+        return F, slope
+
+    def _coupling(self, count: int) -> tuple[RealArray, RealArray]:
+        """[V (T^-1 F)'; T^-1 F Y] as F_0 and its slopes."""
+        n, q = self.disturbance.shape
+        free, _, before = self._places
+        F, slope = np.zeros((q + n, q + n)), np.zeros((count, q + n, q + n))
+        F[q:, :q], F[:q, q:] = self.disturbance, self.disturbance.T
+        slope[:free, q:, q:] = _basis(n)
+        slope[before : before + q * (q + 1) // 2, :q, :q] = _basis(q)
+        return F, slope
+
+
+def _basis(n: int) -> RealArray:
+    """The symmetric matrices (n (n + 1) / 2, n, n) that belong to the entries of a triangle."""
+    found = np.zeros((n * (n + 1) // 2, n, n))
+    for k, (i, j) in enumerate(triangle(n)):
+        found[k, i, j] = found[k, j, i] = 1.0
+    return found
+
+
+def _symmetric(entries: RealArray, n: int) -> RealArray:
+    """The matrix whose upper triangle has these entries."""
+    found: RealArray = np.tensordot(entries, _basis(n), 1)
+    return found
+
+
+def _with_margin(slope: RealArray) -> RealArray:
+    """Slopes of F - t I, where t is the last variable."""
+    found = slope.copy()
+    found[-1] = -np.eye(slope.shape[1])
+    return found
+
+
+def _stacked(blocks: list[tuple[RealArray, RealArray]], cost: RealArray) -> ConicForm:
+    """The form with F_0 + sum of x_k F_k >= 0 for each of the blocks."""
+    rows, right, cones = [], [], []
+    for F, slope in blocks:
+        places = triangle(len(F))
+        i, j = (np.array(part) for part in zip(*places, strict=True))
+        rows.append(csr_array(-slope[:, i, j].T))
+        right.append(F[i, j])
+        kind = ConeKind.SEMIDEFINITE if len(F) > 1 else ConeKind.NONNEGATIVE
+        cones.append(ConeFactor(kind, len(F)))
+    return ConicForm(cost, vstack(rows), np.concatenate(right), tuple(cones))

@@ -1,0 +1,328 @@
+"""State feedback from records, for every plant that the records allow, as a Program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, get_args
+
+import numpy as np
+
+from workbench.arrays import EPS, RealArray
+from workbench.certificate import Check
+from workbench.certify.cones.form import ConicForm
+from workbench.certify.cones.membership import fraction, outside
+from workbench.certify.cones.rays import dot, excluded_radius, transposed
+from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
+from workbench.conic import ConicallyStated
+from workbench.conic.claims import parsed_rational
+from workbench.conic.ray_search import dual_point, dual_ray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
+from workbench.input_checks import as_array
+from workbench.program import Task
+from workbench.second_opinion import recorded_plants as drawn
+from workbench.solvers import Outcome
+from workbench.synthesis.records import figures
+from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback, ScaledRecords
+from workbench.synthesis.records.lemma import (
+    implication,
+    proven_least_eigenvalue,
+    trace_of_cost,
+)
+from workbench.synthesis.records.record import StateRecords
+
+EVERY_PLANT = "for every plant that the records allow"
+"""What the proofs quantify over."""
+DRAWN_ROUNDING = 1e-6
+"""Share by which rounding may lift a norm of a drawn plant, or its energy, above the claim."""
+RATE_STEPS = (2e-3, 1e-2, 5e-2, 0.2, 0.5)
+"""Relative distances below a rate at which a proof is sought that no gain reaches that rate."""
+
+
+@dataclass(frozen=True, eq=False)
+class FeedbackFromRecords(ConicallyStated):
+    """The gain u = K x of the least level that one Lyapunov function proves for every plant.
+
+    No model is identified: the inequality is in the records and the noise bound alone. It is
+    necessary and sufficient for a Lyapunov function that all plants of the records share.
+
+    Parameters
+    ----------
+    records
+        States, inputs and noise bound.
+    criterion
+        "decay": the rate per sample at which the root of x' P x falls, below 1; "h2", "hinf": the
+        norm from v to z = C x + D u of x+ = A x + B u + F v.
+    C, D
+        Of shapes (p, n) and (p, m); None for "decay". D None: zero.
+    F
+        Of shape (n, q); None: the identity, as for the noise of the records, or "decay".
+
+    Raises
+    ------
+    InputError
+        Another criterion; performance matrices that are missing, do not fit, or are not finite.
+    """
+
+    records: StateRecords
+    criterion: Criterion = "decay"
+    C: RealArray | None = None
+    D: RealArray | None = None
+    F: RealArray | None = None
+
+    default_method: ClassVar[str] = "riccati"
+    headline: ClassVar[str] = "level"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.records, StateRecords):
+            raise InputError(f"records must be StateRecords, not {type(self.records).__name__}")
+        if self.criterion not in get_args(Criterion):
+            known = ", ".join(get_args(Criterion))
+            raise InputError(f"criterion is {self.criterion!r}; it must be one of {known}")
+        if self.criterion == "decay":
+            if not (self.C is self.D is self.F is None):
+                raise InputError("the criterion 'decay' has no performance: C, D, F must be None")
+            return
+        n, m = self.records.order, self.records.controls
+        C = as_array([] if self.C is None else self.C, "C")
+        if C.ndim != 2 or C.shape[1] != n or not len(C):
+            raise InputError(f"C has shape {C.shape}; (p, {n}) is needed")
+        D = np.zeros((len(C), m)) if self.D is None else as_array(self.D, "D")
+        if D.shape != (len(C), m):
+            raise InputError(f"D has shape {D.shape}; ({len(C)}, {m}) is needed")
+        if not (np.isfinite(C).all() and np.isfinite(D).all() and (C.any() or D.any())):
+            raise InputError("C and D must be finite, and not both zero")
+        F = np.eye(n) if self.F is None else as_array(self.F, "F")
+        if F.ndim != 2 or len(F) != n or not (np.isfinite(F).all() and F.any()):
+            raise InputError(f"F has shape {F.shape}; finite ({n}, q) are needed, not all zero")
+        object.__setattr__(self, "C", C)
+        object.__setattr__(self, "D", D)
+        object.__setattr__(self, "F", F)
+
+    @property
+    def performance(self) -> tuple[RealArray, RealArray]:
+        """C (p, n) and D (p, m), without rows where there is no performance output."""
+        if self.C is None or self.D is None:
+            return np.zeros((0, self.records.order)), np.zeros((0, self.records.controls))
+        return self.C, self.D
+
+    @property
+    def disturbance(self) -> RealArray:
+        """F (n, q)."""
+        return np.eye(self.records.order) if self.F is None else self.F
+
+    @cached_property
+    def scaled(self) -> ScaledRecords:
+        """The records in scaled coordinates, for methods."""
+        return ScaledRecords(self.records, self.criterion, *self.performance, self.disturbance)
+
+    def conic_form(self) -> ConicForm:
+        """The conic program of the least level, or of the rate 1, in scaled coordinates."""
+        return self.scaled.form(1.0 if self.criterion == "decay" else None)
+
+    @cached_property
+    def stabilising(self) -> FeedbackFromRecords:
+        """The question for the least rate: it has an answer where this one has."""
+        return self if self.criterion == "decay" else FeedbackFromRecords(self.records)
+
+    def claim_task(self, claim: Outcome) -> Task | None:
+        """A claim of no answer is proven by the smaller inequality of the rate 1."""
+        if claim is Outcome.INFEASIBLE and self.criterion != "decay":
+            return self.stabilising.claim_task(claim)
+        return super().claim_task(claim)
+
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of states and inputs."""
+        return float(self.records.order + self.records.controls)
+
+    def objective(self, answer: ProvenFeedback) -> float:
+        """The proven level."""
+        return answer.level
+
+    def witnessed(self, answer: ProvenFeedback) -> ProvenFeedback:
+        """The answer with a proof that no gain reaches a level somewhat below its own."""
+        if self.criterion == "decay":
+            for step in RATE_STEPS:
+                rate = answer.level * (1.0 - step)
+                y = dual_ray(self.scaled.form(rate), Context())
+                if y is not None and excluded_radius(self.scaled.form(rate), y) == math.inf:
+                    return replace(answer, bound=rate, dual=tuple(map(str, y)))
+            return answer
+        y = dual_point(self.conic_form())
+        if y is None:
+            return answer
+        return replace(answer, bound=self._bound_of(y), dual=tuple(map(str, y)))
+
+    def _bound_of(self, y: list[Any]) -> float:
+        """The level below which an exact point of the dual cone excludes every answer."""
+        value = -fraction(dot(self.conic_form().b, y))
+        return math.sqrt(max(float(value), 0.0)) * (1.0 - 4.0 * EPS) * self.scaled.size
+
+    def gap(self, answer: ProvenFeedback) -> tuple[str, float]:
+        statement = "level over one that no gain with a common Lyapunov matrix has, less 1"
+        if not answer.dual:
+            return f"{statement}; no such proof was found", math.inf
+        y = [parsed_rational(text) for text in answer.dual]
+        if self.criterion == "decay":
+            form = self.scaled.form(answer.bound)
+            held = len(y) == form.b.size and excluded_radius(form, y) == math.inf
+            held = held and not outside(form, y, dual=True)
+            bound = answer.bound if held else 0.0
+        else:
+            form = self.conic_form()
+            held = len(y) == form.b.size and not outside(form, y, dual=True)
+            held = held and all(
+                value + exact_rational(cost) == 0
+                for value, cost in zip(transposed(form, y), form.c, strict=True)
+            )
+            bound = self._bound_of(y) if held else 0.0
+        return statement, answer.level / bound - 1.0 if bound > 0.0 else math.inf
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: ProvenFeedback, tolerance: float) -> list[Check]:
+        n, m = self.records.order, self.records.controls
+        arrays = (answer.K, (m, n)), (answer.Y, (n, n))
+        fits = all(part.shape == shape and np.isfinite(part).all() for part, shape in arrays)
+        fits = fits and answer.level > 0.0 and math.isfinite(answer.level + answer.multiplier)
+        statement = "whether K, Y, multiplier or level is no finite number of the right shape"
+        found = [Check("dimensions", statement, float(not fits), 0.0)]
+        if not fits:
+            return found
+        skew = float(np.abs(answer.Y - answer.Y.T).max())
+        found.append(Check("symmetry", "largest entry of Y - Y'", skew, 0.0, over=EVERY_PLANT))
+        positive = proven_least_eigenvalue(exact(answer.Y), (0,))
+        statement = "less the least eigenvalue of Y, scaled, rounded downward"
+        found.append(Check("Lyapunov matrix", statement, -positive, -TINY, over=EVERY_PLANT))
+        starts = 0, n, 2 * n + m, 3 * n + m
+        least = proven_least_eigenvalue(self._implication(answer), starts)
+        statement = "less the least eigenvalue of the S-lemma's matrix, scaled, rounded downward"
+        found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT))
+        if self.criterion == "decay":
+            found.append(
+                Check("rate", "rate per sample, less 1", answer.level - 1.0, 0.0, over=EVERY_PLANT)
+            )
+        elif self.criterion == "h2":
+            trace = math.sqrt(trace_of_cost(answer.Y, self.disturbance)) / answer.level
+            statement = "root of the trace of F' Y^-1 F, rounded upward, over the level, less 1"
+            found.append(Check("H2 level", statement, trace - 1.0, -2 * EPS, over=EVERY_PLANT))
+        return found
+
+    def _implication(self, answer: ProvenFeedback) -> Enclosure:
+        """Enclosure of the S-lemma's matrix of an answer."""
+        Y = exact(answer.Y)
+        if self.criterion == "decay":
+            shrunk = Y.times(answer.level).times(answer.level)
+        elif self.criterion == "h2":
+            shrunk = Y
+        else:
+            # F / level is rounded: a little more than its square is taken.
+            entering = exact(self.disturbance).times(UPWARD / answer.level)
+            shrunk = Y - entering @ entering.H
+        multiplier = answer.multiplier
+        return implication(self.records, answer.K, answer.Y, multiplier, shrunk, *self.performance)
+
+    def proven(self, answer: ProvenFeedback) -> bool:
+        """Whether all checks of an answer hold."""
+        return all(check.holds for check in self.checks(answer, 0.0))
+
+    def second_opinion(self, answer: ProvenFeedback) -> Sequence[Check]:
+        records, noise, rounding = self.records, self.records.noise, DRAWN_ROUNDING
+        after = records.following - (0.0 if noise.mean is None else noise.mean)
+        about = records.regressors, after, noise.weight, noise.energy
+        centre, left, right = drawn.edge_plants(*about)
+        theta = centre + np.concatenate(
+            [np.zeros((1, *centre.shape)), drawn.drawn_changes(left, right)]
+        )
+        closing = np.vstack([np.eye(records.order), answer.K])
+        loops = theta @ closing
+        over = f"for {len(theta)} plants drawn from the edge of the set"
+        excess = drawn.excess_energy(theta, *about)
+        statement = "noise energy that a drawn plant needs over that allowed, less 1"
+        found = [Check("records allow the plants", statement, excess, rounding, over=over)]
+        rate = answer.level if self.criterion == "decay" else 1.0
+        slowest = drawn.fastest_loop(loops, rate)
+        statement = "logarithmic growth of a loop per sample above the rate, less its rounding"
+        found.append(Check("loops fall", statement, slowest, 0.0, over=over))
+        C, D = self.performance
+        seen, entering = C + D @ answer.K, self.disturbance
+        if self.criterion != "decay":
+            size = drawn.largest_h2(loops, entering, seen)
+            if self.criterion == "hinf":
+                size = drawn.largest_response(loops, entering, seen)[0]
+            statement = "norm of a drawn loop over the level, less 1"
+            found.append(Check("norms", statement, size / answer.level - 1.0, rounding, over=over))
+        return [*found, self._small_gain(answer, loops[0], left, right.T @ closing, seen)]
+
+    def _small_gain(
+        self,
+        answer: ProvenFeedback,
+        loop: RealArray,
+        left: RealArray,
+        right: RealArray,
+        seen: RealArray,
+    ) -> Check:
+        """The whole set by other mathematics: Delta as an operator of gain 1 in a loop."""
+        root = math.sqrt(max(answer.multiplier, 0.0)) or math.nan
+        V, E = root * left, np.vstack([right / root, seen])
+        if self.criterion == "h2":
+            cost = drawn.least_cost(loop, V, E)
+            F = self.disturbance
+            size = math.inf if cost is None else math.sqrt(float(np.trace(F.T @ cost @ F)))
+            statement = "root of the guaranteed cost by iteration over the level, less 1"
+            value, over = size / answer.level - 1.0, EVERY_PLANT
+        else:
+            radius = answer.level if self.criterion == "decay" else 1.0
+            if self.criterion == "hinf":
+                V = np.hstack([V, self.disturbance / answer.level])
+            gain, angle = drawn.largest_response(loop[None], V, E, radius)
+            statement = f"scaled gain of the central loop, at {angle:.4g} rad per sample, less 1"
+            value, over = gain - 1.0, f"{EVERY_PLANT}, at {drawn.ANGLES} frequencies"
+        return Check("small gain", statement, value, DRAWN_ROUNDING, over=over)
+
+    def metrics(self, answer: ProvenFeedback) -> dict[str, float]:
+        A_K = self.records.centre @ np.vstack([np.eye(self.records.order), answer.K])
+        return {
+            "level": answer.level,
+            "level_bound": answer.bound,
+            "central_spectral_radius": float(np.abs(np.linalg.eigvals(A_K)).max()),
+            "largest_gain": float(np.linalg.norm(answer.K, 2)),
+            "samples": float(self.records.samples),
+        }
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: ProvenFeedback) -> Dataset:
+        import xarray as xr
+
+        about = {
+            "K": "gain, u = K x",
+            "Y": "inverse of the common Lyapunov matrix",
+            "multiplier": "alpha of the S-lemma",
+            "level": "proven rate per sample, or norm",
+            "bound": "level that no gain has",
+        }
+        dims = {"K": ("input", "state"), "Y": ("state", "state_")}
+        found: dict[str, Any] = {
+            name: (dims.get(name, ()), getattr(answer, name), {"units": "1", "long_name": text})
+            for name, text in about.items()
+        }
+        if answer.dual:
+            found["dual"] = ("row", list(answer.dual), {"units": "1", "long_name": "its proof"})
+        return xr.Dataset(found)
+
+    def from_dataset(self, data: Dataset) -> ProvenFeedback:
+        dual = tuple(map(str, data["dual"].values)) if "dual" in data else ()
+        multiplier, level, bound = (float(data[name]) for name in ("multiplier", "level", "bound"))
+        return ProvenFeedback(data["K"].values, data["Y"].values, multiplier, level, bound, dual)
+
+    def figures(self, answer: ProvenFeedback) -> dict[str, Figure]:
+        return {"loops": figures.loops(self, answer)}
