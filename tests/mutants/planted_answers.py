@@ -229,7 +229,6 @@ PLANTED: dict[str, dict[str, Wrong]] = {
             "no gain": scaled("K", 0.0),
             "not a number": scaled("K", np.nan),
             "multiplier zero": scaled("multiplier", 0.0),
-            "multiplier ten times as large": scaled("multiplier", 10.0),
         }
         for name in ("record_decay", "record_h2", "record_hinf")
     },

@@ -86,10 +86,11 @@ def largest_h2(loops: RealArray, entering: RealArray, seen: RealArray) -> float:
     """Largest H2 norm from v, x+ = loop x + entering v, to seen x, summed over 2^60 samples."""
     cost = np.broadcast_to(seen.T @ seen, loops.shape).copy()
     power = loops.copy()
-    for _ in range(ITERATIONS):
-        cost = cost + power.mT @ cost @ power
-        power = power @ power
-    worst = np.trace(entering.T @ cost @ entering, axis1=1, axis2=2).max()
+    with np.errstate(all="ignore"):  # what an unstable loop makes infinite, or no number
+        for _ in range(ITERATIONS):
+            cost = cost + power.mT @ cost @ power
+            power = power @ power
+        worst = float(np.trace(entering.T @ cost @ entering, axis1=1, axis2=2).max())
     return math.sqrt(worst) if worst < math.inf else math.inf
 
 
