@@ -19,6 +19,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
+from workbench.uncertainty.covers.ellipsoid import EstimateRegion
 from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
 from workbench.uncertainty.covers.of_estimate import cover_of_estimate
 from workbench.uncertainty.covers.orientation import (
@@ -49,6 +50,7 @@ __all__ = [
     "CircleCover",
     "Containment",
     "CoverSteps",
+    "EstimateRegion",
     "GeneralisedPlant",
     "MatrixCover",
     "MatrixCoverForLoop",

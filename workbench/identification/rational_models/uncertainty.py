@@ -55,17 +55,17 @@ class ModelUncertainty:
     degrees: float = np.inf
 
     @cached_property
-    def _point(self) -> FitPoint:
+    def point(self) -> FitPoint:
         extra = float(np.mean(self.model.delay - self.structure.delay))
         return FitPoint(self.structure, self.model.poles / self.structure.unit, extra)
 
     @cached_property
-    def _root(self) -> RealArray:
+    def root(self) -> RealArray:
         """A matrix (P, k) with covariance = root root^T, in coordinates of `_slopes`."""
         structure = self.structure
         slopes = structure.data.whitened(self._slopes(structure.data.omega))
         rows = np.concatenate([slopes.real, slopes.imag]).reshape(-1, slopes.shape[-1])
-        held = held_rows(self._point)
+        held = held_rows(self.point)
         free = np.eye(rows.shape[1])
         if held.size:
             padded = np.zeros((len(held), rows.shape[1]))
@@ -83,7 +83,7 @@ class ModelUncertainty:
 
     def _slopes(self, omega: RealArray) -> ComplexArray:
         """Derivatives (F, p, m, P) of the response with respect to the coordinates."""
-        structure, point = self.structure, self._point
+        structure, point = self.structure, self.point
         p, m = self.model.shape
         n = point.poles.size
         basis = point.basis.at(variable(omega / structure.unit, structure.sample_time))
@@ -103,7 +103,7 @@ class ModelUncertainty:
     def response_covariance(self, omega: ArrayLike) -> RealArray:
         """Covariance (F, p, m, 2, 2) of real and imaginary part of each entry at omega [rad/s]."""
         omega = np.atleast_1d(np.asarray(omega, float))
-        slopes = self._slopes(omega) @ self._root
+        slopes = self._slopes(omega) @ self.root
         parts = np.stack([slopes.real, slopes.imag], axis=-2)
         found: RealArray = parts @ parts.swapaxes(-1, -2)
         return found
@@ -116,7 +116,7 @@ class ModelUncertainty:
         ``confidence`` is the least probability that the disc at one frequency does; or, if
         ``everywhere``, that all discs do together, of every entry and at every frequency.
         """
-        dimension = self._root.shape[1] if everywhere else 2
+        dimension = self.root.shape[1] if everywhere else 2
         return disc_radius(self.response_covariance(omega), confidence, dimension)
 
     def magnitude_band(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
@@ -142,9 +142,9 @@ class ModelUncertainty:
 
         Of a pole on the real axis only the real part varies, to first order.
         """
-        n, point = self.model.order, self._point
-        last = self._root.shape[0] - self.structure.free_delay
-        slopes = point.basis.pole_slopes() @ self._root[last - n : last] * self.structure.unit
+        n, point = self.model.order, self.point
+        last = self.root.shape[0] - self.structure.free_delay
+        slopes = point.basis.pole_slopes() @ self.root[last - n : last] * self.structure.unit
         parts = np.stack([slopes.real, slopes.imag], axis=1)
         found: RealArray = parts @ parts.swapaxes(1, 2)
         return np.where(np.isfinite(found), found, np.nan)
@@ -153,11 +153,11 @@ class ModelUncertainty:
         """Standard deviation [s] of a fitted delay; 0 where none is fitted."""
         if not self.structure.free_delay:
             return 0.0
-        return float(np.linalg.norm(self._root[-1]))
+        return float(np.linalg.norm(self.root[-1]))
 
     def drawn(self, rng: np.random.Generator, count: int, omega: ArrayLike) -> ComplexArray:
         """Responses (count, F, p, m) of models drawn from the distribution, to first order."""
         omega = np.atleast_1d(np.asarray(omega, float))
-        slopes = self._slopes(omega) @ self._root
+        slopes = self._slopes(omega) @ self.root
         change = rng.standard_normal((count, slopes.shape[-1]))
         return self.model.response(omega) + np.einsum("fpmk,ck->cfpm", slopes, change)
