@@ -22,10 +22,13 @@ from workbench.uncertainty import (
 
 OMEGA = np.geomspace(0.1, 10.0, 30)
 """Frequencies of the response [rad/s]."""
-TRUE_PLANT = Rational([], [-0.1 + 0.995j, -0.1 - 0.995j], 1.0)
+TRUE_PLANT = Rational(np.zeros(0, complex), np.array([-0.1 + 0.995j, -0.1 - 0.995j]), 1.0)
 """An oscillator of 1 rad/s with a damping ratio of 0.1."""
 FLOOR = 0.02
 """Least noise of a frequency, relative to that of the largest response."""
+ERROR_WEIGHT = ([0.5, 0.7], [1.0, 0.007])
+"""Numerator and denominator of the weight of the error."""
+CONTROL_WEIGHT = 0.1
 COVER_ORDER = 4
 """Order of the weight of the discs."""
 
@@ -62,8 +65,8 @@ def weighted_loop(part: object) -> GeneralisedPlant:
     return generalised_plant(
         [
             (part, "u", "y"),
-            (control.tf([0.5, 0.7], [1.0, 0.007]), "e", "z_e"),
-            (control.tf(0.1, 1), "u", "z_u"),
+            (control.tf(*ERROR_WEIGHT), "e", "z_e"),
+            (control.tf(CONTROL_WEIGHT, 1), "u", "z_u"),
         ],
         {"e": "r - y"},
         exogenous="r",

@@ -196,6 +196,11 @@ def fitted_sampled():
     values = (0.3 / (z - 0.7))[:, None, None]
     noise = np.random.default_rng(0).standard_normal((2, *values.shape)) * 1e-3
     program = RationalModelFit(
-        omega, values + noise[0] + 1j * noise[1], 2e-6 + 0 * np.abs(values), (1,), excess=1, sample_time=1.0
+        omega,
+        values + noise[0] + 1j * noise[1],
+        2e-6 + 0 * np.abs(values),
+        (1,),
+        excess=1,
+        sample_time=1.0,
     )
     return program.uncertainty(wb.solve(program).answer.model)
