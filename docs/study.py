@@ -43,6 +43,7 @@ KINDS = {
     "FaultEstimation": "Fault filters",
     "StateSpaceFit": "State-space models of records",
     "CrestFactor": "Crest factors",
+    "ExperimentDesign": "Spectra for experiments",
 }
 """What the Programs are, in the order of the page."""
 SHOWN = ("clarabel", "cvxopt", "scs", "ipopt")

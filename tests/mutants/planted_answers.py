@@ -264,6 +264,17 @@ PLANTED: dict[str, dict[str, Wrong]] = {
         "W_r unstable": in_model("W_r", mirrored),
         "W_r of the other phase": in_model("W_r", mirrored_zeros),
     },
+    "experiment_design": {
+        "cost 1 % too small": scaled("worst", 0.99),
+        "cost half": scaled("worst", 0.5),
+        "1 % too much power": scaled("power", 1.01),
+        "powers of the other sign": scaled("power", -1.0),
+        "no power": scaled("power", 0.0),
+        "a line without power": largest_entry("power", 0.0),
+        "a negative power": largest_entry("power", -1.0),
+        "not a number": scaled("power", np.nan),
+        "powers of other lines": lambda a: replace(a, power=np.roll(a.power, 3)),
+    },
     "crest_factor": {
         "not a number": lambda phases: phases * np.nan,
         "infinite": lambda phases: phases + np.inf,

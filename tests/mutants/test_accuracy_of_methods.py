@@ -91,6 +91,7 @@ SMALL = {
         "matrix_traces",
         "matrix_cover",
         "record_hinf",
+        "experiment_design",
     )
 }
 

@@ -70,6 +70,7 @@ MATHEMATICS = {
     },
     "FeedbackFromRecords": SOLVERS | {"riccati": "Riccati equations of a game"},
     "SwitchedStability": SOLVERS | {"descent": "quasi-Newton descent"},
+    "ExperimentDesign": SOLVERS | NONLINEAR,
     "CrestFactor": NONLINEAR | {"schroeder": "a closed form", "clipping": "clipping"},
     "ParameterFit": NONLINEAR | {"scipy": "Gauss-Newton steps", "evolution": "a population"},
     "RationalModelFit": NONLINEAR

@@ -16,6 +16,7 @@ from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import NarrowestStadium, SmallestAreaStadium, SmallestCircle
 from workbench.identification import (
     CrestFactor,
+    ExperimentDesign,
     FittedParameter,
     MeasuredResponse,
     ParameterFit,
@@ -236,6 +237,18 @@ def matrix_cover() -> Program:
     return MatrixCover(MatrixResponses(OMEGA, values), nominal, left_order=1, right_order=0)
 
 
+def experiment_design() -> Program:
+    """A lag and an oscillator side by side, known from twelve lines."""
+    lines, watched = np.arange(1, 13) / 4.0, np.geomspace(0.1, 4.0, 9)
+
+    def slopes(omega: np.ndarray) -> np.ndarray:
+        s = 1j * omega
+        lag, mode = 1 / (s + 0.5), 1 / (s**2 + 0.3 * s + 2.0)
+        return np.stack([lag, lag**2, mode, s * mode**2, mode**2], axis=1)
+
+    return ExperimentDesign(slopes(lines), np.full(12, 0.1), slopes(watched), 1 / watched)
+
+
 def state_records() -> StateRecords:
     """A plant with a pole at 1.1 and 30 samples with a little noise."""
     rng = np.random.default_rng(8)
@@ -264,7 +277,7 @@ PROGRAMS = {
         mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
         parameter_fit, matrix_sets, matrix_traces, matrix_cover, record_decay, record_h2,
-        record_hinf,
+        record_hinf, experiment_design,
     )
 }  # fmt: skip
 

@@ -3,8 +3,9 @@
 from workbench.identification.choice import methods as choice_methods
 from workbench.identification.closed_loop import methods as closed_loop_methods
 from workbench.identification.closed_loop.program import ClosedLoopFit
-from workbench.identification.experiments import crest_factor_methods
+from workbench.identification.experiments import crest_factor_methods, design_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
+from workbench.identification.experiments.design import DesignedSpectrum, ExperimentDesign
 from workbench.identification.experiments.distortion import (
     LineDistortion,
     harmonic_distortion,
@@ -83,6 +84,8 @@ __all__ = [
     "ClosedLoopFit",
     "CommonPoleModel",
     "CrestFactor",
+    "DesignedSpectrum",
+    "ExperimentDesign",
     "Experiments",
     "FittedParameter",
     "IdentificationWarning",
@@ -116,6 +119,7 @@ __all__ = [
     "choice_methods",
     "closed_loop_methods",
     "crest_factor_methods",
+    "design_methods",
     "filtered_least_squares",
     "fit_parameters",
     "fit_rational_model",
