@@ -19,7 +19,6 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
-from workbench.uncertainty.covers.ellipsoid import EstimateRegion
 from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
 from workbench.uncertainty.covers.of_estimate import cover_of_estimate
 from workbench.uncertainty.covers.orientation import (
@@ -40,6 +39,7 @@ from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 from workbench.uncertainty.matrix_sets import barrier as matrix_barrier
 from workbench.uncertainty.matrix_sets import conic as matrix_conic
 from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.parametric.estimate_region import EstimateRegion
 from workbench.uncertainty.parametric.members import members
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices

@@ -19,7 +19,7 @@ FREQUENCIES = 200
 """Frequencies of the responses."""
 
 
-class Question(Protocol):
+class DrawnQuestion(Protocol):
     """What the figure needs to know of the Program."""
 
     @property
@@ -35,7 +35,7 @@ class Question(Protocol):
     def disturbance(self) -> RealArray: ...
 
 
-def loops(question: Question, answer: ProvenFeedback) -> Figure:
+def loops(question: DrawnQuestion, answer: ProvenFeedback) -> Figure:
     """Poles of drawn plants, open and closed, and how each closed loop compares with the level."""
     records, noise = question.records, question.records.noise
     after = records.following - (0.0 if noise.mean is None else noise.mean)
@@ -85,7 +85,7 @@ def _falls(panel: Axes, closed: RealArray, answer: ProvenFeedback) -> None:
     figures.label(panel, "time [samples]", r"$\sqrt{x^{\top} P x}$ over its first value [1]")
 
 
-def _norms(panel: Axes, closed: RealArray, question: Question, answer: ProvenFeedback) -> None:
+def _norms(panel: Axes, closed: RealArray, question: DrawnQuestion, answer: ProvenFeedback) -> None:
     """Share of the drawn loops whose H2 norm is at most a value."""
     (C, D), F = question.performance, question.disturbance
     sizes = np.sort([drawn.largest_h2(loop[None], F, C + D @ answer.K) for loop in closed])
@@ -94,7 +94,9 @@ def _norms(panel: Axes, closed: RealArray, question: Question, answer: ProvenFee
     figures.label(panel, "H2 norm of a loop, proven level dashed", "share of the loops [1]")
 
 
-def _responses(panel: Axes, closed: RealArray, question: Question, answer: ProvenFeedback) -> None:
+def _responses(
+    panel: Axes, closed: RealArray, question: DrawnQuestion, answer: ProvenFeedback
+) -> None:
     """Largest singular value of each loop over frequency."""
     C, D = question.performance
     angle = np.linspace(0.0, np.pi, FREQUENCIES)

@@ -45,7 +45,7 @@ LEVEL_RISES = (0.0, 1e-4, 1e-3, 1e-2)
 """Relative distances above the level found, tried until the checks of an answer hold."""
 
 
-class Point(NamedTuple):
+class GamePoint(NamedTuple):
     """A solution of the game: Y (n, n), K (m, n), the multiplier, and the level in its unit."""
 
     Y: RealArray
@@ -59,7 +59,7 @@ def riccati(program: FeedbackFromRecords, context: Context) -> Claim:
     """The Riccati equation of a game, with a line search over the multiplier."""
     game = _Game(program.scaled)
 
-    def answer(point: Point | None) -> ProvenFeedback | None:
+    def answer(point: GamePoint | None) -> ProvenFeedback | None:
         found = None if point is None else program.scaled.restored(*point)
         return found if found is not None and program.proven(found) else None
 
@@ -87,7 +87,7 @@ class _Game:
         self.uncertain = (1.0 + LARGER) * scaled.uncertainty
         self.spread = (1.0 + LARGER) * np.eye(scaled.records.order)
 
-    def at(self, multiplier: float, rate: float = 1.0, gamma: float = math.inf) -> Point | None:
+    def at(self, multiplier: float, rate: float = 1.0, gamma: float = math.inf) -> GamePoint | None:
         """The solution of the game at a multiplier; None where it has none.
 
         ``rate`` is that of the decay, ``gamma`` the H-infinity level.
@@ -118,15 +118,15 @@ class _Game:
             level = math.sqrt(
                 float(np.trace(self.scaled.disturbance.T @ P @ self.scaled.disturbance))
             )
-        return Point(Y, K, multiplier, level)
+        return GamePoint(Y, K, multiplier, level)
 
-    def raised(self, point: Point, level: float) -> Point | None:
+    def raised(self, point: GamePoint, level: float) -> GamePoint | None:
         """The solution at the multiplier of a point and a level that is not below its own."""
         if self.scaled.criterion == "hinf":
             return self.at(point.multiplier, gamma=level)
         return point._replace(level=level)
 
-    def least(self) -> Point | None:
+    def least(self) -> GamePoint | None:
         """The point of the least level of any multiplier; None where no multiplier has one."""
         tried = self.scaled.balance * MULTIPLIERS
         points = [self._least_at(multiplier, 100 * LEVEL_ACCURACY) for multiplier in tried]
@@ -146,7 +146,7 @@ class _Game:
         fine = self._least_at(math.exp(line.x), LEVEL_ACCURACY)
         return points[k] if fine is None or fine.level > levels[k] else fine
 
-    def _least_at(self, multiplier: float, accuracy: float) -> Point | None:
+    def _least_at(self, multiplier: float, accuracy: float) -> GamePoint | None:
         """The point of the least level of one multiplier."""
         best = self.at(multiplier)
         if best is None or self.scaled.criterion == "h2":
