@@ -4,9 +4,9 @@ import flint
 import numpy as np
 import pytest
 
-from workbench.certify import eigenpairs as module
-from workbench.certify.eigenpairs import eigenpairs
-from workbench.certify.modal_form import _in_balls, _in_doubles, _modes, real_balls
+from workbench.certify.modes import eigenpairs as module
+from workbench.certify.modes.eigenpairs import eigenpairs
+from workbench.certify.modes.modal_form import _in_balls, _in_doubles, _modes, real_balls
 
 BITS = 128
 PAIR = np.array([[-0.1, 1.0], [-1.0, -0.1]])

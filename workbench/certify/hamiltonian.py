@@ -18,7 +18,7 @@ from flint import acb, acb_mat, ctx
 from workbench.arrays import Array
 from workbench.certify.balls import Matrix, above, balls, doubles, enclosed, identity, middle
 from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
-from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.stable_system import StableSystem
 
 

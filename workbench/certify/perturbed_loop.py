@@ -30,7 +30,7 @@ from workbench.certify.balls import (
     response_of,
     submatrix,
 )
-from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.singularity import proven_bound, size_of, structured_part
 from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure

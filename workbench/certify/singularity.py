@@ -41,7 +41,7 @@ from workbench.certify.balls import (
     submatrix,
 )
 from workbench.certify.krawczyk import zero_within
-from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.tied_blocks import TiedEquations, is_tied, length_of, upper_ends
 from workbench.structure import Full, Real, Structure
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array
 from workbench.certify.balls import Matrix, balls, below, identity, submatrix
-from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.singularity import (
     proven_bound,
     singular_sizes,

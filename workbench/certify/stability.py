@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
-from workbench.certify.modal_form import PRECISIONS, enclosed_modal_form
+from workbench.certify.modes.modal_form import PRECISIONS, enclosed_modal_form
 from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing

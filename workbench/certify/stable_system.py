@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
-from workbench.certify.modal_form import (
+from workbench.certify.modes.modal_form import (
     PRECISIONS,
     Enclosures,
     modal_form_of,

@@ -17,7 +17,7 @@ from flint import ctx
 from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import response_of
-from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew_of

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
-from workbench.certify.eigenpairs import CLUSTER, eigenpairs
+from workbench.certify.modes.eigenpairs import CLUSTER, eigenpairs
 from workbench.certify.rounding import (
     TINY,
     UPWARD,

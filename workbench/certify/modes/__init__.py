@@ -1,0 +1,1 @@
+"""Modal coordinates: eigenvectors of many digits, and what a realisation is in them, enclosed."""

@@ -1,0 +1,13 @@
+"""The command line. Exit status 0: every certificate holds; 1: one does not; 2: an error.
+
+group                             the group of commands, and options that several have
+catalogue                         list, show, cite, results
+starting                          init, notebooks, doctor
+running, comparing                run, sweep, compare
+folders                           verify, draw, report
+"""
+
+from workbench.cli import catalogue, comparing, folders, running, starting
+from workbench.cli.group import main
+
+__all__ = ["catalogue", "comparing", "folders", "main", "running", "starting"]

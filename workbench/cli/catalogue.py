@@ -1,0 +1,69 @@
+"""Commands that say what problems and results there are."""
+
+from __future__ import annotations
+
+import click
+
+import workbench
+from workbench.bench.project import registry, results_root
+from workbench.cli.group import AS_JSON, main, tell_unfit
+from workbench.guidance.completion import problem_names
+from workbench.terminal import print_json, print_runs, row
+
+
+@main.command("list")
+@click.argument("pattern", default="*", shell_complete=problem_names)
+@AS_JSON
+def list_(pattern: str, as_json: bool) -> None:
+    """Names of the problems that fit PATTERN, one line each."""
+    entries = registry().match(pattern)
+    tell_unfit()
+    if as_json:
+        rows = [{"name": e.name, "summary": e.summary, "slow": e.slow} for e in entries]
+        print_json(rows)
+        return
+    width = max(len(entry.name) for entry in entries)
+    for entry in entries:
+        slow = " (slow)" if entry.slow else ""
+        click.echo(f"{entry.name:<{width}}  {entry.summary}{slow}")
+
+
+@main.command()
+@click.argument("name", shell_complete=problem_names)
+@AS_JSON
+def show(name: str, as_json: bool) -> None:
+    """Source, help, parameters and methods of a problem."""
+    from workbench.bench.describe import describe
+
+    described = describe(registry().find(name))
+    if as_json:
+        print_json(described.to_json())
+    else:
+        click.echo(described.text)
+
+
+@main.command()
+@click.argument("name", shell_complete=problem_names)
+def cite(name: str) -> None:
+    """BibTeX of the software, the thesis and the methods that a problem's results rest on."""
+    from workbench.guidance.citation import citation
+
+    click.echo(citation(name))
+
+
+@main.command()
+@click.argument("pattern", default="*", shell_complete=problem_names)
+@AS_JSON
+def results(pattern: str, as_json: bool) -> None:
+    """The stored results of the problems that fit PATTERN."""
+    from workbench.bench.results import damaged
+
+    runs = workbench.results(pattern)
+    for folder, reason in damaged(results_root()).items():
+        click.echo(f"workbench: left out: {folder}: {reason}", err=True)
+    if as_json:
+        print_json([row(one) for one in runs])
+    elif runs:
+        print_runs(runs)
+    else:
+        click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")

@@ -1,0 +1,154 @@
+"""Commands that run problems."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import workbench
+from workbench.batch import ended
+from workbench.bench.project import registry
+from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of, tell_unfit
+from workbench.errors import WorkbenchError
+from workbench.guidance.completion import method_names, parameter_names, problem_names
+from workbench.solvers import Options
+from workbench.terminal import (
+    print_details,
+    print_json,
+    print_plan,
+    print_runs,
+    print_sweep,
+    row,
+    verdict,
+)
+
+if TYPE_CHECKING:
+    from workbench.bench.results import Run
+
+
+@main.command()
+@click.argument("patterns", nargs=-1, required=True, shell_complete=problem_names)
+@click.option("--method", help="Method [default: the problem's own].", shell_complete=method_names)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="A parameter of the problem.",
+    shell_complete=parameter_names,
+)
+@click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
+@click.option("--time-limit", type=float, help="Seconds for each solve.")
+@click.option("--seed", type=int, default=0, help="Seed of the random generator.")
+@click.option("--verbose", is_flag=True, help="Let the solver print.")
+@click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
+@click.option("--slow", is_flag=True, help="Run problems marked slow too.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run this many at once.")
+@SCHEDULER
+@AS_JSON
+def run(
+    patterns: tuple[str, ...],
+    method: str | None,
+    settings: tuple[str, ...],
+    tolerance: str,
+    time_limit: float | None,
+    seed: int,
+    verbose: bool,
+    fresh: bool,
+    slow: bool,
+    jobs: int,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Run every problem that fits one of PATTERNS, and leave a results folder for each."""
+    if verbose and as_json:
+        raise click.UsageError("--verbose lets solvers print what is no JSON; leave out one")
+    if verbose and jobs > 1:
+        raise click.UsageError("--verbose lets solvers print all at once; leave out it or --jobs")
+    parameters = settings_of(settings)
+    entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
+    tell_unfit()
+    chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
+    if not chosen:
+        raise click.UsageError("every problem that fits is marked slow; add --slow to run them")
+    asked = {
+        "method": method,
+        "tolerance": tolerance,
+        "time_limit": time_limit,
+        "seed": seed,
+        "verbose": verbose,
+        "fresh": fresh,
+        **parameters,
+    }
+    runs: list[Run] = []
+    failed = False
+    with cluster(scheduler, jobs) as executor:
+        for position, (name, done) in enumerate(ended(chosen, asked, jobs, executor), start=1):
+            if isinstance(done, WorkbenchError):
+                prefix = "" if name in str(done) else f"{name}: "
+                click.echo(f"workbench: {prefix}{done}", err=True)
+                failed = True
+                continue
+            runs.append(done)
+            if not as_json and len(chosen) > 1:
+                click.echo(f"[{position}/{len(chosen)}] {name}: {verdict(done)}", err=True)
+    runs.sort(key=lambda one: chosen.index(one.problem))
+    if as_json:
+        print_json([row(one) for one in runs])
+    elif runs:
+        print_runs(runs)
+        if len(runs) == 1:
+            print_details(runs[0])
+    if failed:
+        sys.exit(2)
+    sys.exit(0 if all(one.holds for one in runs) else 1)
+
+
+@main.command()
+@click.argument("name", shell_complete=problem_names)
+@click.option(
+    "--over", "axes", multiple=True, required=True, metavar="KEY=A,B,C", help="Values to sweep."
+)
+@click.option("--method", help="Method [default: the problem's own].")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Another parameter.")
+@click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
+@click.option("--time-limit", type=float, help="Seconds for each point.")
+@click.option("--seed", type=int, default=0, help="Seed of the random generator.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run points in N processes.")
+@SCHEDULER
+@click.option("--fresh", is_flag=True, help="Compute anew even where points are stored.")
+@click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
+@AS_JSON
+def sweep(
+    name: str,
+    axes: tuple[str, ...],
+    method: str | None,
+    settings: tuple[str, ...],
+    scheduler: str | None,
+    plan: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Run a problem over a grid of its parameters: one labelled dataset, table and figure.
+
+    Every point is a run of its own, found again: what was stopped goes on where it was.
+    """
+    given = [settings_of((text,)) for text in axes]
+    names = [key for one in given for key in one]
+    if len(set(names)) < len(names):
+        raise click.UsageError(f"--over names a parameter twice: {', '.join(names)}")
+    over = {key: value.split(",") for one in given for key, value in one.items()}
+    asked = {**options, **settings_of(settings)}
+    if plan:
+        from workbench.sweeps import grid_of
+
+        wanted = Options(options["tolerance"], options["time_limit"], seed=options["seed"])
+        grid = grid_of(name, over, method, wanted, settings_of(settings), fresh=options["fresh"])
+        print_plan(list(grid.axes), grid.planned(), as_json)
+        return
+    with cluster(scheduler, options["jobs"]) as executor:
+        done = workbench.sweep(name, over, method, executor=executor, **asked)
+    print_sweep(done, as_json)
+    sys.exit(0 if done.holds else 1)
