@@ -107,7 +107,8 @@ def values() -> dict[str, Any]:
 def entries() -> str:
     """The bibliography, its formulas as letters: Typst reads no TeX in titles."""
     text = BIBLIOGRAPHY.read_text(encoding="utf-8")
-    for formula, letters in {r"{$H_\infty$}": "H-infinity", "{$H_2$}": "H2"}.items():
+    formulas = {r"{$H_\infty$}": "H-infinity", "{$H_2$}": "H2", r"{$\mu$}": "mu"}
+    for formula, letters in formulas.items():
         text = text.replace(formula, letters)
     return text
 
