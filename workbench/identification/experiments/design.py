@@ -42,7 +42,19 @@ LEAST_INFORMATION = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class DesignedSpectrum:
-    """Powers (K,) of the lines, and the worst cost that they leave."""
+    """Powers (K,) of the lines, and the worst cost that they leave.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ExperimentDesign
+    >>> variance, cost = [1.0, 4.0], [3.0, 0.5]
+    >>> program = ExperimentDesign(
+    ...     np.eye(2), variance, np.eye(2), cost
+    ... )  # two gains, a line for each
+    >>> round(program.spectrum([0.6, 0.4]).worst, 6)  # (3 + 2) / 2
+    2.5
+    """
 
     power: RealArray
     worst: float
@@ -70,6 +82,19 @@ class ExperimentDesign(Program):
     ------
     InputError
         Shapes that do not fit, numbers out of range, or lines that do not tell all parameters.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import ExperimentDesign
+    >>> variance, cost = [1.0, 4.0], [3.0, 0.5]
+    >>> program = ExperimentDesign(
+    ...     np.eye(2), variance, np.eye(2), cost
+    ... )  # two gains, a line for each
+    >>> solution = wb.solve(program)
+    >>> solution.certificate.holds, solution.answer.power.round(2).tolist()  # 3 to 2, as v c is
+    (True, [0.6, 0.4])
     """
 
     slopes: Any

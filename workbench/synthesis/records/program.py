@@ -67,6 +67,23 @@ class FeedbackFromRecords(ConicallyStated):
     ------
     InputError
         Another criterion; performance matrices that are missing, do not fit, or are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.synthesis import FeedbackFromRecords, NoiseEnergy, StateRecords
+    >>> rng = np.random.default_rng(0)
+    >>> x, u, w = (
+    ...     rng.standard_normal((2, 30)),
+    ...     rng.standard_normal((1, 30)),
+    ...     rng.random((2, 30)) - 0.5,
+    ... )
+    >>> following = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
+    >>> records = StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    >>> solution = wb.solve(FeedbackFromRecords(records))
+    >>> solution.certificate.holds, bool(solution.answer.level < 1)
+    (True, True)
     """
 
     records: StateRecords

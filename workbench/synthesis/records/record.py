@@ -56,6 +56,14 @@ class NoiseEnergy:
     ------
     InputError
         A matrix has another shape, is not finite, or is not symmetric and positive definite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import NoiseEnergy
+    >>> noise = NoiseEnergy(0.3 * np.eye(2))  # of noise with W W' <= 0.3 I
+    >>> noise.energy.tolist()
+    [[0.3, 0.0], [0.0, 0.3]]
     """
 
     energy: RealArray
@@ -109,6 +117,21 @@ class StateRecords:
         plants then fill a subspace, and one rounding of a gain leaves some of them unstable. The
         noise bound contradicts the records: no plant, or no open set of plants, could have made
         them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import NoiseEnergy, StateRecords
+    >>> rng = np.random.default_rng(0)
+    >>> x, u, w = (
+    ...     rng.standard_normal((2, 30)),
+    ...     rng.standard_normal((1, 30)),
+    ...     rng.random((2, 30)) - 0.5,
+    ... )
+    >>> following = [[1.1, 0.3], [0.0, 0.7]] @ x + [[0.2], [1.0]] @ u + 0.2 * w
+    >>> records = StateRecords(x, u, following, NoiseEnergy(0.3 * np.eye(2)))
+    >>> records.order, records.controls, records.samples
+    (2, 1, 30)
     """
 
     states: RealArray

@@ -58,6 +58,20 @@ class EstimateRegion(Algebraic):
     InputError
         A sampled model, a model with a delay, another entry or region, or a confidence out of
         range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import ResponseEstimate, fit_rational_model
+    >>> from workbench.uncertainty import EstimateRegion
+    >>> rng, frequency = np.random.default_rng(0), np.geomspace(0.05, 5, 60)
+    >>> noise = 1e-2 * rng.standard_normal((60, 2)) @ [1, 1j]
+    >>> response = (3 / (2j * np.pi * frequency + 2) + noise)[:, None, None]
+    >>> measured = ResponseEstimate(frequency, response, np.full((60, 1, 1), 2e-4), np.inf)
+    >>> estimate = fit_rational_model(measured, orders=1, excess=1)
+    >>> region = EstimateRegion(estimate.uncertainty, confidence=0.95)
+    >>> region.dimension, region.contains(estimate.model)
+    (2, True)
     """
 
     uncertainty: ModelUncertainty
