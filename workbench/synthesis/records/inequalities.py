@@ -1,13 +1,13 @@
 """The matrix S-lemma as conic programs, in scaled coordinates.
 
-The variables are Y, L = K Y, the multiplier alpha and what measures the level. In
-coordinates xi = T^-1 x and v = U^-1 u the plants of the records are [A B] + Delta E, |Delta| <= 1,
-and the matrix of the lemma is
+The variables are Y, L = K Y, the multiplier alpha and what measures the level. In coordinates
+xi = T^-1 x and v = U^-1 u the plants of the records are [A B] + H Delta E, |Delta| <= 1, and the
+matrix of the lemma is
 
-    [corner - alpha I  0             A Y + B L    0        ]
-    [0                 alpha I       E [Y; L]     0        ]
-    [.                 .             Y            Y C_K'   ]
-    [0                 0             C_K Y        lower    ]
+    [corner - alpha H H'  0             A Y + B L    0        ]
+    [0                    alpha I       E [Y; L]     0        ]
+    [.                    .             Y            Y C_K'   ]
+    [0                    0             C_K Y        lower    ]
 
 with the corner rate^2 Y - I for "decay", Y for "h2" and Y - T^-1 F F' T^-T for "hinf", whose lower
 block is g I; else it is I. For "h2" moreover [V F' T^-T; T^-1 F Y] >= 0. The level is the root of
@@ -18,12 +18,12 @@ lemma, which makes g = gamma^2 enter linearly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve_discrete_are
 from scipy.sparse import csr_array, vstack
 
 from workbench.arrays import RealArray
@@ -31,6 +31,8 @@ from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triang
 from workbench.certify.rounding import nearest_power_of_two
 from workbench.synthesis.records.record import StateRecords
 
+SMALL_COST = 1e-3
+"""Share of the uncertainty in the cost of the central plant that scales the states."""
 Criterion = Literal["decay", "h2", "hinf"]
 """What the feedback minimises for the worst plant: a rate per sample, or a norm from w to z."""
 
@@ -69,7 +71,7 @@ class ProvenFeedback:
     multiplier: float
     level: float
     bound: float = 0.0
-    dual: tuple[str, ...] = ()
+    dual: tuple[str, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +98,34 @@ class ScaledRecords:
     def units(self) -> tuple[RealArray, RealArray]:
         """T (n, n) and U (m, m) with x = T xi, u = U v.
 
-        T T' = S, so that a Y of the size of S is near the identity; U makes the columns of B of
-        size 1.
+        T makes the Y of the central plant alone the identity, which an ordinary Riccati equation
+        gives; U makes the columns of B of size 1.
         """
-        T = np.linalg.cholesky(self.records.ellipsoid[0])
+        T = self._central_root()
         B = np.linalg.solve(T, self.records.centre[:, self.records.order :])
         size = np.linalg.norm(B, axis=0)
         U: RealArray = np.diag(1.0 / np.where(size > 0, size, 1.0))
         return np.asarray(T), U
+
+    def _central_root(self) -> RealArray:
+        """T (n, n) with T T' = P^-1, the P of the central plant; that of S where it has none.
+
+        The uncertainty is a small part of the cost, so that every state and input has one.
+        """
+        n, scale = self.records.order, self.records.scale
+        centre, E = self.records.centre * scale / scale[:n, None], self.records.ellipsoid[1] * scale
+        z = np.hstack([self.C, self.D]) * scale
+        share = SMALL_COST * np.linalg.norm(z) / np.linalg.norm(E) if len(z) else 1.0
+        z = np.vstack([z, share * E])
+        weight = z.T @ z
+        try:
+            P = solve_discrete_are(
+                centre[:, :n], centre[:, n:], weight[:n, :n], weight[n:, n:], s=weight[:n, n:]
+            )
+            root = np.linalg.inv(np.linalg.cholesky((P + P.T) / 2)).T
+        except (np.linalg.LinAlgError, ValueError):
+            return np.asarray(np.linalg.cholesky(self.records.ellipsoid[0]))
+        return np.asarray(scale[:n, None] * root)
 
     @cached_property
     def disturbance(self) -> RealArray:
@@ -132,14 +154,20 @@ class ScaledRecords:
 
     @cached_property
     def uncertainty(self) -> RealArray:
-        """E (n + m, n + m): the plants are [A B] + Delta E with |Delta| <= 1."""
+        """E (n + m, n + m): the plants are [A B] + H Delta E with |Delta| <= 1."""
         found: RealArray = self.records.ellipsoid[1] @ block_diag(*self.units)
         return found
 
     @cached_property
-    def balance(self) -> float:
-        """The multiplier in whose units alpha is near 1."""
-        return float(np.linalg.norm(self.uncertainty, 2))
+    def spread(self) -> RealArray:
+        """H (n, n), the root of S."""
+        root = np.linalg.cholesky(self.records.ellipsoid[0])
+        return np.asarray(np.linalg.solve(self.units[0], root))
+
+    @cached_property
+    def sizes(self) -> tuple[float, float]:
+        """Norms of H and E: the multiplier is near their ratio E over H."""
+        return float(np.linalg.norm(self.spread, 2)), float(np.linalg.norm(self.uncertainty, 2))
 
     def restored(
         self, Y: RealArray, K: RealArray, multiplier: float, level: float
@@ -165,7 +193,7 @@ class ScaledRecords:
         free, gains, _ = self._places
         Y = _symmetric(x[:free], n)
         K = np.asarray(np.linalg.solve(Y, x[free : free + gains].reshape(m, n).T).T)
-        multiplier = self.balance * float(x[free + gains])
+        multiplier = self.sizes[1] / self.sizes[0] * float(x[free + gains])
         if level is None:
             level = self.level_of(x)
         scaled = level / self.size
@@ -225,7 +253,8 @@ class ScaledRecords:
         """The matrix of the lemma as F_0 and its slopes (count, size, size)."""
         n, m = self.records.order, self.records.controls
         (A, B), (C, D) = self.plant, self.performance
-        p, total, E = len(C), n + m, self.uncertainty / math.sqrt(self.balance)
+        p, total, (h, e) = len(C), n + m, self.sizes
+        H, E = self.spread * math.sqrt(e / h), self.uncertainty * math.sqrt(h / e)
         free, gains, before = self._places
         start = np.cumsum([0, n, total, n, p])
         size = int(start[-1])
@@ -245,7 +274,7 @@ class ScaledRecords:
         slope[there, last, third] = D @ each
         slope[:, third, : start[2]] = slope[:, : start[2], third].swapaxes(1, 2)
         slope[:, third, last] = slope[:, last, third].swapaxes(1, 2)
-        slope[before - 1, first, first] = -self.balance * np.eye(n)
+        slope[before - 1, first, first] = -H @ H.T
         slope[before - 1, second, second] = np.eye(total)
         if self.criterion == "hinf":
             F[first, first] = -self.disturbance @ self.disturbance.T

@@ -85,7 +85,7 @@ class _Game:
     def __init__(self, scaled: ScaledRecords) -> None:
         self.scaled = scaled
         self.uncertain = (1.0 + LARGER) * scaled.uncertainty
-        self.spread = (1.0 + LARGER) * np.eye(scaled.records.order)
+        self.spread = (1.0 + LARGER) * scaled.spread
 
     def at(self, multiplier: float, rate: float = 1.0, gamma: float = math.inf) -> GamePoint | None:
         """The solution of the game at a multiplier; None where it has none.
@@ -128,7 +128,8 @@ class _Game:
 
     def least(self) -> GamePoint | None:
         """The point of the least level of any multiplier; None where no multiplier has one."""
-        tried = self.scaled.balance * MULTIPLIERS
+        h, e = self.scaled.sizes
+        tried = e / h * MULTIPLIERS
         points = [self._least_at(multiplier, 100 * LEVEL_ACCURACY) for multiplier in tried]
         levels = [math.inf if point is None else point.level for point in points]
         k = int(np.argmin(levels))
