@@ -2,37 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
 from workbench.heavy_types import Axes, Figure
 from workbench.second_opinion import recorded_plants as drawn
-from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback
-from workbench.synthesis.records.record import StateRecords
+from workbench.synthesis.records.inequalities import ProvenFeedback
+from workbench.synthesis.records.trials import DrawnQuestion
 
 SAMPLES = 30
 """Samples that the fall of the Lyapunov function is drawn over."""
 FREQUENCIES = 200
 """Frequencies of the responses."""
-
-
-class DrawnQuestion(Protocol):
-    """What the figure needs to know of the Program."""
-
-    @property
-    def records(self) -> StateRecords: ...
-
-    @property
-    def criterion(self) -> Criterion: ...
-
-    @property
-    def performance(self) -> tuple[RealArray, RealArray]: ...
-
-    @property
-    def disturbance(self) -> RealArray: ...
 
 
 def loops(question: DrawnQuestion, answer: ProvenFeedback) -> Figure:

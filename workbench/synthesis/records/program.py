@@ -25,7 +25,6 @@ from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_array
 from workbench.program import Task
-from workbench.second_opinion import recorded_plants as drawn
 from workbench.solvers import Outcome
 from workbench.synthesis.records import figures
 from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback, ScaledRecords
@@ -35,11 +34,8 @@ from workbench.synthesis.records.lemma import (
     trace_of_cost,
 )
 from workbench.synthesis.records.record import StateRecords
+from workbench.synthesis.records.trials import EVERY_PLANT, tried_claims
 
-EVERY_PLANT = "for every plant that the records allow"
-"""What the proofs quantify over."""
-DRAWN_ROUNDING = 1e-6
-"""Share by which rounding may lift a norm of a drawn plant, or its energy, above the claim."""
 RATE_STEPS = (2e-3, 1e-2, 5e-2, 0.2, 0.5)
 """Relative distances below a rate at which a proof is sought that no gain reaches that rate."""
 
@@ -252,58 +248,7 @@ class FeedbackFromRecords(ConicallyStated):
         return all(check.holds for check in self.checks(answer, 0.0))
 
     def second_opinion(self, answer: ProvenFeedback) -> Sequence[Check]:
-        records, noise, rounding = self.records, self.records.noise, DRAWN_ROUNDING
-        after = records.following - (0.0 if noise.mean is None else noise.mean)
-        about = records.regressors, after, noise.weight, noise.energy
-        centre, left, right = drawn.edge_plants(*about)
-        theta = centre + np.concatenate(
-            [np.zeros((1, *centre.shape)), drawn.drawn_changes(left, right)]
-        )
-        closing = np.vstack([np.eye(records.order), answer.K])
-        loops = theta @ closing
-        over = f"for {len(theta)} plants drawn from the edge of the set"
-        excess = drawn.excess_energy(theta, *about)
-        statement = "noise energy that a drawn plant needs over that allowed, less 1"
-        found = [Check("records allow the plants", statement, excess, rounding, over=over)]
-        rate = answer.level if self.criterion == "decay" else 1.0
-        slowest = drawn.fastest_loop(loops, rate)
-        statement = "logarithmic growth of a loop per sample above the rate, less its rounding"
-        found.append(Check("loops fall", statement, slowest, 0.0, over=over))
-        C, D = self.performance
-        seen, entering = C + D @ answer.K, self.disturbance
-        if self.criterion != "decay":
-            size = drawn.largest_h2(loops, entering, seen)
-            if self.criterion == "hinf":
-                size = drawn.largest_response(loops, entering, seen)[0]
-            statement = "norm of a drawn loop over the level, less 1"
-            found.append(Check("norms", statement, size / answer.level - 1.0, rounding, over=over))
-        return [*found, self._small_gain(answer, loops[0], left, right.T @ closing, seen)]
-
-    def _small_gain(
-        self,
-        answer: ProvenFeedback,
-        loop: RealArray,
-        left: RealArray,
-        right: RealArray,
-        seen: RealArray,
-    ) -> Check:
-        """The whole set by other mathematics: Delta as an operator of gain 1 in a loop."""
-        root = math.sqrt(max(answer.multiplier, 0.0)) or math.nan
-        V, E = root * left, np.vstack([right / root, seen])
-        if self.criterion == "h2":
-            cost = drawn.least_cost(loop, V, E)
-            F = self.disturbance
-            size = math.inf if cost is None else math.sqrt(float(np.trace(F.T @ cost @ F)))
-            statement = "root of the guaranteed cost by iteration over the level, less 1"
-            value, over = size / answer.level - 1.0, EVERY_PLANT
-        else:
-            radius = answer.level if self.criterion == "decay" else 1.0
-            if self.criterion == "hinf":
-                V = np.hstack([V, self.disturbance / answer.level])
-            gain, angle = drawn.largest_response(loop[None], V, E, radius)
-            statement = f"scaled gain of the central loop, at {angle:.4g} rad per sample, less 1"
-            value, over = gain - 1.0, f"{EVERY_PLANT}, at {drawn.ANGLES} frequencies"
-        return Check("small gain", statement, value, DRAWN_ROUNDING, over=over)
+        return tried_claims(self, answer)
 
     def metrics(self, answer: ProvenFeedback) -> dict[str, float]:
         A_K = self.records.centre @ np.vstack([np.eye(self.records.order), answer.K])
