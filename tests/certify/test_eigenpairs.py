@@ -60,6 +60,12 @@ def test_a_long_chain_is_left_to_the_qr_iteration():
     assert np.allclose(values, -1.0, atol=1e-2)
 
 
+def test_what_is_not_finite_is_not_refined():
+    with flint.ctx.workprec(BITS):
+        unknown = flint.arb_mat(2, 2, [1, 2, 3, flint.arb("nan")])
+        assert module._refined(unknown, BITS) is None
+
+
 @pytest.mark.parametrize(
     "A",
     [

@@ -42,17 +42,17 @@ def _refined(A: Any, bits: int) -> tuple[list[complex], Any] | None:
     """The eigenpairs by Newton's method from those in doubles; None where it does not converge."""
     import flint
 
-    values, start = np.linalg.eig(_doubles(A).real)
+    try:
+        values, start = np.linalg.eig(_doubles(A).real)
+        back = np.linalg.inv(start)
+    except np.linalg.LinAlgError:  # also for what is not finite
+        return None
     values = values.astype(complex)
     distance = values - values[:, None]
     size = np.abs(values)
     together = np.abs(distance) < CLUSTER * np.maximum.outer(size, size)
     np.fill_diagonal(together, True)
     distance[together] = 1.0
-    try:
-        back = np.linalg.inv(start)
-    except np.linalg.LinAlgError:
-        return None
     if not distance.all():
         return None
     start = start.astype(complex)
