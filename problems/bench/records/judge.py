@@ -1,0 +1,156 @@
+"""Judge our models of public records beside those of other packages, on halves held back.
+
+    python -m problems.bench.records.judge FOLDER --part develop     # first halves alone
+    python -m problems.bench.records.judge FOLDER --part judged      # second halves, once
+
+Every package estimates on the first half of a record. What it offers (algorithms, orders, lags) are
+its candidates: for one-step predictions and for simulations it takes the one that validates best
+within the first half, on the folds that ours are validated on, and fits it to the whole half. The
+second half judges both once. With ``--part develop`` the first half is halved again instead, so
+that no second half is seen. Each record makes one file of rows in the folder of results; records
+that have one are passed over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from workbench import solve
+from workbench.arrays import RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.state_space.folds import scored_fit
+from workbench.identification.state_space.identified import USES
+from workbench.identification.state_space.program import StateSpaceFit
+
+from .catalogue import RECORDS, PublicRecord
+from .linear_peers import Fitting, nfoursid, sippy, statsmodels
+from .narx_peer import sysidentpy
+from .reading import question, read_halves
+
+PEERS = {
+    "sippy_unipi": sippy,
+    "nfoursid": nfoursid,
+    "statsmodels": statsmodels,
+    "SysIdentPy, linear": lambda nu, ny, samples: sysidentpy(nu, ny, samples, linear=True),
+    "SysIdentPy, nonlinear": lambda nu, ny, samples: sysidentpy(nu, ny, samples, linear=False),
+}
+PATIENCE = 900.0
+"""Seconds after which a package is given no further candidates of a record."""
+FIELDS = ("record", "package", "use", "output", "fit", "model", "seconds")
+
+
+def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
+    """Use, fits (ny,) [%], model and seconds of method "best"."""
+    start = time.perf_counter()
+    solution = solve(program, "best")
+    seconds = time.perf_counter() - start
+    answer = solution.answer
+    if answer is None or answer.candidates is None:
+        raise RuntimeError(f"{program.title}: {solution.message}")
+    fits = program.fits(answer.predictor, answer.simulator, program.rest.u, program.rest.y)
+    for use, row in enumerate(fits):
+        yield USES[use], row, answer.candidates.words(use, USES[use]), seconds
+
+
+def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArray, str, float]]:
+    """Use, fits (ny,) [%], model and seconds of the candidates of a package that validate best."""
+    start = time.perf_counter()
+    used = program.used
+    nu, ny = used.u.shape[1], used.y.shape[1]
+    ways = dict(PEERS[package](nu, ny, len(used)))
+    scores: dict[str, RealArray] = {}
+    for label, fit in ways.items():
+        if time.perf_counter() - start > PATIENCE:
+            break
+        scores[label] = _validated(program, fit)
+    for place, use in enumerate(USES):
+        ranked = sorted(scores, key=lambda label: -scores[label][place])
+        for label in ranked:
+            if np.isfinite(scores[label][place]):
+                fits = _scores(program, _tried(ways[label], used), program.rest)[place]
+                if np.isfinite(fits).all():
+                    yield use, fits, label, time.perf_counter() - start
+                    break
+        else:
+            yield use, np.full(ny, np.nan), "no model", time.perf_counter() - start
+
+
+def _validated(program: StateSpaceFit, fit: Fitting) -> RealArray:
+    """Mean validation fits (uses,) over outputs and folds; minus infinity without a model."""
+    total = np.zeros(len(USES))
+    for used, left in program.folds:
+        total += _scores(program, _tried(fit, used), left).mean(axis=1) / len(program.folds)
+    return np.where(np.isfinite(total), total, -np.inf)
+
+
+def _tried(fit: Fitting, record: Experiments) -> object | None:
+    """The model of a package, or None where it raises: it has none then."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            return fit(record)
+        except Exception:  # packages raise whatever they like
+            return None
+
+
+def _scores(program: StateSpaceFit, model: object | None, record: Experiments) -> RealArray:
+    """Fits (uses, ny) [%] on a record; minus infinity where there is none."""
+    found = np.full((len(USES), record.y.shape[1]), -np.inf)
+    for place, use in enumerate(USES):
+        run = getattr(model, use, None)
+        if run is not None:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                try:
+                    fits = scored_fit(run, record, program.washed)
+                except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+                    continue
+            found[place] = np.where(np.isfinite(fits), fits, -np.inf)
+    return found
+
+
+def rows_of(record: PublicRecord, folder: Path, part: str, packages: list[str]) -> Iterator[dict]:
+    """Rows of results of a record."""
+    first, second = read_halves(record, folder)
+    if part == "develop":
+        first, second = first.halved()
+    program = question(first, second, record.name, record.sample_time)
+    for package in packages:
+        found = ours(program) if package == "workbench" else theirs(program, package)
+        for use, fits, model, seconds in found:
+            for o, fit in enumerate(fits):
+                values = (record.name, package, use, f"y{o + 1}", f"{fit:.4f}", model)
+                yield dict(zip(FIELDS, (*values, f"{seconds:.1f}"), strict=True))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="your copies of the records")
+    parser.add_argument("--part", choices=("develop", "judged"), required=True)
+    parser.add_argument("--results", type=Path, default=Path("records"))
+    parser.add_argument("--records", nargs="*", default=[record.name for record in RECORDS])
+    parser.add_argument("--packages", nargs="*", default=["workbench", *PEERS])
+    given = parser.parse_args()
+    for record in RECORDS:
+        path = given.results / given.part / f"{record.name}.csv"
+        if record.name not in given.records or path.exists():
+            continue
+        rows = list(rows_of(record, given.folder, given.part, given.packages))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, FIELDS)
+            writer.writeheader()
+            writer.writerows(rows)
+        for row in rows:
+            print(*row.values(), sep="  ", flush=True)
+
+
+if __name__ == "__main__":
+    main()
