@@ -124,7 +124,7 @@ RECORDS = (
     PublicRecord(
         "gas_furnace", "gas rate of a furnace to CO2 in the outlet gas (series J)", 9.0,
         (Section("gas_furnace.csv", ("InputGasRate",), ("CO2",)),),
-        "Box G., Jenkins G., Time Series Analysis, 1970", "Box and Jenkins", "published in the book",
+        "Box G., Jenkins G., Time Series Analysis, 1970", "Box and Jenkins", "printed in the book",
     ),
     PublicRecord(
         "cascaded_tanks", "pump of two cascaded tanks, with overflow, to the lower level", 4.0,

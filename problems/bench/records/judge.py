@@ -17,15 +17,17 @@ import argparse
 import csv
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from workbench import solve
 from workbench.arrays import RealArray
+from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.state_space.folds import scored_fit
+from workbench.identification.state_space.folds import VALIDATION_SHARE, scored_fit
 from workbench.identification.state_space.identified import USES
 from workbench.identification.state_space.program import StateSpaceFit
 
@@ -34,22 +36,26 @@ from .linear_peers import Fitting, nfoursid, sippy, statsmodels
 from .narx_peer import sysidentpy
 from .reading import question, read_halves
 
-PEERS = {
+PEERS: dict[str, Callable[[int, int, int], Iterator[tuple[str, Fitting]]]] = {
     "sippy_unipi": sippy,
     "nfoursid": nfoursid,
     "statsmodels": statsmodels,
-    "SysIdentPy, linear": lambda nu, ny, samples: sysidentpy(nu, ny, samples, linear=True),
-    "SysIdentPy, nonlinear": lambda nu, ny, samples: sysidentpy(nu, ny, samples, linear=False),
+    "SysIdentPy, linear": partial(sysidentpy, linear=True),
+    "SysIdentPy, nonlinear": partial(sysidentpy, linear=False),
 }
-PATIENCE = 900.0
+METHOD = "averaged"
+"""Method of ours that is judged."""
+PATIENCE = 300.0
 """Seconds after which a package is given no further candidates of a record."""
+WORST_OWN_FIT = -100.0
+"""Fit [%] on its own half below which a package's model is passed over: it diverges."""
 FIELDS = ("record", "package", "use", "output", "fit", "model", "seconds")
 
 
 def ours(program: StateSpaceFit) -> Iterator[tuple[str, RealArray, str, float]]:
-    """Use, fits (ny,) [%], model and seconds of method "best"."""
+    """Use, fits (ny,) [%], model and seconds of our method."""
     start = time.perf_counter()
-    solution = solve(program, "best")
+    solution = solve(program, METHOD)
     seconds = time.perf_counter() - start
     answer = solution.answer
     if answer is None or answer.candidates is None:
@@ -74,8 +80,10 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
         ranked = sorted(scores, key=lambda label: -scores[label][place])
         for label in ranked:
             if np.isfinite(scores[label][place]):
-                fits = _scores(program, _tried(ways[label], used), program.rest)[place]
-                if np.isfinite(fits).all():
+                model = _tried(ways[label], used)
+                fits = _scores(program, model, program.rest)[place]
+                own = _scores(program, model, used)[place].mean()
+                if np.isfinite(fits).all() and own > WORST_OWN_FIT:
                     yield use, fits, label, time.perf_counter() - start
                     break
         else:
@@ -85,9 +93,16 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
 def _validated(program: StateSpaceFit, fit: Fitting) -> RealArray:
     """Mean validation fits (uses,) over outputs and folds; minus infinity without a model."""
     total = np.zeros(len(USES))
-    for used, left in program.folds:
-        total += _scores(program, _tried(fit, used), left).mean(axis=1) / len(program.folds)
+    folds = program.folds or [_last_third_held_back(program.used)]
+    for used, left in folds:
+        total += _scores(program, _tried(fit, used), left).mean(axis=1) / len(folds)
     return np.where(np.isfinite(total), total, -np.inf)
+
+
+def _last_third_held_back(record: Experiments) -> tuple[Experiments, Experiments]:
+    """A fold for records of which ours, whose folds need inputs that move, holds nothing back."""
+    cut = round(len(record) * (1 - VALIDATION_SHARE))
+    return record.part(0, cut), record.part(cut, len(record))
 
 
 def _tried(fit: Fitting, record: Experiments) -> object | None:
@@ -116,7 +131,9 @@ def _scores(program: StateSpaceFit, model: object | None, record: Experiments) -
     return found
 
 
-def rows_of(record: PublicRecord, folder: Path, part: str, packages: list[str]) -> Iterator[dict]:
+def rows_of(
+    record: PublicRecord, folder: Path, part: str, packages: list[str]
+) -> Iterator[dict[str, str]]:
     """Rows of results of a record."""
     first, second = read_halves(record, folder)
     if part == "develop":
@@ -142,7 +159,11 @@ def main() -> None:
         path = given.results / given.part / f"{record.name}.csv"
         if record.name not in given.records or path.exists():
             continue
-        rows = list(rows_of(record, given.folder, given.part, given.packages))
+        try:
+            rows = list(rows_of(record, given.folder, given.part, given.packages))
+        except InputError as error:
+            print(f"{record.name} is left out: {error}", flush=True)
+            continue
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, FIELDS)

@@ -28,9 +28,9 @@ Fitting = Callable[[Experiments], Any]
 """Function of one experiment that gives a model, or None."""
 
 ORDERS = (1, 2, 3, 4, 6, 8, 10, 12, 16)
-HORIZONS = (10, 20, 40)
+HORIZONS = (5, 10, 20, 40)
 SIPPY_ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
-BLOCK_ROWS = (10, 20)
+BLOCK_ROWS = (5, 10, 20)
 LAGS = (1, 2, 3, 4, 6, 8, 12, 20)
 NOISES = ((1, 0), (2, 0), (2, 2))
 """Autoregressive and moving-average orders of the noise of SARIMAX."""

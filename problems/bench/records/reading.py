@@ -14,6 +14,9 @@ from workbench.identification.state_space.program import StateSpaceFit
 
 from .catalogue import Columns, PublicRecord, Section
 
+HIGHER_ORDERS = (10, 12, 16)
+"""Orders that are tried beside the usual ones, as far as a record determines them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Half:
@@ -40,16 +43,27 @@ def read_halves(record: PublicRecord, folder: Path) -> tuple[Half, Half]:
     return first, second
 
 
-def question(estimation: Half, judged: Half, title: str, sample_time: float | None) -> StateSpaceFit:
-    """The models that are asked for: estimated on one half, judged on the other."""
-    return StateSpaceFit(
-        [estimation.u, judged.u],
-        [estimation.y, judged.y],
-        len(estimation.u),
-        title=title,
-        sample_time=sample_time or 1.0,
-        samples="rows",
-    )
+def question(first: Half, second: Half, title: str, sample_time: float | None) -> StateSpaceFit:
+    """The models that are asked for: estimated on the first half, judged on the second."""
+
+    def asked(orders: tuple[int, ...] | None) -> StateSpaceFit:
+        return StateSpaceFit(
+            [first.u, second.u],
+            [first.y, second.y],
+            len(first.u),
+            orders,
+            title=title,
+            sample_time=sample_time or 1.0,
+            samples="rows",
+        )
+
+    program = asked(None)
+    for order in HIGHER_ORDERS:
+        try:
+            program = asked((*(program.orders or ()), order))
+        except InputError:  # the record does not determine it
+            break
+    return program
 
 
 def _read(record: PublicRecord, section: Section, folder: Path) -> Half:

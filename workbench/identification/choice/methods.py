@@ -1,4 +1,4 @@
-"""Method "best": every kind and order is validated; the best to predict and to simulate are kept.
+"""Methods "best" and "averaged": every kind and order is validated, for each use of a model.
 
 The choice sees the estimation part alone, whose folds are held back in turn; the samples held out
 judge it once. How much of a difference is chance is estimated from blocks of the errors.
@@ -7,23 +7,29 @@ judge it once. How much of a difference is chance is estimated from blocks of th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.identification.choice.averages import averaged_predictor, averaged_simulator
+from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.methods import (
     arx_fits,
     impulse_response_fits,
+    regularised_arx_fits,
     structured_fits,
 )
 from workbench.identification.state_space.candidates import (
-    BLOCKS,
+    MEMBERS,
     Candidates,
-    block_errors,
+    block_means,
     compared_candidates,
+    judged_variance,
+    validation_errors,
 )
 from workbench.identification.state_space.folds import final_prediction_factor
 from workbench.identification.state_space.identified import IdentifiedModels
@@ -34,34 +40,107 @@ from workbench.identification.state_space.question import Fitter
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
-LONG_ORDERS = (12, 20)
+NO_MODEL = "no kind of model gives one whose errors are finite"
+LONG_ORDERS = (12, 20, 30)
 """Further orders of ARX models, which are cheap and whitest where they are long."""
 
 
 @method(StateSpaceFit, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: StateSpaceFit, context: Context) -> Claim:
     """All kinds of models and orders in validation, and the best one for each use."""
-    ways = dict(kinds_and_orders(program))
-    errors, spreads = [], None
-    for fit in context.track(list(ways.values()), "candidates"):
-        one, spreads = _validated(program, fit)
-        errors.append(one)
-    if spreads is None:
-        return None, Outcome.FAILED, "no kind of model was tried"
-    candidates = compared_candidates(tuple(ways), np.array(errors), spreads)
-    fits = list(ways.values())
-    chosen = [_kept(program, fits, candidates.fits[use]) for use in range(2)]
-    predictor, simulator = chosen
-    if predictor is None or simulator is None:
-        return None, Outcome.FAILED, "no kind of model gives one whose errors are finite"
-    scores = _by_order(program, candidates)
-    answer = IdentifiedModels(
-        predictor, simulator, scores, program.record.sample_time, candidates=candidates
-    )
-    said = "; ".join(
-        candidates.words(use, task) for use, task in enumerate(("predict", "simulate"))
-    )
-    return answer, Outcome.SOLVED, said
+    trial = _Trial(program, context)
+    if trial.candidates is None:
+        return None, Outcome.FAILED, NO_MODEL
+    return trial.claim([trial.kept(use, 1) for use in range(2)], trial.candidates)
+
+
+@method(StateSpaceFit, "averaged", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _averaged(program: StateSpaceFit, context: Context) -> Claim:
+    """The average of the models that validate best, of all kinds and orders, for each use.
+
+    Which one is best is to a good part chance; their average errs less than most of them.
+    """
+    trial = _Trial(program, context)
+    if trial.candidates is None:
+        return None, Outcome.FAILED, NO_MODEL
+    predictors, simulators = (trial.kept(use, MEMBERS) for use in range(2))
+    if not (predictors and simulators):
+        return None, Outcome.FAILED, NO_MODEL
+    predictor = averaged_predictor(predictors, program.largest_radius)
+    simulator = averaged_simulator(simulators, program.used, program.direct, program.largest_radius)
+    fits = np.array([trial.fit_of_average(use) for use in range(2)])
+    return trial.claim([[predictor], [simulator]], replace(trial.candidates, averaged=fits))
+
+
+class _Trial:
+    """The candidates of a program, each validated once."""
+
+    def __init__(self, program: StateSpaceFit, context: Context) -> None:
+        self._program = program
+        self._folds = program.folds or [(program.used, program.used)]
+        self._spreads = np.array([judged_variance(left, program.washed) for _, left in self._folds])
+        self._ways = dict(kinds_and_orders(program))
+        self._errors: list[list[RealArray]] = []
+        means = []
+        for fit in context.track(list(self._ways.values()), "candidates"):
+            found = [self._validated(fit, *fold) for fold in self._folds]
+            self._errors.append(found)
+            means.append([block_means(one) for one in found])
+        made = compared_candidates(tuple(self._ways), np.array(means), self._spreads)
+        self.candidates = made if np.isfinite(made.fits).any(axis=1).all() else None
+
+    def _validated(self, fit: Fitter, used: Experiments, left: Experiments) -> RealArray:
+        """Errors (uses, N, ny) of a fitting function in validation, infinite without a model.
+
+        Without folds they have the size that Akaike's final prediction error expects.
+        """
+        program = self._program
+        model = fit(used)
+        if model is None:
+            judged = sum(max(len(u) - program.washed, 0) for u, _ in left.pieces())
+            return np.full((2, judged, left.y.shape[1]), np.inf)
+        errors = validation_errors(model, left, program.washed)
+        if not program.folds:
+            count = model.order * (2 * len(model.C) + model.B.shape[1])
+            errors *= final_prediction_factor(count, len(used))
+        return errors
+
+    def kept(self, use: int, number: int) -> list[InnovationsModel]:
+        """Models of the whole estimation part by the fitting functions that validated best."""
+        fits, found = list(self._ways.values()), []
+        scores = self.candidates.fits[use] if self.candidates else np.array([])
+        for place in np.argsort(-scores, kind="stable"):
+            model = fits[place](self._program.used) if np.isfinite(scores[place]) else None
+            found += [] if model is None else [model]
+            if len(found) == number:
+                break
+        return found
+
+    def fit_of_average(self, use: int) -> float:
+        """Mean fit over outputs and folds [%] of the average of the best candidates."""
+        members = self.candidates.members(use) if self.candidates else []
+        relative = [
+            (np.mean([self._errors[k][fold][use] for k in members], axis=0) ** 2).mean(axis=0)
+            / spread
+            for fold, spread in enumerate(self._spreads)
+        ]
+        return float(100 * (1 - np.sqrt(relative).mean()))
+
+    def claim(self, chosen: list[list[InnovationsModel]], candidates: Candidates) -> Claim:
+        """The answer of the first of the models that were chosen for each use."""
+        if not all(chosen):
+            return None, Outcome.FAILED, NO_MODEL
+        predictor, simulator = (models[0] for models in chosen)
+        answer = IdentifiedModels(
+            predictor,
+            simulator,
+            _by_order(self._program, candidates),
+            self._program.record.sample_time,
+            candidates=candidates,
+        )
+        tasks = enumerate(("predict", "simulate"))
+        said = "; ".join(candidates.words(use, task) for use, task in tasks)
+        return answer, Outcome.SOLVED, said
 
 
 def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
@@ -83,35 +162,10 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
     for order in (*orders, *LONG_ORDERS):
         if program.determines_arx(order):
             yield f"ARX {order}", arx_fits(program)(order)
+            if program.record.y.shape[1] > 1:
+                yield f"ARX of each output {order}", arx_fits(program, apart=True)(order)
+    yield "regularised ARX 1", regularised_arx_fits(program)(1)
     yield "impulse response 1", impulse_response_fits(program)(1)
-
-
-def _validated(program: StateSpaceFit, fit: Fitter) -> tuple[RealArray, RealArray]:
-    """Square errors (folds, uses, blocks, ny) and variances of outputs (folds, ny) in validation.
-
-    Without folds they are what Akaike's final prediction error expects.
-    """
-    ny = program.record.y.shape[1]
-    folds = program.folds or [(program.used, program.used)]
-    errors, spreads = np.full((len(folds), 2, BLOCKS, ny), np.inf), np.ones((len(folds), ny))
-    for number, (used, left) in enumerate(folds):
-        model = fit(used)
-        if model is not None:
-            errors[number], spreads[number] = block_errors(model, left, program.washed)
-            if not program.folds:
-                count = model.order * (2 * ny + model.B.shape[1])
-                errors[number] *= final_prediction_factor(count, len(used)) ** 2
-    return errors, spreads
-
-
-def _kept(program: StateSpaceFit, fits: list[Fitter], scores: RealArray) -> InnovationsModel | None:
-    """Model of the whole estimation part by the fitting function that validated best."""
-    for place in np.argsort(-scores, kind="stable"):
-        if np.isfinite(scores[place]):
-            model = fits[place](program.used)
-            if model is not None:
-                return model
-    return None
 
 
 def _by_order(program: StateSpaceFit, candidates: Candidates) -> RealArray:

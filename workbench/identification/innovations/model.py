@@ -28,7 +28,8 @@ class InnovationsModel:
 
     The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
     later an input acts; empty where none does. ``sample_time`` [s] and the names of the channels
-    are those of the record.
+    are those of the record. ``members`` are the models whose mean this one is, if it is one: its
+    runs are then the means of theirs, each from an initial state of its own.
 
     Examples
     --------
@@ -51,6 +52,7 @@ class InnovationsModel:
     sample_time: float = field(default=1.0, kw_only=True)
     inputs: tuple[str, ...] = field(default=(), kw_only=True)
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
+    members: tuple[InnovationsModel, ...] = field(default=(), kw_only=True)
 
     @property
     def order(self) -> int:
@@ -111,6 +113,8 @@ class InnovationsModel:
         The initial state is the one that predicts the first `washout` samples best. Missing
         samples (NaN) of y are predicted too.
         """
+        if self.members:
+            return np.asarray(np.mean([m.one_step(u, y, washout) for m in self.members], axis=0))
         return self._run(self.K, u, y, washout)
 
     def free_run(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
@@ -118,6 +122,8 @@ class InnovationsModel:
 
         Only the initial state is computed from the first `washout` samples of y.
         """
+        if self.members:
+            return np.asarray(np.mean([m.free_run(u, y, washout) for m in self.members], axis=0))
         return self._run(np.zeros_like(self.K), u, y, washout)
 
     def _run(self, K: RealArray, u: RealArray, y: RealArray, washout: int) -> RealArray:

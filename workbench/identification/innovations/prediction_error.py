@@ -25,6 +25,12 @@ CIRCLE_ROUNDING = 1e-10
 """Distance of a predictor's poles from the unit circle that eigenvalues are computed to."""
 
 
+def refinable(model: InnovationsModel, largest_radius: float = 1.0) -> bool:
+    """Whether `refine` can start from a model: its poles and its predictor's are where they may."""
+    poles_allowed = model.radius <= largest_radius + CIRCLE_ROUNDING
+    return poles_allowed and model.predictor_radius < 1 - CIRCLE_ROUNDING
+
+
 def refine(
     model: InnovationsModel,
     record: Experiments,
@@ -63,7 +69,7 @@ def refine(
         The starting model has a pole beyond the largest radius, or its predictor is unstable.
     """
     slowest = 1 - CIRCLE_ROUNDING
-    if model.radius > largest_radius + CIRCLE_ROUNDING or model.predictor_radius >= slowest:
+    if not refinable(model, largest_radius):
         raise InputError("the model to start from or its predictor is unstable; lower the order")
     scaling = Scaling.of(record)
     pieces = [scaling.scaled(*piece) for piece in record.pieces()]

@@ -9,8 +9,9 @@ from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.prediction_error import refine
+from workbench.identification.innovations.prediction_error import refinable, refine
 from workbench.identification.polynomials.regressions import arx, impulse_response
+from workbench.identification.polynomials.regularised_arx import regularised_arx
 from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
@@ -64,11 +65,13 @@ def _structured_answer(program: StateSpaceFit, context: Context, kind: Polynomia
     return claim(identify(program, way, way, context))
 
 
-def arx_fits(program: StateSpaceFit) -> FitterOfOrder:
-    """Fitting functions for ARX models of an order."""
+def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
+    """Fitting functions for ARX models of an order; ``apart`` as of `arx`."""
     return _checked(
         program,
-        lambda record, order: arx(record, order, direct=program.direct, delay=program.delays),
+        lambda record, order: arx(
+            record, order, direct=program.direct, delay=program.delays, apart=apart
+        ),
     )
 
 
@@ -84,6 +87,23 @@ def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
         return found[id(record)]
 
     return _checked(program, fit)
+
+
+def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
+    """Fitting functions for long regularised ARX models, the same for all orders.
+
+    A model with a pole beyond the largest radius is none: it has too many states to move one.
+    """
+    found: dict[int, InnovationsModel | None] = {}
+
+    def fit(record: Experiments) -> InnovationsModel | None:
+        if id(record) not in found:
+            model = regularised_arx(record, direct=program.direct, delay=program.delays)
+            usable = model is not None and model.radius <= program.largest_radius
+            found[id(record)] = model if usable else None
+        return found[id(record)]
+
+    return lambda _: fit
 
 
 def _checked(
@@ -116,9 +136,7 @@ def structured_fits(
             usable = [
                 model
                 for model, _ in begun
-                if model.order <= MOST_STATES
-                and model.predictor_radius < 1
-                and model.radius <= program.largest_radius
+                if model.order <= MOST_STATES and refinable(model, program.largest_radius)
             ]
             start = least_of(usable, value)
             if start is None:

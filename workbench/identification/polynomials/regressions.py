@@ -32,7 +32,12 @@ DECAYS = (0.5, 0.8, 0.95)
 
 
 def arx(
-    record: Experiments, order: int, *, direct: bool = True, delay: Sequence[int] = ()
+    record: Experiments,
+    order: int,
+    *,
+    direct: bool = True,
+    delay: Sequence[int] = (),
+    apart: bool = False,
 ) -> InnovationsModel | None:
     """ARX model of experiments, its polynomials matrices for several outputs; None if too short.
 
@@ -46,6 +51,8 @@ def arx(
         Whether inputs may act at once: without, B_0 = 0.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
+    apart
+        Whether each output depends on its own past alone and on inputs: A_1 to A_n are diagonal.
 
     Examples
     --------
@@ -63,11 +70,17 @@ def arx(
     m = nu + ny
     scaling = Scaling.of(late)
     lagged = lagged_triangle((scaling.scaled(*piece) for piece in late.pieces()), order, m)
-    if lagged.rows < 2 * (1 + order * m + nu):
+    if lagged.rows < 2 * (1 + order * (nu + 1 if apart else m) + nu):
         return None
     r = lagged.factor
     columns = r.shape[1] - ny if direct else lagged.history.stop
-    found = least_squares(r[:, :columns], r[:, -ny:])
+    found = np.zeros((ny, columns))
+    for o in range(ny):
+        others = [nu + j for j in range(ny) if apart and j != o]
+        kept = np.setdiff1d(
+            np.arange(columns), [1 + lag * m + j for lag in range(order) for j in others]
+        )
+        found[o, kept] = least_squares(r[:, kept], r[:, [r.shape[1] - ny + o]])[0]
     lags = found[:, lagged.history].reshape(ny, order, m)
     D = found[:, lagged.history.stop :] if direct else np.zeros((ny, nu))
     model = scaling.restored(arx_from_lags(lags, D, found[:, 0]), late)

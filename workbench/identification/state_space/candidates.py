@@ -14,6 +14,8 @@ from workbench.tables import markdown
 
 BLOCKS = 10
 """Blocks of validation samples, of each fold, whose mean errors give the standard error."""
+MEMBERS = 5
+"""Candidates whose predictions are averaged: few enough that all of them are good ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +31,25 @@ class Candidates:
     lost, deviation
         How far the fit is below the best one of the use, in points, and the standard error of that
         difference, (uses, M).
+    averaged
+        Fit [%] in validation of the average of the best candidates, (uses,), where it is the
+        answer; None where the best candidate is.
     """
 
     labels: tuple[str, ...]
     fits: RealArray
     lost: RealArray
     deviation: RealArray
+    averaged: RealArray | None = None
 
     def best(self, use: int) -> int:
         """The candidate that fits best in a use."""
         return int(np.argmax(self.fits[use]))
+
+    def members(self, use: int) -> list[int]:
+        """The candidates of the best fits of a use, as many as an average has, best first."""
+        order = np.argsort(-self.fits[use], kind="stable")[:MEMBERS]
+        return [int(k) for k in order if np.isfinite(self.fits[use, k])]
 
     def runner_up(self, use: int) -> int | None:
         """The best candidate of another kind than the best one; None where there is none."""
@@ -53,6 +64,13 @@ class Candidates:
     def words(self, use: int, task: str) -> str:
         """What was chosen, what came second, and by how much it lost."""
         chosen, second = self.labels[self.best(use)], self.runner_up(use)
+        if self.averaged is not None:
+            gain = self.averaged[use] - self.fits[use].max()
+            names = ", ".join(self.labels[k] for k in self.members(use))
+            return (
+                f"to {task}: the average of {names}; in validation it fits {gain:+.2g} points "
+                f"better than {chosen} alone"
+            )
         if second is None:
             return f"to {task}: {chosen}; no other kind gave a model"
         lost, deviation = self.lost[use, second], self.deviation[use, second]
@@ -79,23 +97,34 @@ def _kind(label: str) -> str:
     return label.rpartition(" ")[0]
 
 
-def block_errors(
-    model: InnovationsModel, record: Experiments, washout: int
-) -> tuple[RealArray, RealArray]:
-    """Mean square errors (uses, blocks, ny), and the variance of the outputs (ny,), of experiments.
+def validation_errors(model: InnovationsModel, record: Experiments, washout: int) -> RealArray:
+    """Errors (uses, N, ny) of a model on experiments, without the washout of each.
 
-    The washout of each experiment does not count; samples that are missing count as no error.
+    Samples that are missing count as no error.
     """
-    uses = []
-    for run in (model.one_step, model.free_run):
-        errors, outputs = [], []
-        for u, y in record.pieces():
-            if len(u) > washout:
-                errors.append((y - run(u, y, washout))[washout:])
-                outputs.append(y[washout:])
-        squares = np.nan_to_num(np.vstack(errors)) ** 2
-        uses.append([block.mean(axis=0) for block in np.array_split(squares, BLOCKS)])
-    return np.array(uses), np.nanvar(np.vstack(outputs), axis=0)
+    runs = (model.one_step, model.free_run)
+    found = [
+        np.vstack(
+            [(y - run(u, y, washout))[washout:] for u, y in record.pieces() if len(u) > washout]
+        )
+        for run in runs
+    ]
+    return np.nan_to_num(np.array(found), posinf=np.inf, neginf=-np.inf)
+
+
+def judged_variance(record: Experiments, washout: int) -> RealArray:
+    """Variance (ny,) of the outputs of experiments, without the washout of each."""
+    outputs = [y[washout:] for _, y in record.pieces() if len(y) > washout]
+    return np.asarray(np.nanvar(np.vstack(outputs), axis=0))
+
+
+def block_means(errors: RealArray) -> RealArray:
+    """Mean squares (uses, blocks, ny) of errors (uses, N, ny) in blocks of samples."""
+    with np.errstate(over="ignore"):
+        squares = errors**2
+    return np.array(
+        [[part.mean(axis=0) for part in np.array_split(use, BLOCKS)] for use in squares]
+    )
 
 
 def compared_candidates(labels: Sequence[str], errors: RealArray, spreads: RealArray) -> Candidates:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import count, takewhile
+
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
@@ -33,7 +36,9 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     grid, held = ("frequency", "output", "input"), ("time", "output")
     own, crossed = program.residual_tests(answer.predictor)
     lags, deviations = len(own), {"units": "standard deviations"}
-    models = {name: getattr(answer, name) for name in MODELS}
+    models = {
+        name: model for of in MODELS for name, model in _with_members(of, getattr(answer, of))
+    }
     names = [f"{name}_{matrix}" for name in models for matrix in MATRICES]
     matrices = {
         f"{name}_{matrix}": (tuple(dim.format(name) for dim in dims), getattr(model, matrix))
@@ -55,6 +60,8 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
             "candidate_deviation": (places, choice.deviation, points),
             "candidate": ("candidate", list(choice.labels)),
         }
+        if choice.averaged is not None:
+            extra["fit_of_average"] = ("use", choice.averaged, points)
     return xr.Dataset(
         {
             **extra,
@@ -84,6 +91,13 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
     )  # fmt: skip
 
 
+def _with_members(name: str, model: InnovationsModel) -> Iterator[tuple[str, InnovationsModel]]:
+    """A model under its name, and the models whose mean it is under numbered ones."""
+    yield name, model
+    for number, member in enumerate(model.members, 1):
+        yield f"{name}_{number}", member
+
+
 def _whole_run(model: InnovationsModel, use: str, program: RecordedQuestion) -> RealArray:
     """A run of a model over all held-out experiments (N, ny)."""
     run = getattr(model, use)
@@ -99,16 +113,19 @@ def stored_candidates(data: Dataset) -> Candidates | None:
         data["candidate_fit"].values,
         data["candidate_lost"].values,
         data["candidate_deviation"].values,
+        data["fit_of_average"].values if "fit_of_average" in data else None,
     )
 
 
 def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
     """The model of a name in a dataset, with the names and the time of the record."""
-    record = program.record
+    record, numbers = program.record, count(1)
+    stored = takewhile(lambda one: f"{one}_A" in data, (f"{name}_{k}" for k in numbers))
     return InnovationsModel(
         **{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES},
         delay=program.delays,
         sample_time=record.sample_time,
         inputs=record.inputs,
         outputs=record.outputs,
+        members=tuple(innovations_model_of(program, data, one) for one in stored),
     )

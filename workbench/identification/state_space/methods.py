@@ -13,7 +13,7 @@ from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.prediction_error import refine
+from workbench.identification.innovations.prediction_error import refinable, refine
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
@@ -150,7 +150,8 @@ def refined_fits(
                 criterion = Criterion(model, record, simulation_weight, program.direct)
                 return criterion(criterion.start(model))
 
-            start = least_of(starts.of(record, order), value)
+            usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
+            start = least_of(usable, value)
             return start and refine(
                 start, record, simulation_weight,
                 direct=program.direct, largest_radius=program.largest_radius,

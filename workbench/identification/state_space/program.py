@@ -180,9 +180,12 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def _apart(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
         """Difference of the relative errors of a simulation, by convolution and by recursion."""
-        drive, measured, washout = m.acting(u) - m.u_offset, y - m.y_offset, self.washed
-        run = convolved((m.A, m.B, m.C, m.D), drive, measured, washout)
-        again = nrmse_fit(y[washout:], (run + m.y_offset)[washout:])
+        washout, runs = self.washed, []
+        for one in m.members or (m,):
+            drive, measured = one.acting(u) - one.u_offset, y - one.y_offset
+            run = convolved((one.A, one.B, one.C, one.D), drive, measured, washout)
+            runs.append(run + one.y_offset)
+        again = nrmse_fit(y[washout:], np.mean(runs, axis=0)[washout:])
         plain = nrmse_fit(y[washout:], m.free_run(u, y, washout)[washout:])
         return float(np.max(np.abs(again - plain))) / 100
 
@@ -212,6 +215,8 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     def _uncertainty(self, model: InnovationsModel, name: str) -> list[str]:
         """How well the record determines a model: its slowest pole and its static gains."""
+        if model.members:
+            return [f"{name}: no standard deviations of an average of models are computed"]
         if model.order > MOST_STATES_OF_DEVIATIONS:
             return [f"{name}: no standard deviations of {model.order} states are computed"]
         found = model_deviations(model, self.used, self.direct)

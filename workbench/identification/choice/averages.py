@@ -1,0 +1,82 @@
+"""Averages of models: one model whose predictions, or whose simulations, are the mean of several.
+
+The choice of one model among many that validate alike is to a good part chance. Their mean has the
+mean of their biases and less variance. Source: L. Breiman, "Stacked regressions", Machine Learning
+24(1), 1996 (here with equal weights, which need no further data).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.gains import operating_point
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.state_space.selection import allowed
+
+
+def averaged_predictor(
+    models: Sequence[InnovationsModel], largest_radius: float = 1.0
+) -> InnovationsModel:
+    """The model whose one-step predictions are the mean of those of several, best first.
+
+    Such a model may have poles beyond the largest radius though none of the several has; then the
+    last ones are left out until it has none.
+
+    Raises InputError where there is no model, or their delays differ.
+    """
+    _refuse(models)
+    for count in range(len(models), 1, -1):
+        mean = _mean(models[:count])
+        if mean.radius <= largest_radius and mean.predictor_radius < 1:
+            return replace(mean, members=tuple(models[:count]))
+    return models[0]
+
+
+def averaged_simulator(
+    models: Sequence[InnovationsModel],
+    record: Experiments,
+    direct: bool = True,
+    largest_radius: float = 1.0,
+) -> InnovationsModel:
+    """The model whose simulations are the mean of those of several, best first.
+
+    It is not made to predict: its gain is zero where its poles are stable. It is the best one alone
+    where no gain gives a stable predictor. Raises as `averaged_predictor`.
+    """
+    _refuse(models)
+    mean = _mean([replace(model, K=np.zeros_like(model.K)) for model in models])
+    found = allowed(mean, record, direct, largest_radius)
+    return models[0] if found is None else replace(found, members=tuple(models))
+
+
+def _refuse(models: Sequence[InnovationsModel]) -> None:
+    """Raise `InputError` unless there are models with the same delays."""
+    if not models:
+        raise InputError("no model to average; give at least one")
+    if len({model.delay for model in models}) > 1:
+        delays = ", ".join(str(model.delay) for model in models)
+        raise InputError(f"models with delays {delays} have no average; delays must be the same")
+
+
+def _mean(models: Sequence[InnovationsModel]) -> InnovationsModel:
+    """The innovations model whose predictor is the mean of the models' predictors.
+
+    Predictors x+ = F x + G u + K y + f, yhat = C x + D u + h stand beside each other.
+    """
+    share = 1 / len(models)
+    F = block_diag(*[m.A - m.K @ m.C for m in models])
+    G = np.vstack([m.B - m.K @ m.D for m in models])
+    K = np.vstack([m.K for m in models])
+    C = np.hstack([share * m.C for m in models])
+    D = np.mean([m.D for m in models], axis=0)
+    f = np.concatenate([-(m.B - m.K @ m.D) @ m.u_offset - m.K @ m.y_offset for m in models])
+    h = np.mean([m.y_offset - m.D @ m.u_offset for m in models], axis=0)
+    A, B = F + K @ C, G + K @ D
+    u_offset, y_offset = operating_point(A, B, C, D, f + K @ h, h)
+    return replace(models[0], A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
