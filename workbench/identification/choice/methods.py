@@ -31,6 +31,7 @@ from workbench.identification.state_space.candidates import (
     judged_variance,
     validation_errors,
 )
+from workbench.identification.state_space.control_weight import weighted_runs
 from workbench.identification.state_space.folds import final_prediction_factor
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.methods import SubspaceStarts, refined_fits
@@ -100,6 +101,10 @@ class _Trial:
             judged = sum(max(len(u) - program.washed, 0) for u, _ in left.pieces())
             return np.full((2, judged, left.y.shape[1]), np.inf)
         errors = validation_errors(model, left, program.washed)
+        if program.bandwidth is not None:
+            outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth)
+            size = np.sqrt((outputs**2).mean(axis=0) / judged_variance(left, program.washed))
+            errors[1] = felt / np.maximum(size, np.finfo(float).tiny)
         if not program.folds:
             count = model.order * (2 * len(model.C) + model.B.shape[1])
             errors *= final_prediction_factor(count, len(used))
@@ -138,8 +143,7 @@ class _Trial:
             self._program.record.sample_time,
             candidates=candidates,
         )
-        tasks = enumerate(("predict", "simulate"))
-        said = "; ".join(candidates.words(use, task) for use, task in tasks)
+        said = "; ".join(candidates.words(k, task) for k, task in enumerate(self._program.tasks))
         return answer, Outcome.SOLVED, said
 
 

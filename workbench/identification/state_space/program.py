@@ -9,7 +9,7 @@ rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -19,9 +19,10 @@ from workbench.certificate import THIS_SYSTEM, Check
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.uncertainty import model_deviations
 from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
+from workbench.identification.state_space.control_weight import control_fit, need_bandwidth
+from workbench.identification.state_space.facts import facts_of
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
 from workbench.identification.state_space.question import RecordedQuestion
 from workbench.identification.state_space.validation import nrmse_fit, share_outside
@@ -34,8 +35,6 @@ CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
 CONVOLVED = 20_000
 """Held-out samples that are simulated by convolution at most, of each experiment."""
-MOST_STATES_OF_DEVIATIONS = 24
-"""Most states of a model whose standard deviations are computed: the cost grows as their cube."""
 CHANCE = 3.0
 """Standard errors by which noise alone may exceed its own size where no input moves."""
 
@@ -82,11 +81,16 @@ class StateSpaceFit(RecordedQuestion, Program):
         "stable": inside the unit circle. "marginal": not so far outside that a mode grows more
         than e-fold over the estimation part, as integrators and undamped modes need. "any": of an
         unstable plant too, whose record comes from a closed loop; its free run is not judged.
+    bandwidth
+        Bandwidth [Hz] of a loop that is to be designed on the simulator, or None. Its order and
+        kind are then chosen by the errors of free runs as such a loop feels them: weighted by
+        S T = (s / omega_b) / (1 + s / omega_b)^2, which is largest at the bandwidth.
 
     Raises
     ------
     InputError
-        No record was given, or it is broken; or it is too short for the washout or the orders.
+        No record was given, or it is broken; or it is too short for the washout or the orders; or
+        the bandwidth is not below half the sampling frequency.
 
     Examples
     --------
@@ -101,8 +105,28 @@ class StateSpaceFit(RecordedQuestion, Program):
     True
     """
 
+    bandwidth: float | None = field(default=None, kw_only=True)
+
     default_method: ClassVar[str] = "prediction-error"
     headline: ClassVar[str] = "fit_free_run_y1"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.bandwidth is not None:
+            need_bandwidth(self.bandwidth, self.record.sample_time)
+
+    def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
+        found = super().fits_to_choose_by(model, record)
+        if self.bandwidth is not None:
+            found[USES.index("free_run")] = control_fit(model, record, self.washed, self.bandwidth)
+        return found
+
+    @property
+    def tasks(self) -> tuple[str, str]:
+        """What predictor and simulator are chosen for, in words."""
+        if self.bandwidth is None:
+            return "predict", "simulate"
+        return "predict", f"design a loop of {self.bandwidth:g} Hz"
 
     @property
     def problem_size(self) -> float:
@@ -190,49 +214,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         return float(np.max(np.abs(again - plain))) / 100
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
-        record, words = self.record, []
-        if len(record.starts) > 1:
-            words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
-        if record.missing:
-            words.append(f"{record.missing} of {record.y.size} output samples are missing")
-        if self.delays:
-            found = ", ".join(map(str, self.delays))
-            how = "estimated" if isinstance(self.delay, str) else "given"
-            words.append(f"inputs act {found} samples later, as {how}")
-        if len(self.used) > self.estimated:
-            words.append(
-                "no input moves in the estimation part: what inputs do rests on the assumption "
-                "that they stepped from zero, at rest, at the first sample"
-            )
-        if not self.folds:
-            words.append("orders chosen by the final prediction error: no part could be held back")
-        if answer.candidates is not None:
-            tasks = enumerate(("predict", "simulate"))
-            words += [answer.candidates.words(use, task) for use, task in tasks]
-        for name in MODELS:
-            words += self._uncertainty(getattr(answer, name), name)
-        return words
-
-    def _uncertainty(self, model: InnovationsModel, name: str) -> list[str]:
-        """How well the record determines a model: its slowest pole and its static gains."""
-        if model.members:
-            return [f"{name}: no standard deviations of an average of models are computed"]
-        if model.order > MOST_STATES_OF_DEVIATIONS:
-            return [f"{name}: no standard deviations of {model.order} states are computed"]
-        found = model_deviations(model, self.used, self.direct)
-        words = []
-        if len(found.poles):
-            slowest = int(np.argmax(np.abs(found.poles)))
-            size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]
-            told = "" if abs(size - 1) > 2 * deviation else "; it may lie on the unit circle"
-            words.append(f"{name}: slowest pole of modulus {size:.6g} +- {deviation:.2g}{told}")
-        worst = np.unravel_index(int(np.argmax(found.gain_deviations)), found.gains.shape)
-        gain, deviation = found.gains[worst], found.gain_deviations[worst]
-        words.append(
-            f"{name}: static gain from {self.record.inputs[int(worst[1])]} to "
-            f"{self.record.outputs[int(worst[0])]} {gain:.6g} +- {deviation:.2g}"
-        )
-        return words
+        return facts_of(self, answer, self.tasks)
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -241,6 +223,9 @@ class StateSpaceFit(RecordedQuestion, Program):
         for part, used in (("", self.rest), ("estimation_", self.used)):
             for use, row in zip(USES, self._fits(answer, used), strict=True):
                 numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
+        if self.bandwidth is not None:
+            row = control_fit(answer.simulator, self.rest, self.washed, self.bandwidth)
+            numbers |= {f"fit_control_y{i + 1}": float(v) for i, v in enumerate(row)}
         own, crossed = self.residual_tests(answer.predictor)
         lags = len(own)
         return numbers | {

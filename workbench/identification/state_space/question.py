@@ -204,14 +204,18 @@ class RecordedQuestion:
             model = fit(used)
             if model is None:
                 return np.full_like(total, -np.inf)
-            total += self._fits_of(model, model, left) / len(self.folds)
+            total += self.fits_to_choose_by(model, left) / len(self.folds)
         if self.folds:
             return total
         model = fit(self.used)
         if model is None:
             return np.full_like(total, -np.inf)
         factor = final_prediction_factor(self._parameters(model.order), len(self.used))
-        return 100 - factor * (100 - self._fits_of(model, model, self.used))
+        return 100 - factor * (100 - self.fits_to_choose_by(model, self.used))
+
+    def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
+        """Fits (uses, ny) [%] of a model in validation, by which orders are chosen."""
+        return self._fits_of(model, model, record)
 
     def fits(
         self, predictor: InnovationsModel, simulator: InnovationsModel, u: RealArray, y: RealArray

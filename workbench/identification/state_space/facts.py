@@ -1,0 +1,67 @@
+"""What is told of a state-space fit beside its checks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.uncertainty import model_deviations
+from workbench.identification.state_space.identified import MODELS, IdentifiedModels
+from workbench.identification.state_space.question import RecordedQuestion
+
+MOST_STATES_OF_DEVIATIONS = 24
+"""Most states of a model whose standard deviations are computed: the cost grows as their cube."""
+
+
+def facts_of(
+    program: RecordedQuestion, answer: IdentifiedModels, tasks: Sequence[str]
+) -> list[str]:
+    """Sentences on the record, on how the models were chosen, and on how well they are known.
+
+    ``tasks`` are what predictor and simulator are chosen for.
+    """
+    record, words = program.record, []
+    if len(record.starts) > 1:
+        words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
+    if record.missing:
+        words.append(f"{record.missing} of {record.y.size} output samples are missing")
+    if program.delays:
+        found = ", ".join(map(str, program.delays))
+        how = "estimated" if isinstance(program.delay, str) else "given"
+        words.append(f"inputs act {found} samples later, as {how}")
+    if len(program.used) > program.estimated:
+        words.append(
+            "no input moves in the estimation part: what inputs do rests on the assumption "
+            "that they stepped from zero, at rest, at the first sample"
+        )
+    if not program.folds:
+        words.append("orders chosen by the final prediction error: no part could be held back")
+    if answer.candidates is not None:
+        words += [answer.candidates.words(use, task) for use, task in enumerate(tasks)]
+    for name in MODELS:
+        words += _uncertainty(program, getattr(answer, name), name)
+    return words
+
+
+def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:
+    """How well the record determines a model: its slowest pole and its static gains."""
+    if model.members:
+        return [f"{name}: no standard deviations of an average of models are computed"]
+    if model.order > MOST_STATES_OF_DEVIATIONS:
+        return [f"{name}: no standard deviations of {model.order} states are computed"]
+    found = model_deviations(model, program.used, program.direct)
+    words = []
+    if len(found.poles):
+        slowest = int(np.argmax(np.abs(found.poles)))
+        size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]
+        told = "" if abs(size - 1) > 2 * deviation else "; it may lie on the unit circle"
+        words.append(f"{name}: slowest pole of modulus {size:.6g} +- {deviation:.2g}{told}")
+    worst = np.unravel_index(int(np.argmax(found.gain_deviations)), found.gains.shape)
+    gain, deviation = found.gains[worst], found.gain_deviations[worst]
+    words.append(
+        f"{name}: static gain from {program.record.inputs[int(worst[1])]} to "
+        f"{program.record.outputs[int(worst[0])]} {gain:.6g} +- {deviation:.2g}"
+    )
+    return words
