@@ -80,7 +80,7 @@ def theirs(program: StateSpaceFit, package: str) -> Iterator[tuple[str, RealArra
         ranked = sorted(scores, key=lambda label: -scores[label][place])
         for label in ranked:
             if np.isfinite(scores[label][place]):
-                model = _tried(ways[label], used)
+                model = tried(ways[label], used)
                 fits = _scores(program, model, program.rest)[place]
                 own = _scores(program, model, used)[place].mean()
                 if np.isfinite(fits).all() and own > WORST_OWN_FIT:
@@ -95,7 +95,7 @@ def _validated(program: StateSpaceFit, fit: Fitting) -> RealArray:
     total = np.zeros(len(USES))
     folds = program.folds or [_last_third_held_back(program.used)]
     for used, left in folds:
-        total += _scores(program, _tried(fit, used), left).mean(axis=1) / len(folds)
+        total += _scores(program, tried(fit, used), left).mean(axis=1) / len(folds)
     return np.where(np.isfinite(total), total, -np.inf)
 
 
@@ -105,8 +105,8 @@ def _last_third_held_back(record: Experiments) -> tuple[Experiments, Experiments
     return record.part(0, cut), record.part(cut, len(record))
 
 
-def _tried(fit: Fitting, record: Experiments) -> object | None:
-    """The model of a package, or None where it raises: it has none then."""
+def tried(fit: Fitting, record: Experiments) -> object | None:
+    """The model of a package on a record, without its warnings; None where it raises."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         try:
