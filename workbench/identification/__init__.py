@@ -49,6 +49,8 @@ from workbench.identification.rational_models.program import RationalModelFit
 from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
 from workbench.identification.rational_models.storage import RationalModels
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
+from workbench.identification.recursive.armax import RecursiveARMAX
+from workbench.identification.recursive.arx import RecursiveARX
 from workbench.identification.responses.assumptions import Assumptions
 from workbench.identification.responses.linear_approximation import (
     LinearApproximation,
@@ -105,6 +107,8 @@ __all__ = [
     "RationalModelEstimate",
     "RationalModelFit",
     "RationalModels",
+    "RecursiveARMAX",
+    "RecursiveARX",
     "ResponseEstimate",
     "SampledRecord",
     "SignPerturbedRegion",

@@ -1,0 +1,1 @@
+"""Models that are estimated sample by sample, for plants that change."""

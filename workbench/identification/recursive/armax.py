@@ -1,0 +1,139 @@
+"""The recursive prediction-error method for ARMAX models.
+
+Every sample moves the estimate by a Gauss-Newton step of the prediction errors so far; the gradient
+of a prediction is its regressors, filtered by 1/C. C is kept stable: a step that would make it
+unstable is shortened. Source: L. Ljung, System Identification, 2nd ed., 1999, sections 11.4 (the
+method), 11.5 (its projection) and 11.6 (forgetting that begins fast).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.identification.innovations.gains import operating_point
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.recursive.arx import as_sample, need_forgetting
+from workbench.input_checks import need_count, need_whole
+
+PRIOR_VARIANCE = 10.0
+"""Variance of the coefficients before the first sample, in units of that of the errors.
+
+Steps of a criterion that is not quadratic must not be large at the start.
+"""
+FIRST_FORGETTING = 0.95
+"""Forgetting at the first sample, where errors are those of a poor model."""
+FORGETTING_RATE = 0.99
+"""Share of the distance to the lasting forgetting that is left after each sample."""
+LARGEST_NOISE_POLE = 0.995
+"""Largest modulus of a root of C, the poles of the predictor."""
+HALVINGS = 10
+"""Times that a step is halved to keep C stable, before it is not taken."""
+
+
+class RecursiveARMAX:
+    """ARMAX model of one output, updated with every sample by the recursive prediction errors.
+
+        A(q) y(t) = level + B(q) u(t) + C(q) e(t),   A, B and C of the same degree
+
+    Parameters
+    ----------
+    order
+        Degree n.
+    inputs
+        Number of inputs nu.
+    forgetting
+        Factor by which the weight of a sample shrinks with each later one, above 0 and at most 1.
+    direct
+        Whether inputs may act at once.
+    sample_time
+        Sampling time [s] of the model.
+
+    Raises
+    ------
+    InputError
+        The number of inputs or the order is no count, or the factor is out of range.
+    """
+
+    def __init__(
+        self,
+        order: int,
+        inputs: int = 1,
+        *,
+        forgetting: float = 1.0,
+        direct: bool = True,
+        sample_time: float = 1.0,
+    ) -> None:
+        for name, value in (("order", order), ("inputs", inputs)):
+            need_whole(value, name)
+            need_count(name, value)
+        self.order, self.forgetting = int(order), need_forgetting(forgetting)
+        self._nu, self._direct, self._sample_time = int(inputs), direct, sample_time
+        n = self.order
+        self._count = 1 + n + (n + int(direct)) * self._nu + n
+        self.coefficients = np.zeros(self._count)
+        self._covariance = PRIOR_VARIANCE * np.eye(self._count)
+        self._factor = min(FIRST_FORGETTING, self.forgetting)
+        self._u, self._y, self._e = np.zeros((n, self._nu)), np.zeros(n), np.zeros(n)
+        self._gradients = np.zeros((n, self._count))
+        self._seen = 0
+
+    @property
+    def noise_polynomial(self) -> RealArray:
+        """C (n + 1,), its first coefficient 1."""
+        return np.concatenate([[1.0], self.coefficients[self._count - self.order :]])
+
+    def update(self, u: ArrayLike, y: float) -> float:
+        """Take in a sample u (nu,), y; return the error of its prediction.
+
+        Before `order` samples are known there is nothing to predict from: the error is NaN.
+        """
+        now, measured = as_sample(u, self._nu, "u"), float(as_sample(y, 1, "y")[0])
+        error, left = np.nan, 0.0
+        if self._seen >= self.order:
+            row = np.concatenate(
+                [[1.0], -self._y, self._u.ravel(), now if self._direct else [], self._e]
+            )
+            error = measured - float(self.coefficients @ row)
+            gradient = row - self.noise_polynomial[1:] @ self._gradients
+            self._step(gradient, error)
+            left = measured - float(self.coefficients @ row)
+            self._gradients = np.vstack([gradient, self._gradients])[: self.order]
+        self._u = np.vstack([now, self._u])[: self.order]
+        self._y = np.concatenate([[measured], self._y])[: self.order]
+        self._e = np.concatenate([[left], self._e])[: self.order]
+        self._seen += 1
+        return error
+
+    def _step(self, gradient: RealArray, error: float) -> None:
+        """A Gauss-Newton step, shortened until C is stable."""
+        moved = self._covariance @ gradient
+        gain = moved / (self._factor + float(gradient @ moved))
+        covariance = (self._covariance - np.outer(gain, moved)) / self._factor
+        self._covariance = (covariance + covariance.T) / 2
+        self._factor = FORGETTING_RATE * self._factor + (1 - FORGETTING_RATE) * self.forgetting
+        before, share = self.coefficients, 1.0
+        for _ in range(HALVINGS):
+            self.coefficients = before + share * gain * error
+            if np.max(np.abs(np.roots(self.noise_polynomial)), initial=0.0) < LARGEST_NOISE_POLE:
+                return
+            share /= 2
+        self.coefficients = before
+
+    def model(self) -> InnovationsModel:
+        """The model at this sample."""
+        n, nu = self.order, self._nu
+        level, a = self.coefficients[0], self.coefficients[1 : 1 + n]
+        b = self.coefficients[1 + n : 1 + n + n * nu].reshape(n, nu)
+        c = self.noise_polynomial[1:]
+        D = np.zeros((1, nu))
+        if self._direct:
+            D = self.coefficients[1 + n + n * nu : 1 + n + n * nu + nu].reshape(1, nu)
+        A = np.eye(n, k=1)
+        A[:, 0] = -a
+        B, C, K = b - a[:, None] * D, np.eye(1, n), (c - a)[:, None]
+        forcing = np.zeros(n)
+        forcing[0] = level
+        offsets = operating_point(A, B, C, D, forcing, np.zeros(1))
+        return InnovationsModel(A, B, C, D, K, *offsets, sample_time=self._sample_time)

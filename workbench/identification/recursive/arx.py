@@ -1,0 +1,124 @@
+"""Recursive least squares with forgetting: ARX models that follow a plant sample by sample.
+
+The triangular factor of the weighted regression is updated, never a covariance: the estimate is
+exactly that of weighted least squares of all samples so far, and nothing is lost by rounding.
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 11.2 and 11.7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.polynomials.regressions import arx_from_lags
+from workbench.input_checks import need_count, need_whole
+
+PRIOR_DEVIATION = 1e3
+"""Standard deviation of the coefficients before the first sample, in units of the errors."""
+
+
+def need_forgetting(forgetting: float) -> float:
+    """The forgetting factor; raises `InputError` unless it lies above 0 and is at most 1."""
+    if isinstance(forgetting, bool) or not isinstance(forgetting, (int, float, np.floating)):
+        raise InputError(f"forgetting is {forgetting!r}; a number above 0 and at most 1 is needed")
+    if not 0 < forgetting <= 1:
+        raise InputError(f"forgetting is {forgetting!r}; it must be above 0 and at most 1")
+    return float(forgetting)
+
+
+def as_sample(values: ArrayLike, count: int, name: str) -> RealArray:
+    """One sample (count,) of finite numbers; raises `InputError` for what is none."""
+    found = np.atleast_1d(np.asarray(values, dtype=float))
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise InputError(
+            f"{name} is {values!r}; a sample of {count} finite numbers is needed, one for each "
+            "channel"
+        )
+    return found
+
+
+class RecursiveARX:
+    """ARX model of a plant, updated with every sample of its inputs and outputs.
+
+        y(t) + A_1 y(t-1) + ... + A_n y(t-n) = level + B_0 u(t) + ... + B_n u(t-n) + e(t)
+
+    Parameters
+    ----------
+    order
+        Degree n.
+    inputs, outputs
+        Numbers of channels nu and ny.
+    forgetting
+        Factor by which the weight of a sample shrinks with each later one, above 0 and at most 1;
+        1 / (1 - forgetting) is the number of samples that count.
+    direct
+        Whether inputs may act at once: without, B_0 = 0.
+    sample_time
+        Sampling time [s] of the model.
+
+    Raises
+    ------
+    InputError
+        A number of channels or the order is no count, or the factor is out of range.
+    """
+
+    def __init__(
+        self,
+        order: int,
+        inputs: int = 1,
+        outputs: int = 1,
+        *,
+        forgetting: float = 1.0,
+        direct: bool = True,
+        sample_time: float = 1.0,
+    ) -> None:
+        for name, value in (("order", order), ("inputs", inputs), ("outputs", outputs)):
+            need_whole(value, name)
+            need_count(name, value)
+        self.order, self.forgetting = int(order), need_forgetting(forgetting)
+        self._nu, self._ny = int(inputs), int(outputs)
+        self._direct, self._sample_time = direct, sample_time
+        m = self._nu + self._ny
+        self._past = np.zeros((self.order, m))
+        count = 1 + self.order * m + (self._nu if direct else 0)
+        self._factor = np.hstack([np.eye(count) / PRIOR_DEVIATION, np.zeros((count, self._ny))])
+        self._seen = 0
+
+    @property
+    def coefficients(self) -> RealArray:
+        """Estimate (ny, p): the level, the lags (u, y) latest first, and u of the same sample."""
+        count = len(self._factor)
+        triangle = self._factor[:, :count]
+        found = solve_triangular(triangle, self._factor[:, count:], check_finite=False)
+        return np.asarray(found.T)
+
+    def update(self, u: ArrayLike, y: ArrayLike) -> RealArray:
+        """Take in a sample u (nu,), y (ny,); return the error (ny,) of its prediction.
+
+        Before `order` samples are known there is nothing to predict from: the error is NaN.
+        """
+        now, measured = as_sample(u, self._nu, "u"), as_sample(y, self._ny, "y")
+        error = np.full(self._ny, np.nan)
+        if self._seen >= self.order:
+            row = np.concatenate([[1.0], self._past.ravel(), now if self._direct else []])
+            error = measured - self.coefficients @ row
+            rows = np.vstack(
+                [np.sqrt(self.forgetting) * self._factor, np.concatenate([row, measured])]
+            )
+            self._factor = np.asarray(np.linalg.qr(rows, mode="r"))[: len(self._factor)]
+        self._past = np.vstack([np.concatenate([now, measured]), self._past])[: self.order]
+        self._seen += 1
+        return error
+
+    def model(self) -> InnovationsModel:
+        """The model at this sample."""
+        found, m = self.coefficients, self._nu + self._ny
+        lags = found[:, 1 : 1 + self.order * m].reshape(self._ny, self.order, m)
+        D = found[:, 1 + self.order * m :] if self._direct else np.zeros((self._ny, self._nu))
+        return replace(arx_from_lags(lags, D, found[:, 0]), sample_time=self._sample_time)
