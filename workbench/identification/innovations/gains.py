@@ -58,8 +58,10 @@ def operating_point(
 
 def with_inputs(
     model: InnovationsModel, pieces: list[tuple[RealArray, RealArray]], direct: bool = True
-) -> InnovationsModel:
+) -> InnovationsModel | None:
     """The model with the B, D and offset of y whose simulation fits the experiments best.
+
+    The result is None where the simulation overflows.
 
     Where A has a growing mode, one-step predictions take the place of the simulation. The initial
     state of each experiment is free. ``direct`` lets inputs act at once.
@@ -94,6 +96,8 @@ def with_inputs(
         # The initial state of an experiment has columns of its own, which are eliminated first.
         factor = triangle_of_blocks(blocks(*signals), count + 1)
         found = np.asarray(np.linalg.qr(np.vstack([found, factor[n:, n:]]), mode="r"))
+    if not np.isfinite(found).all():
+        return None
     scale = np.linalg.norm(found[:, :-1], axis=0)
     scale[scale == 0] = 1.0
     theta = -np.linalg.lstsq(found[:, :-1] / scale, found[:, -1], rcond=None)[0] / scale

@@ -115,6 +115,8 @@ def projection_model(
 ) -> InnovationsModel | None:
     """Innovations model of experiments by projections; None if no gain K exists.
 
+    It is None too where its simulation overflows.
+
     Parameters
     ----------
     order
@@ -149,8 +151,10 @@ def projection_model(
     model = InnovationsModel(
         A, np.zeros((order, nu)), C, np.zeros((ny, nu)), K, np.zeros(nu), np.zeros(ny)
     )
-    model = with_inputs(model, list(_scaled(late, scaling)), direct)
-    found = scaling.restored(model, late)
+    simulating = with_inputs(model, list(_scaled(late, scaling)), direct)
+    if simulating is None:
+        return None
+    found = scaling.restored(simulating, late)
     return replace(found, delay=tuple(delay)) if any(delay) else found
 
 

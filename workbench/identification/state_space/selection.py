@@ -81,7 +81,10 @@ def allowed(
     """The model with poles within the largest radius and a stable predictor, or None."""
     if model.radius >= largest_radius and not np.isclose(model.radius, largest_radius, atol=1e-12):
         A = inside_circle(model.A, min(largest_radius, 1 - 1e-9))
-        model = with_inputs(replace(model, A=A), list(record.pieces()), direct)
+        moved = with_inputs(replace(model, A=A), list(record.pieces()), direct)
+        if moved is None:
+            return None
+        model = moved
     if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
         n, ny = model.order, len(model.C)
         gain = innovation_gain(model.A, model.C, np.zeros((n + ny, n + ny)))
