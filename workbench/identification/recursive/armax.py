@@ -54,6 +54,17 @@ class RecursiveARMAX:
     ------
     InputError
         The number of inputs or the order is no count, or the factor is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import RecursiveARMAX
+    >>> rng, estimate, y, before = np.random.default_rng(0), RecursiveARMAX(1), 0.0, 0.0
+    >>> for u, e in rng.standard_normal((4000, 2)):
+    ...     y, before = 0.5 * y + u + e + 0.8 * before, e
+    ...     error = estimate.update(u, y)
+    >>> [float(c) for c in estimate.noise_polynomial.round(1)]
+    [1.0, 0.8]
     """
 
     def __init__(

@@ -66,6 +66,17 @@ class RecursiveARX:
     ------
     InputError
         A number of channels or the order is no count, or the factor is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import RecursiveARX
+    >>> estimate, y = RecursiveARX(1, forgetting=0.98), 0.0
+    >>> for u in np.random.default_rng(0).standard_normal(200):
+    ...     y = 0.5 * y + u
+    ...     error = estimate.update(u, y)
+    >>> float(estimate.model().A[0, 0].round(4))
+    0.5
     """
 
     def __init__(
