@@ -1,18 +1,18 @@
 """Tables of what `judge` has written: fits of each package, and how far ours are from the best.
 
-python -m problems.bench.records.summary RESULTS/judged
+python -m problems.bench.records.summary problems/bench/records/results.csv
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.identification.state_space.identified import USES
 from workbench.tables import markdown
 
 OURS = "workbench"
@@ -41,21 +41,22 @@ class Cell:
         return self.fits[OURS] - max(others)
 
 
-def cells(folder: Path) -> list[Cell]:
-    """The cells of all files of results in a folder; raises InputError where there is none."""
-    found = [cell for path in sorted(folder.glob("*.csv")) for cell in _cells_of(path)]
-    if not found:
-        raise InputError(f"no results in {folder}; make some with problems.bench.records.judge")
-    return found
-
-
-def _cells_of(path: Path) -> Iterator[Cell]:
+def cells(results: Path) -> list[Cell]:
+    """The cells of a file of results, or of all files in a folder; InputError where none is."""
     import pandas as pd
 
-    table = pd.read_csv(path)
-    means = table.groupby(["use", "package"], sort=False)["fit"].mean().unstack()
-    for use in ("one_step", "free_run"):
-        yield Cell(path.stem, use, {str(k): float(v) for k, v in means.loc[use].items()})
+    files = sorted(results.glob("*.csv")) if results.is_dir() else [results]
+    if not files or not files[0].is_file():
+        raise InputError(f"no results in {results}; make some with problems.bench.records.judge")
+    table = pd.concat([pd.read_csv(file) for file in files])
+    fits: dict[tuple[str, str], dict[str, float]] = {}
+    for (record, use, package), part in table.groupby(["record", "use", "package"], sort=False):
+        fits.setdefault((record, use), {})[package] = float(np.mean(part["fit"].to_numpy()))
+    return [Cell(*key, fits[key]) for record in table["record"].unique() for key in _of(record)]
+
+
+def _of(record: str) -> list[tuple[str, str]]:
+    return [(record, use) for use in USES]
 
 
 def fits_table(found: list[Cell]) -> str:
@@ -93,10 +94,10 @@ def verdict(found: list[Cell], nonlinear: bool) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="results of judge")
-    found = cells(parser.parse_args().folder)
+    parser.add_argument("results", type=Path, help="what judge has written: a folder, or one file")
+    found = cells(parser.parse_args().results)
     print(fits_table(found))
-    for use in ("one_step", "free_run"):
+    for use in USES:
         part = [cell for cell in found if cell.use == use]
         for nonlinear in (False, True):
             print(f"{use.replace('_', ' ')}, {verdict(part, nonlinear)}")

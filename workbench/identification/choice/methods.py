@@ -24,7 +24,6 @@ from workbench.identification.polynomials.methods import (
     structured_fits,
 )
 from workbench.identification.state_space.candidates import (
-    MEMBERS,
     Candidates,
     block_means,
     compared_candidates,
@@ -64,7 +63,7 @@ def _averaged(program: StateSpaceFit, context: Context) -> Claim:
     trial = _Trial(program, context)
     if trial.candidates is None:
         return None, Outcome.FAILED, NO_MODEL
-    predictors, simulators = (trial.kept(use, MEMBERS) for use in range(2))
+    predictors, simulators = (trial.members(use) for use in range(2))
     if not (predictors and simulators):
         return None, Outcome.FAILED, NO_MODEL
     predictor = averaged_predictor(predictors, program.largest_radius)
@@ -109,6 +108,10 @@ class _Trial:
             count = model.order * (2 * len(model.C) + model.B.shape[1])
             errors *= final_prediction_factor(count, len(used))
         return errors
+
+    def members(self, use: int) -> list[InnovationsModel]:
+        """Models of the whole estimation part that are averaged, best first."""
+        return self.kept(use, len(self.candidates.members(use)) if self.candidates else 0)
 
     def kept(self, use: int, number: int) -> list[InnovationsModel]:
         """Models of the whole estimation part by the fitting functions that validated best."""

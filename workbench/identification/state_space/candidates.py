@@ -14,6 +14,8 @@ from workbench.tables import markdown
 
 BLOCKS = 10
 """Blocks of validation samples, of each fold, whose mean errors give the standard error."""
+MEMBER_LOSS = 10.0
+"""Points of fit below the best candidate beyond which no other is averaged with it."""
 MEMBERS = 5
 """Candidates whose predictions are averaged: few enough that all of them are good ones."""
 
@@ -47,9 +49,9 @@ class Candidates:
         return int(np.argmax(self.fits[use]))
 
     def members(self, use: int) -> list[int]:
-        """The candidates of the best fits of a use, as many as an average has, best first."""
+        """The candidates of the best fits of a use that an average has, best first."""
         order = np.argsort(-self.fits[use], kind="stable")[:MEMBERS]
-        return [int(k) for k in order if np.isfinite(self.fits[use, k])]
+        return [int(k) for k in order if self.fits[use, k] >= self.fits[use].max() - MEMBER_LOSS]
 
     def runner_up(self, use: int) -> int | None:
         """The best candidate of another kind than the best one; None where there is none."""
