@@ -16,6 +16,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
 from workbench.arrays import Array
+from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem
 
@@ -23,6 +24,8 @@ FEWEST_REFINED = 30
 """Fewest states whose response is refined; fewer ones are eliminated in balls."""
 LARGEST_DEFECT = 2.0**-10
 """Largest error of an inverse in doubles, by which a solution is refined."""
+DOUBLE_BITS = 53
+"""Bits of a double; a solution in doubles is refined in twice as many, then in more and more."""
 
 Matrix = acb_mat
 """A matrix of complex balls."""
@@ -142,12 +145,25 @@ def _refined(system: StableSystem, omega: float) -> Matrix | None:
     theta = float(((np.abs(E.mid) + E.rad) * UPWARD).sum(axis=1).max()) * UPWARD
     if not theta < LARGEST_DEFECT:
         return None
-    a, b, inverse = balls(A.mid), balls(B.mid), balls(Y)
-    s = acb(0, float(omega))
-    X = inverse * b
-    for _ in range(math.ceil(-ctx.prec / math.log2(theta + TINY)) + 1):
-        X = (X + inverse * (b - (X * s - a * X))).mid()
-    R = doubles(b - (X * s - a * X))
-    Z = np.abs(Y) @ (np.abs(R.mid) + R.rad) * UPWARD**4
+    # Real and imaginary parts stand side by side: real balls take a fourth of the time.
+    r = B.mid.shape[1]
+    a, b = real_balls(A.mid), real_balls(np.hstack([B.mid, np.zeros((n, r))]))
+    turn = real_balls(omega * np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(r)))
+    X = real_balls(_side_by_side(Y @ B.mid))
+    gained = -math.log2(theta + TINY)
+    for step in range(math.ceil(ctx.prec / gained) + 1):
+        with ctx.workprec(min(ctx.prec, math.ceil(2 * DOUBLE_BITS + step * gained))):
+            rest = real_doubles(b - (X * turn - a * X)).mid
+        X = (X + real_balls(_side_by_side(Y @ (rest[:, :r] + 1j * rest[:, r:])))).mid()
+    R = real_doubles(b - (X * turn - a * X))
+    size = np.abs(R.mid) + R.rad
+    Z = np.abs(Y) @ (size[:, :r] + size[:, r:]) * UPWARD**4
     error = (Z + theta * Z.max(axis=0) / (1 - theta)) * UPWARD**4 + TINY
-    return X + enclosed(Enclosure(np.zeros(error.shape, complex), error))
+    parts = X * real_balls(np.eye(2 * r)[:, :r]), X * real_balls(np.eye(2 * r)[:, r:])
+    near = acb_mat(parts[0]) + acb_mat(parts[1]) * acb(0, 1)
+    return near + enclosed(Enclosure(np.zeros(error.shape, complex), error))
+
+
+def _side_by_side(X: Array) -> Array:
+    """The real and the imaginary parts (m, 2 n) of a matrix (m, n)."""
+    return np.hstack([X.real, X.imag])

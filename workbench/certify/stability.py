@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
-from workbench.certify.modes.modal_form import PRECISIONS, enclosed_modal_form
+from workbench.certify.modes.modal_form import MODAL_FORMS, real_balls
 from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
@@ -36,16 +36,16 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
         return np.nan, None
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
         A, _ = balanced_states(A)
-        discs = pole_discs(exact(A))
-        for bits in (0, *PRECISIONS):
-            if bits:
-                modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)
-                if modal is None:
-                    continue
-                discs = pole_discs(modal[0])
-            bound, worst, decided = _worst(discs, sampled)
+        bound, worst, decided = _worst(pole_discs(exact(A)), sampled)
+        states = [real_balls(part) for part in (A, A[:, :0], A[:0])]
+        for form_of, bits in MODAL_FORMS:
             if decided:
                 return bound, worst
+            modal = form_of(states, bits)
+            if modal is not None:
+                bound, worst, decided = _worst(pole_discs(modal[0]), sampled)
+        if decided:
+            return bound, worst
         bound, worst, _ = _worst(separate_pole_discs(exact(A)), sampled)
     return bound, worst
 

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.modal_form import (
+    MODAL_FORMS,
     PRECISIONS,
     Enclosures,
-    modal_form_of,
+    FormOf,
     real_balls,
     real_doubles,
 )
@@ -229,16 +230,16 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     parts, discs = plain, pole_discs(plain[0])
     best, unstable = _spread(discs), _unstable(discs)
 
-    def in_modes(bits: int) -> Enclosures | None:
+    def in_modes(form_of: FormOf, bits: int) -> Enclosures | None:
         try:
-            return _scaled(modal_form_of(realised_balls(given, period, bits)[:3], bits))
+            return _scaled(form_of(realised_balls(given, period, bits)[:3], bits))
         except ZeroDivisionError:
             return None
 
-    for bits in PRECISIONS:
+    for form_of, bits in MODAL_FORMS:
         if unstable or best <= (SHARPNESS if seen.all() else 1.0):
             break
-        form = in_modes(bits)
+        form = in_modes(form_of, bits)
         if form is not None:
             found = pole_discs(form[0])
             unstable = _unstable(found)
@@ -257,10 +258,11 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     poles = discs.centre.astype(complex)
 
     def modal() -> StableSystem | None:
-        form = in_modes(PRECISIONS[0])
-        if form is None or not (_sharp(form) and _spread(pole_discs(form[0])) < 1.0):
-            return None
-        return enclosed_system(form, D, poles, period=period)
+        for (form_of, bits), spread in zip(MODAL_FORMS[:2], (SHARPNESS, 1.0), strict=True):
+            form = in_modes(form_of, bits)
+            if form is not None and _sharp(form) and _spread(pole_discs(form[0])) < spread:
+                return enclosed_system(form, D, poles, period=period)
+        return None
 
     if parts is plain:
         return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, period=period)

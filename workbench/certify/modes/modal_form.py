@@ -5,11 +5,15 @@ by a better one, if the change of coordinates is enclosed. Here T holds approxim
 A, real and imaginary parts of a pair side by side, and T^-1 A T, T^-1 B and C T are computed in
 balls (Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE
 Trans. Computers 66 (2017) 1281-1292), then rounded outward to doubles.
+
+Eigenvectors in doubles suffice where they are far from dependent: T^-1 A T is exact for any T, and
+with the block diagonal Lambda of the modes it is Lambda + T^-1 (A T - T Lambda), whose second term
+is small. Only A T - T Lambda is then computed in balls, and likewise what T^-1 B lacks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +24,7 @@ from workbench.certify.rounding import (
     TINY,
     UPWARD,
     Enclosure,
+    exact,
     nearest_power_of_two,
     solution,
     stacked_enclosures,
@@ -27,6 +32,11 @@ from workbench.certify.rounding import (
 
 PRECISIONS = (128, 256, 512)
 """Bits of the balls, one after the other until a proof succeeds."""
+
+FEWEST_QUICK = 30
+"""Fewest states whose modes are taken from doubles; those of fewer take no time in balls."""
+LARGEST_CONDITION = 1e4
+"""Largest condition of eigenvectors that are taken as they are in doubles."""
 
 LOST_IN_DOUBLES = 8
 """Largest error of modal coordinates by an inverse in doubles, in units of the largest of a row's
@@ -42,14 +52,6 @@ Enclosures = tuple[Enclosure, Enclosure, Enclosure]
 """A, B and C of a realisation."""
 
 
-def enclosed_modal_form(A: RealArray, B: RealArray, C: RealArray, bits: int) -> Enclosures | None:
-    """Enclosures of A, B and C in modal coordinates; None where `bits` do not separate the modes.
-
-    The midpoint of A is diagonal up to blocks of two real numbers for a pair of complex poles.
-    """
-    return modal_form_of([real_balls(part) for part in (A, B, C)], bits)
-
-
 def real_balls(matrix: RealArray) -> Any:
     """The matrix of real numbers as balls of radius 0."""
     import flint
@@ -58,7 +60,11 @@ def real_balls(matrix: RealArray) -> Any:
 
 
 def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
-    """As `enclosed_modal_form`, of A, B and C in balls of at least as many bits."""
+    """Enclosures of A, B and C in modal coordinates; None where `bits` do not separate the modes.
+
+    A, B and C are given in balls of at least as many bits. The midpoint of A is diagonal up to
+    blocks of two real numbers for a pair of complex poles.
+    """
     import flint
 
     A, B, C = realised
@@ -71,9 +77,65 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
         if inner is None:
             return None
         enclosures = [*inner, real_doubles(C * T)]
-    if any(not (np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in enclosures):
+    if not _moderate(enclosures):
         return None
-    return _normalised(enclosures[0], enclosures[1], enclosures[2], mode)
+    A, B, C = enclosures
+    # What T^-1 A T has between modes goes from the midpoint to the radius.
+    between = mode[:, None] != mode
+    A = Enclosure(np.where(between, 0.0, A.mid), A.rad + np.where(between, np.abs(A.mid), 0.0))
+    return _normalised(A, B, C, mode)
+
+
+def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
+    """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
+
+    None for few states, and where the eigenvectors are nearly dependent.
+    """
+    import flint
+
+    A, B, C = realised
+    n = A.nrows()
+    if n < FEWEST_QUICK:
+        return None
+    values, vectors = np.linalg.eig(real_doubles(A).mid)
+    vectors = vectors / np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)
+    T, modes, mode = np.empty((n, n)), np.zeros((n, n)), np.empty(n, int)
+    place = 0
+    for k in np.flatnonzero(values.imag >= 0):
+        pole, pair = values[k], values[k].imag > 0
+        at = slice(place, place + 1 + pair)
+        T[:, at] = np.stack([vectors[:, k].real, vectors[:, k].imag][: 1 + pair], axis=1)
+        turn = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]])
+        modes[at, at], mode[at], place = turn[: 1 + pair, : 1 + pair], k, at.stop
+    if not np.linalg.cond(T / np.linalg.norm(T, axis=0)) <= LARGEST_CONDITION:
+        return None
+    into = np.linalg.solve(T, real_doubles(B).mid)
+    with flint.ctx.workprec(bits):
+        basis = real_balls(T)
+        rest = (A * basis - basis * real_balls(modes), B - basis * real_balls(into))
+        small = solution(exact(T), stacked_enclosures([[real_doubles(part) for part in rest]]))
+        out = real_doubles(C * basis)
+    if small is None:
+        return None
+    found = exact(np.hstack([modes, into])) + small
+    states, inputs = (
+        Enclosure(found.mid[:, part], found.rad[:, part]) for part in (slice(n), slice(n, None))
+    )
+    return _normalised(states, inputs, out, mode) if _moderate((states, inputs, out)) else None
+
+
+def _moderate(parts: Sequence[Enclosure]) -> bool:
+    """Whether the squares of all entries are doubles."""
+    return all((np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in parts)
+
+
+FormOf = Callable[[Sequence[Any], int], Enclosures | None]
+"""Gives modal coordinates of A, B and C in balls of that many bits."""
+MODAL_FORMS: tuple[tuple[FormOf, int], ...] = (
+    (quick_modal_form_of, PRECISIONS[0]),
+    *((modal_form_of, bits) for bits in PRECISIONS),
+)
+"""Ways to modal coordinates with their bits, one after the other until a proof succeeds."""
 
 
 def _in_doubles(T: Any, A: Any, B: Any, mode: Array) -> tuple[Enclosure, Enclosure] | None:
@@ -118,13 +180,8 @@ def _in_balls(T: Any, A: Any, B: Any) -> tuple[Enclosure, Enclosure] | None:
 
 
 def _normalised(A: Enclosure, B: Enclosure, C: Enclosure, mode: Array) -> Enclosures:
-    """The realisation with B and C of similar size in every mode.
-
-    What T^-1 A T has between modes goes from the midpoint to the radius.
-    """
-    between = mode[:, None] != mode
-    A = Enclosure(np.where(between, 0.0, A.mid), A.rad + np.where(between, np.abs(A.mid), 0.0))
-    same = (~between).astype(float)
+    """The realisation with B and C of similar size in every mode."""
+    same = (mode[:, None] == mode).astype(float)
     into, out = np.linalg.norm(B.mid, axis=1), np.linalg.norm(C.mid, axis=0)
     into, out = (np.sqrt(same @ part**2) for part in (into, out))
     seen = (into > 0) & (out > 0)
