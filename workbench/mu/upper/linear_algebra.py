@@ -105,10 +105,10 @@ def make_hermitian(A: np.ndarray) -> None:
 
 @compiled
 def factor_normal(H: np.ndarray) -> None:
-    """Replace the lower half of a symmetric real H >= 0 by its Cholesky factor.
+    """Replace the upper half of a symmetric real H >= 0 by the R of its factors R^T R.
 
-    An unknown that has no influence on H gets a nearly infinite pivot, so that a solution leaves
-    it unchanged.
+    All loops run along rows, so that they become vector instructions. An unknown that has no
+    influence on H gets a nearly infinite pivot, so that a solution leaves it unchanged.
     """
     m = H.shape[0]
     seen = np.empty(m)
@@ -117,24 +117,27 @@ def factor_normal(H: np.ndarray) -> None:
     for k in range(m):
         root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN_PIVOT
         H[k, k] = root
+        scale = 1.0 / root
         for i in range(k + 1, m):
-            H[i, k] /= root
+            H[k, i] *= scale
         for i in range(k + 1, m):
-            entry = H[i, k]
-            for j in range(k + 1, i + 1):
-                H[i, j] -= entry * H[j, k]
+            entry = H[k, i]
+            for j in range(i, m):
+                H[i, j] -= entry * H[k, j]
 
 
 @compiled
-def solve_normal(L: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
-    """Solve L L^T x = b."""
-    m = L.shape[0]
+def solve_normal(R: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
+    """Solve R^T R x = b."""
+    m = R.shape[0]
     for i in range(m):
-        total = b[i]
-        for k in range(i):
-            total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
+        x[i] = b[i]
+    for k in range(m):
+        x[k] /= R[k, k]
+        for i in range(k + 1, m):
+            x[i] -= R[k, i] * x[k]
     for i in range(m - 1, -1, -1):
-        x[i] /= L[i, i]
-        for k in range(i):
-            x[k] -= L[i, k] * x[i]
+        total = x[i]
+        for k in range(i + 1, m):
+            total -= R[i, k] * x[k]
+        x[i] = total / R[i, i]

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.compiled import compiled
 from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, multiply_adjoint
-from workbench.mu.upper.pattern import Pattern
+from workbench.mu.upper.pattern import IM, RE, Pattern
 
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
@@ -52,36 +52,49 @@ def reach(
 def hessian(
     pattern: Pattern, t: float, T: np.ndarray, U: np.ndarray, H: np.ndarray, value: np.ndarray
 ) -> None:
-    """Set the lower half of H[k, l] = Re trace(E_k T E_l U), E_k the sparse derivatives of K.
+    """Set the upper half of H[k, l] = Re trace(E_k T E_l U), E_k the sparse derivatives of K.
 
-    K is the matrix of the inequality in `Pattern`; ``value`` is work space for its entries.
+    K is the matrix of the inequality in `Pattern`; ``value`` is work space for its entries. The
+    real and the imaginary part of an entry have the same products of T and U.
     """
     for e in range(value.size):
         value[e] = pattern.fixed[e] + t * pattern.growing[e]
-    first, at, to = pattern.first, pattern.at, pattern.to
-    for k in range(H.shape[0]):
-        for other in range(k + 1):
-            total = 0.0
+    first, at, to, turn, kind = pattern.first, pattern.at, pattern.to, pattern.turn, pattern.kind
+    for other in range(H.shape[0]):
+        if kind[other] == IM:
+            continue
+        for k in range(other, H.shape[0]):
+            if kind[k] == IM:
+                continue
+            both, left, right, none = 0.0, 0.0, 0.0, 0.0
             for e in range(first[k], first[k + 1]):
-                part = 0.0j
                 for f in range(first[other], first[other + 1]):
-                    part += T[to[e], at[f]] * value[f] * U[to[f], at[e]]
-                total += value[e].real * part.real - value[e].imag * part.imag
-            H[k, other] = total
+                    part = value[e] * value[f] * (T[to[e], at[f]] * U[to[f], at[e]])
+                    none += part.real
+                    left -= turn[e] * part.imag
+                    right -= turn[f] * part.imag
+                    both -= turn[e] * turn[f] * part.real
+            H[other, k] = none
+            if kind[k] == RE:
+                H[other, k + 1] = left
+            if kind[other] == RE:
+                H[other + 1, k] = right  # of k = other, this is below the diagonal
+            if kind[k] == RE and kind[other] == RE:
+                H[other + 1, k + 1] = both
 
 
 @compiled
 def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np.ndarray) -> None:
-    """Add Re trace(e_k D^-1 e_l W) to the lower half of H, e_k the basis of the compact D."""
+    """Add Re trace(e_k D^-1 e_l W) to the upper half of H, e_k the basis of the compact D."""
     row, column, kind = pattern.row, pattern.column, pattern.kind
     for k in range(H.shape[0]):
         if pattern.skew[k]:
             break
         a, b = row[k], column[k]
-        v = 1j if kind[k] == 2 else 1.0 + 0j
+        v = 1j if kind[k] == IM else 1.0 + 0j
         for other in range(k + 1):
             p, q = row[other], column[other]
-            w = 1j if kind[other] == 2 else 1.0 + 0j
+            w = 1j if kind[other] == IM else 1.0 + 0j
             total = v * D_inverse[b, p] * w * W[q, a]
             if p != q:
                 total += v * D_inverse[b, q] * np.conj(w) * W[p, a]
@@ -89,7 +102,7 @@ def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np
                 total += np.conj(v) * D_inverse[a, p] * w * W[q, b]
                 if p != q:
                     total += np.conj(v) * D_inverse[a, q] * np.conj(w) * W[p, b]
-            H[k, other] += total.real
+            H[other, k] += total.real
 
 
 @compiled

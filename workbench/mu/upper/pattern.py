@@ -29,7 +29,8 @@ class Pattern(NamedTuple):
     ``left`` (c,) and ``right`` (r,) are the compact indices of the rows and columns of M.
     ``row``, ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; ``skew`` marks those of
     G. The derivative of K by unknown k has the entries numbered ``first[k]`` to ``first[k + 1]``,
-    at rows ``at`` and columns ``to``, with the values ``fixed + t * growing``. ``size`` is N.
+    at rows ``at`` and columns ``to``, with the values ``fixed + t * growing``. An imaginary part
+    comes after its real part; its entries are ``1j * turn`` times those of that. ``size`` is N.
     """
 
     left: np.ndarray
@@ -43,6 +44,7 @@ class Pattern(NamedTuple):
     to: np.ndarray
     fixed: np.ndarray
     growing: np.ndarray
+    turn: np.ndarray
     size: int
 
 
@@ -90,6 +92,13 @@ def pattern_of(structure: Structure) -> Pattern:
         first.append(len(entries))
     row, column, kinds, skews = (np.array(part) for part in zip(*unknowns, strict=True))
     at, to, fixed, growing = zip(*entries, strict=True)
+    turn = np.ones(len(entries))
+    for k, (_, _, kind, _) in enumerate(unknowns):
+        for e in range(first[k], first[k + 1]) if kind == RE else ():
+            one, other = (
+                entries[place][2] + entries[place][3] for place in (e, e + first[k + 1] - first[k])
+            )
+            turn[e] = (other / (1j * one)).real
     return Pattern(
         np.array(left),
         np.array(right),
@@ -102,6 +111,7 @@ def pattern_of(structure: Structure) -> Pattern:
         np.array(to),
         np.array(fixed, complex),
         np.array(growing, complex),
+        turn,
         size,
     )
 
