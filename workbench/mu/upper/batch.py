@@ -6,8 +6,10 @@ import numpy as np
 
 from workbench.compiled import compiled
 from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two
+from workbench.mu.upper.linear_algebra import factor
+from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
-from workbench.mu.upper.pattern import Pattern, fill
+from workbench.mu.upper.pattern import Pattern, fill, slack
 
 PATH_ITERATIONS = 100
 """Most iterations along the central path of one matrix."""
@@ -37,6 +39,7 @@ def solve_each(
     batch: np.ndarray,
     pattern: Pattern,
     accuracy: float,
+    level: float,
     D: np.ndarray,
     G: np.ndarray,
     gaps: np.ndarray,
@@ -44,7 +47,8 @@ def solve_each(
 ) -> None:
     """Compute compact multipliers ``D`` and ``G`` (F, N, N) for a ``batch`` (F, c, r).
 
-    ``gaps`` (F,) receives the path's estimate of the relative duality gap of t = beta^2, and
+    A bound up to the level is low enough; 0 asks for the least one. ``gaps`` (F,) receives the
+    path's estimate of the relative duality gap of t = beta^2, 0 for a bound that is low enough, and
     ``iterations`` (F,) the iterations made. The scale of D is arbitrary.
     """
     count, c, r = batch.shape
@@ -63,12 +67,13 @@ def solve_each(
             scale = scale * _unit(M) if norm > NILPOTENT_NORM else 0.0
         if scale > 0.0:
             solved = False
+            enough = (level / scale) ** 2
             if scale == last_scale and np.all(last_E == E):
                 for rise in WARM_START_RISES:
                     x[:] = early
                     start = rise * early_t
                     early_t, gaps[f], iterations[f] = follow(
-                        M, pattern, start, x, early, accuracy, PATH_ITERATIONS
+                        M, pattern, start, x, early, accuracy, PATH_ITERATIONS, enough
                     )
                     solved = gaps[f] <= accuracy
                     if early_t > 0.0:
@@ -77,7 +82,7 @@ def solve_each(
             if not solved:
                 _identity(pattern, x)
                 early_t, gaps[f], iterations[f] = follow(
-                    M, pattern, _above(M), x, early, accuracy, PATH_ITERATIONS
+                    M, pattern, _above(M), x, early, accuracy, PATH_ITERATIONS, enough
                 )
             last_scale = scale if early_t > 0.0 else 0.0
             last_E[:] = E
@@ -91,6 +96,37 @@ def solve_each(
                 G[f, i, j] *= E[i] * E[j] * scale
         if scale == 0.0:
             E[:] = 1.0
+
+
+@compiled
+def held_below(
+    batch: np.ndarray,
+    level: float,
+    pattern: Pattern,
+    D: np.ndarray,
+    G: np.ndarray,
+    source: np.ndarray,
+    held: np.ndarray,
+) -> None:
+    """Set held (F,): whether compact D and G (K, N, N) of a source (F,) show a bound <= level.
+
+    The test of a matrix (c, r) is a Cholesky factor of S, in which rounding is not looked at.
+    """
+    c, r = batch.shape[1:]
+    N = pattern.size
+    Y, M = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
+    B, S, L, twist = square(r), square(r), square(r), square(N)
+    scale = power_of_two(level)
+    t = (level / scale) ** 2
+    for f in range(len(batch)):
+        for i in range(c):
+            for j in range(r):
+                M[i, j] = batch[f, i, j] / scale
+        for i in range(N):
+            for j in range(N):
+                twist[i, j] = G[source[f], i, j] / scale
+        slack(pattern, M, t, D[source[f]], twist, Y, B, S)
+        held[f] = factor(S, L)
 
 
 @compiled

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
 
 from workbench.arrays import Array, ComplexArray, RealArray
-from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
-from workbench.mu.upper.alone import closed_form, is_alone
-from workbench.mu.upper.batch import balanced_batch, solve_each
-from workbench.mu.upper.lanes.path import follow_paths
-from workbench.mu.upper.pattern import (
-    Pattern,
-    diagonal_places,
-    expanded_multipliers,
-    pattern_of,
-)
-from workbench.mu.upper.program import MuUpperBound, proved
+from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
+from workbench.mu.upper.program import MuUpperBound, UpperBound, proved
 from workbench.mu.upper.recentred import recentred
+from workbench.mu.upper.solved import solved, solved_below
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
@@ -35,39 +28,17 @@ SPOILT_BOUND_RATIO = 1 + 1e-6
 POWER_STEPS = 3
 """Steps of the power iteration for the largest singular value."""
 
-_pattern = lru_cache(maxsize=32)(pattern_of)
+pattern_of_structure = lru_cache(maxsize=32)(pattern_of)
+"""`pattern_of`, kept for structures used before."""
 
 
-def _solved(
-    structure: Structure, pattern: Pattern, accuracy: float, M: ComplexArray
-) -> tuple[Array, ...]:
-    """Multipliers D and G, gaps and numbers of iterations of matrices M (B, c, r)."""
-    count = len(M)
-    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
-    gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
-    places = diagonal_places(pattern)
-    if places is not None:
-        scaled, E, scale = np.empty_like(M), np.empty((count, pattern.size)), np.empty(count)
-        balanced_batch(M, pattern, scaled, E, scale)
-        d, g = np.empty((count, pattern.size)), np.empty((count, places.row.size))
-        follow_paths(scaled, places, accuracy, d, g, gaps, iterations)
-        nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
-        d[nothing], g[nothing] = 1.0, 0.0
-        every, real = np.arange(pattern.size), pattern.row[pattern.skew]
-        with np.errstate(all="ignore"):  # what is not finite proves nothing
-            D[:, every, every] = d * E * E
-            G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
-        gaps[nothing] = 0.0
-    elif is_alone(structure):
-        first_D, first_G, mu = closed_form(M, structure)
-        exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu
-        D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
-    rest = np.flatnonzero(~(gaps <= accuracy))
-    if rest.size:  # each is warm-started from the one before
-        found = D[rest], G[rest], gaps[rest], iterations[rest]
-        solve_each(M[rest], pattern, accuracy, *found)
-        D[rest], G[rest], gaps[rest], iterations[rest] = found
-    return D, G, gaps, iterations
+@dataclass(frozen=True)
+class BatchBounds:
+    """Bounds (F,) of a batch, gaps (F,) of their squares, and iterations (F,) made for them."""
+
+    answer: UpperBound
+    gaps: RealArray
+    iterations: Array
 
 
 @method(MuUpperBound, "fast", optimal=False)
@@ -79,35 +50,12 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     """
     structure = program.structure
     with context.stating():
-        pattern = _pattern(structure)
+        pattern_of_structure(structure)
     batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
-    count = len(batch)
-    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
-    gaps, iterations = np.zeros(count), np.zeros(count, int)
-    accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
-    chunks = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
-
-    solve = partial(_solved, structure, pattern, accuracy)
-    found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
-    for chunk, one in zip(chunks, found, strict=True):
-        D[chunk], G[chunk], gaps[chunk], iterations[chunk] = one
-    answer = proved(batch, structure, *expanded_multipliers(pattern, D, G))
-    again = np.flatnonzero(
-        ~np.isfinite(answer.value)
-        | _above_norm(answer.value, batch)
-        | (gaps > context.options.accuracy)
-    )
-    for i in again:
-        end = D[i].copy(), G[i].copy()
-        D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)
-    if again.size:
-        multipliers = expanded_multipliers(pattern, D[again], G[again])
-        better = proved(batch[again], structure, *multipliers)
-        for name in ("value", "D_left", "D_right", "G"):
-            getattr(answer, name)[again] = getattr(better, name)
-    answer = answer.reshaped(program.batch)
+    found = batch_bounds(batch, structure, context)
+    gaps, count = found.gaps, len(batch)
     early = int(np.sum(gaps > context.options.accuracy))
-    message = f"at most {iterations.max(initial=0)} iterations"
+    message = f"at most {found.iterations.max(initial=0)} iterations"
     if early:
         gap = gaps.max()
         share = f"up to {gap:.2g} (relative, of its square)" if gap < 1 else "by an unknown share"
@@ -115,7 +63,47 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
             f"; stopped early for {early} of {count} matrices, the bound valid but {share} above "
             "the least"
         )
+    answer = found.answer.reshaped(program.batch)
     return answer, Outcome.INACCURATE if early else Outcome.SOLVED, message
+
+
+def batch_bounds(
+    batch: ComplexArray, structure: Structure, context: Context, level: float = 0.0
+) -> BatchBounds:
+    """Bounds of matrices (F, c, r); one up to the level is low enough, 0 asks for the least."""
+    pattern = pattern_of_structure(structure)
+    count = len(batch)
+    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
+    gaps, iterations = np.zeros(count), np.zeros(count, int)
+    accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
+    chunks = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
+
+    solve = partial(solved_below if level > 0 else solved, structure, pattern, accuracy, level)
+    found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
+    for chunk, one in zip(chunks, found, strict=True):
+        D[chunk], G[chunk], gaps[chunk], iterations[chunk] = one
+    answer = proved(batch, structure, *expanded_multipliers(pattern, D, G))
+    low = answer.value <= level
+    missed = np.flatnonzero((level > 0) & (gaps == 0) & ~low)
+    if missed.size:  # rounding lifted the bound over the level
+        D[missed], G[missed], gaps[missed], iterations[missed] = solved(
+            structure, pattern, accuracy, 0.0, batch[missed]
+        )
+    again = np.flatnonzero(
+        ~np.isfinite(answer.value)
+        | (~low & _above_norm(answer.value, batch))
+        | (gaps > context.options.accuracy)
+    )
+    for i in again:
+        end = D[i].copy(), G[i].copy()
+        D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)
+    again = np.union1d(again, missed)
+    if again.size:
+        multipliers = expanded_multipliers(pattern, D[again], G[again])
+        better = proved(batch[again], structure, *multipliers)
+        for name in ("value", "D_left", "D_right", "G"):
+            getattr(answer, name)[again] = getattr(better, name)
+    return BatchBounds(answer, gaps, iterations)
 
 
 def _above_norm(value: RealArray, M: ComplexArray) -> np.ndarray:

@@ -63,11 +63,13 @@ def follow(
     early: np.ndarray,
     accuracy: float,
     iterations: int,
+    enough: float = 0.0,
 ) -> tuple[float, float, int]:
     """Follow the central path from a point with S > 0 and D > 0; x (m,) is changed in place.
 
     The path ends when the duality gap and the remaining fall of t are below ``accuracy`` times t,
-    when t is negligible, or after ``iterations`` iterations. ``early`` (m,) receives the unknowns
+    when t is negligible or ``enough``, or after ``iterations`` iterations. A t that is low enough
+    counts as one without a gap. ``early`` (m,) receives the unknowns
     of a point well before the end, which is a good start for a neighbouring M.
 
     Returns
@@ -113,7 +115,7 @@ def follow(
             return early_t, gap, iteration
         t = ahead
         x[:] = system.other
-        if t <= nothing:
+        if t <= max(nothing, enough):
             return early_t, 0.0, iteration + 1
         _add(point.Z, dual, step.dZ)
         _add(point.W, dual, step.dW)

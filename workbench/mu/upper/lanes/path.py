@@ -52,6 +52,7 @@ def follow_paths(
     batch: np.ndarray,
     places: Places,
     accuracy: float,
+    enough: np.ndarray,
     D: np.ndarray,
     G: np.ndarray,
     gaps: np.ndarray,
@@ -59,6 +60,7 @@ def follow_paths(
 ) -> None:
     """D (F, N) and G (F, q) at the ends of the paths of matrices (F, c, r), from D = 1 and G = 0.
 
+    A path also ends, without a gap, where its t is ``enough`` (F,).
     ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`; infinite where a path was lost.
     """
     r = places.right.size
@@ -69,7 +71,7 @@ def follow_paths(
         # Eight paths begin together: near their ends most steps are long, and few trials are made.
         if not rest.active.any():
             for w in range(min(LANES, len(batch) - waiting)):
-                _load(places, lanes, rest, batch[waiting], w)
+                _load(places, lanes, rest, batch[waiting], enough[waiting], w)
                 rest.matrix[w] = waiting
                 waiting += 1
             cholesky(S, lanes.L, r, rest.held)
@@ -98,12 +100,14 @@ def follow_paths(
                 rest.used[w] += 1
                 if rest.lost[w]:
                     _end(places, lanes, rest, np.inf, w, D, G, gaps, iterations)
-                elif rest.t[w] <= rest.nothing[w]:
+                elif rest.t[w] <= max(rest.nothing[w], rest.enough[w]):
                     _end(places, lanes, rest, 0.0, w, D, G, gaps, iterations)
 
 
 @unchecked_kernel
-def _load(places: Places, lanes: Lanes, rest: Numbers, M: np.ndarray, w: int) -> None:
+def _load(
+    places: Places, lanes: Lanes, rest: Numbers, M: np.ndarray, enough: float, w: int
+) -> None:
     """Start the path of a matrix (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
     c, r = M.shape
     square = 0.0
@@ -122,7 +126,7 @@ def _load(places: Places, lanes: Lanes, rest: Numbers, M: np.ndarray, w: int) ->
                 total -= np.conj(M[i, a]) * M[i, b]
             at = (a * r + b) * 2 * LANES
             lanes.S[at + w], lanes.S[at + LANES + w] = total.real, total.imag
-    rest.t[w], rest.nothing[w] = t, NEGLIGIBLE_T * t
+    rest.t[w], rest.nothing[w], rest.enough[w] = t, NEGLIGIBLE_T * t, enough
     rest.used[w], rest.active[w], rest.lost[w] = 0, True, False
 
 

@@ -119,6 +119,7 @@ class Numbers(NamedTuple):
 
     t: np.ndarray
     nothing: np.ndarray
+    enough: np.ndarray
     dt: np.ndarray
     rho: np.ndarray
     along: np.ndarray
@@ -141,6 +142,7 @@ def numbers() -> Numbers:
     """Zeros for eight lanes, none of which has a matrix."""
     return Numbers(
         np.ones(LANES),
+        np.zeros(LANES),
         np.zeros(LANES),
         np.zeros(LANES),
         np.zeros(LANES),

@@ -1,0 +1,47 @@
+"""Upper bounds of mu that only have to be below a level, as on a grid of frequencies."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.mu.upper.fast import batch_bounds
+from workbench.mu.upper.program import MuUpperBound, UpperBound
+from workbench.solvers import Options
+from workbench.structure import Structure
+
+
+def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
+    """Upper bounds of mu that stop improving at a level, for the question "is mu below it?".
+
+    They take a third of the time of `upper_bound` where neighbours in the batch are alike, as
+    responses at neighbouring frequencies are: what proves one bound is tried on those beside it.
+
+    Parameters
+    ----------
+    M
+        Complex, shape (F, c, r), finite; c = structure.columns, r = structure.rows.
+    level
+        Positive and finite.
+
+    Returns
+    -------
+    UpperBound
+        Every bound holds. One at most the level need not be the least; one above it is as near to
+        the least bound as that of `upper_bound`, which is then above the level too.
+
+    Raises
+    ------
+    InputError
+        M does not fit the structure or is not finite, or the level is not positive and finite.
+    """
+    if not 0.0 < level < math.inf:
+        raise InputError(f"level is {level!r}; it must be positive and finite")
+    program = MuUpperBound(M, structure)
+    batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
+    found = batch_bounds(batch, structure, Context(Options()), level)
+    return found.answer.reshaped(program.batch)

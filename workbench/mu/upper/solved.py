@@ -1,0 +1,101 @@
+"""Multipliers of a batch from the central paths of its matrices, or from those of neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.certify.mu_bound import certified_bound
+from workbench.mu.upper.alone import closed_form, is_alone
+from workbench.mu.upper.batch import balanced_batch, held_below, solve_each
+from workbench.mu.upper.lanes.path import follow_paths
+from workbench.mu.upper.pattern import Pattern, diagonal_places
+from workbench.structure import Structure
+
+LEVEL_MARGIN = 1e-8
+"""Share of a level that bounds stay below, so that rounding them outward does not lift them over
+it."""
+NEIGHBOURS = 8
+"""One matrix in so many gets its own path; then its multipliers are tried on those beside it."""
+NEIGHBOUR_ROUNDS = 3
+"""How often this is done with those that are left, before each gets its own path."""
+
+Solved = tuple[Array, Array, RealArray, Array]
+"""Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""
+
+
+def solved(
+    structure: Structure,
+    pattern: Pattern,
+    accuracy: float,
+    level: float,
+    M: ComplexArray,
+) -> Solved:
+    """Multipliers of matrices M (F, c, r), each from its own path.
+
+    A bound up to the level is low enough, and then has no gap; 0 asks for the least one.
+    """
+    count = len(M)
+    level = level * (1 - LEVEL_MARGIN)
+    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
+    gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
+    places = diagonal_places(pattern)
+    if places is not None:
+        scaled, E, scale = np.empty_like(M), np.empty((count, pattern.size)), np.empty(count)
+        balanced_batch(M, pattern, scaled, E, scale)
+        d, g = np.empty((count, pattern.size)), np.empty((count, places.row.size))
+        nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
+        every, real = np.arange(pattern.size), pattern.row[pattern.skew]
+        with np.errstate(all="ignore"):  # what is not finite proves nothing
+            enough = np.where(nothing, 0.0, level / scale) ** 2
+            follow_paths(scaled, places, accuracy, enough, d, g, gaps, iterations)
+            d[nothing], g[nothing] = 1.0, 0.0
+            D[:, every, every] = d * E * E
+            G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
+        gaps[nothing] = 0.0
+    elif is_alone(structure):
+        first_D, first_G, mu = closed_form(M, structure)
+        exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu
+        D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
+    rest = np.flatnonzero(~(gaps <= accuracy))
+    if rest.size:  # each is warm-started from the one before
+        found = D[rest], G[rest], gaps[rest], iterations[rest]
+        solve_each(M[rest], pattern, accuracy, level, *found)
+        D[rest], G[rest], gaps[rest], iterations[rest] = found
+    return D, G, gaps, iterations
+
+
+def solved_below(
+    structure: Structure,
+    pattern: Pattern,
+    accuracy: float,
+    level: float,
+    M: ComplexArray,
+) -> Solved:
+    """As `solved` for a level above 0, where neighbours in M (F, c, r) are alike.
+
+    The multipliers of a matrix often show that bounds of its neighbours are below the level too.
+    """
+    count = len(M)
+    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
+    gaps, iterations = np.zeros(count), np.zeros(count, int)
+    found = D, G, gaps, iterations
+    low = level * (1 - LEVEL_MARGIN)
+    left = np.arange(count)
+    for round_ in range(NEIGHBOUR_ROUNDS + 1):
+        apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1
+        own = left[::apart]
+        paths = solved(structure, pattern, accuracy, level, M[own])
+        for part, value in zip(found, paths, strict=True):
+            part[own] = value
+        place = np.flatnonzero(np.arange(len(left)) % apart)
+        for beside in (0, 1):
+            source, rest = own[np.minimum(place // apart + beside, len(own) - 1)], left[place]
+            held = np.zeros(len(rest), bool)
+            held_below(M[rest], low, pattern, D, G, source, held)
+            D[rest[held]], G[rest[held]] = D[source[held]], G[source[held]]
+            place = place[~held]
+        left = left[place]
+        if not len(left):
+            break
+    return found
