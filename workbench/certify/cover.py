@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.interval import (
     END_MARGIN,
     Multipliers,
@@ -35,6 +35,9 @@ MAXIMUM_TOLERANCE = 1e-3
 REFINED_SHARE = 1e-3
 """Only bounds above this share of the largest are refined."""
 
+SETTLING_STEPS = 3
+"""Refinements in which unsettled gaps are split. What is left is seen when intervals are proven."""
+
 MOST_GRID_POINTS = 3000
 """Number of frequencies at which refinement stops."""
 
@@ -44,7 +47,8 @@ class FrequencyBounds:
     """Upper bounds over frequency with their multipliers.
 
     ``omega`` (F,) [rad/s], increasing, ``M`` (F, c, r), ``upper`` (F,), and ``D_left``
-    (F, c, c), ``D_right`` (F, r, r), ``G`` (F, r, c) as `upper_bound` has them.
+    (F, c, c), ``D_right`` (F, r, r), ``G`` (F, r, c) as `upper_bound` has them. ``least`` (F,) says
+    which are the least that the method finds, and not only low enough; None: all of them.
     """
 
     omega: RealArray
@@ -53,38 +57,65 @@ class FrequencyBounds:
     D_left: Array
     D_right: Array
     G: Array
+    least: BoolArray | None = field(default=None, kw_only=True)
+
+    @property
+    def is_least(self) -> BoolArray:
+        """Which bounds (F,) are the least that the method finds."""
+        return np.ones(len(self.omega), bool) if self.least is None else self.least
 
     def within(self, low: float, high: float) -> FrequencyBounds:
         """The bounds at frequencies from `low` to `high` [rad/s]."""
-        inside = (self.omega >= low) & (self.omega <= high)
+        return self.at((self.omega >= low) & (self.omega <= high))
+
+    def at(self, chosen: BoolArray) -> FrequencyBounds:
+        """The bounds at chosen frequencies (F,)."""
         names = ("omega", "M", "upper", "D_left", "D_right", "G")
-        return FrequencyBounds(*(getattr(self, name)[inside] for name in names))
+        parts = (getattr(self, name)[chosen] for name in names)
+        return FrequencyBounds(*parts, least=self.is_least[chosen])
 
     def joined(self, other: FrequencyBounds) -> FrequencyBounds:
         """Both sets of bounds in order of frequency; at equal frequencies those of `self`."""
         omega, first = np.unique(np.concatenate([self.omega, other.omega]), return_index=True)
         names = ("M", "upper", "D_left", "D_right", "G")
         parts = (np.concatenate([getattr(self, n), getattr(other, n)])[first] for n in names)
-        return FrequencyBounds(omega, *parts)
+        least = np.concatenate([self.is_least, other.is_least])[first]
+        return FrequencyBounds(omega, *parts, least=least)
 
 
 BoundsAt = Callable[[RealArray], FrequencyBounds]
 """A function that gives upper bounds at increasing frequencies [rad/s] (F,) by any method."""
+Settled = Callable[[FrequencyBounds], BoolArray]
+"""Tells (F - 1,) between which frequencies nothing is expected that bounds at them do not show."""
+Holds = Callable[[Array, float, Multipliers], BoolArray]
+"""Whether multipliers show a bound at matrices (F, c, r), up to rounding, by any method."""
 
 
-def refined_bounds(bounds_at: BoundsAt, poles: Array) -> FrequencyBounds:
-    """Upper bounds on a grid chosen from the poles, refined at steep slopes and at maxima."""
-    found = bounds_at(starting_grid(poles))
-    while len(found.omega) < MOST_GRID_POINTS:
-        new = _wanted(found.omega, found.upper)
-        if not new.size:
+def refined_bounds(
+    bounds_at: BoundsAt, poles: Array, settled: Settled | None = None
+) -> FrequencyBounds:
+    """Upper bounds on a grid chosen from the poles, refined at maxima and at steep slopes.
+
+    Where bounds need not be the least, slopes say nothing: `settled` takes their place.
+    """
+    found, unsettled = bounds_at(starting_grid(poles)), None
+    steps = SETTLING_STEPS
+    while True:
+        if settled is not None:
+            unsettled = ~settled(found) & (steps > 0)
+            steps -= 1
+        new = _wanted(found, unsettled)
+        if not new.size or len(found.omega) >= MOST_GRID_POINTS:
             break
         found = found.joined(bounds_at(new))
     return found
 
 
-def _wanted(omega: RealArray, bound: RealArray) -> RealArray:
-    """Frequencies to add: halfway between too different neighbours, and beside maxima."""
+def _wanted(found: FrequencyBounds, unsettled: BoolArray | None) -> RealArray:
+    """Frequencies to add: in unsettled gaps (F - 1,), or between too different neighbours, and
+    beside maxima.
+    """
+    omega, bound = found.omega, found.upper
     inner = slice(1 if omega[0] == 0.0 else 0, -1 if np.isinf(omega[-1]) else None)
     w, height = omega[inner], bound[inner]
     if len(w) < 2:
@@ -93,9 +124,12 @@ def _wanted(omega: RealArray, bound: RealArray) -> RealArray:
     logs = np.log(np.maximum(height, max(floor, np.finfo(float).tiny)))
     steps = np.abs(np.diff(logs))
     wanted = steps > LARGEST_LOG_CHANGE
+    if unsettled is not None:
+        wanted = unsettled[inner.start : len(unsettled) - (inner.stop is not None)]
     # The maximum may lie on either side of a point that is higher than its two neighbours.
     padded = np.concatenate([[-np.inf], logs, [-np.inf]])
-    top = (logs >= padded[:-2]) & (logs >= padded[2:]) & (height > 0.5 * bound.max())
+    high = found.is_least[inner] & (height > 0.5 * bound.max())
+    top = (logs >= padded[:-2]) & (logs >= padded[2:]) & high
     beside = (top[1:] | top[:-1]) & (steps > MAXIMUM_TOLERANCE)
     split = (wanted | beside) & (w[1:] > w[:-1] * (1 + 1e-9))
     middle: RealArray = np.sqrt(w[1:] * w[:-1])[split]
@@ -154,6 +188,10 @@ WIDE_INTERVAL = 0.3
 GAPS_AT_ONCE = 32
 """Number of gaps whose middles are bounded in one call."""
 
+STATES_PER_TRIAL, MOST_TRIALS, NEAR_TRIALS = 8, 24, (-8, -4, -2, -1, 1, 2, 4, 8)
+"""There is a trial of other multipliers for so many states, at most so many, and those near the
+worst frequency."""
+
 
 @dataclass(frozen=True, eq=False)
 class CertifiedInterval:
@@ -196,9 +234,10 @@ class BandCover:
         tolerance: float,
         found: FrequencyBounds,
         plain_at: BoundsAt | None = None,
+        holds: Holds | None = None,
     ) -> None:
         self.system, self.bounds_at, self.plain_at = system, bounds_at, plain_at
-        self.tolerance, self.found = tolerance, found
+        self.tolerance, self.found, self.holds = tolerance, found, holds
         size = float(np.abs(found.M).max())
         self.beta = max(
             (1 + tolerance) * float(found.upper.max()), NEGLIGIBLE_BOUND * min(size, 1.0)
@@ -256,7 +295,7 @@ class BandCover:
 
         If they prove nothing there, beta rises by the tolerance.
         """
-        index = self._worst()
+        index = self._widest(self._worst())
         omega, bound = float(self.found.omega[index]), float(self.found.upper[index])
         if bound * (1 + 0.5 * self.tolerance) > self.beta:
             self.beta = bound * (1 + self.tolerance)
@@ -271,6 +310,33 @@ class BandCover:
                 omega, (ends, multipliers) = beside, plain
         if not self._covered(ends, omega, multipliers):
             self.beta *= 1 + self.tolerance
+
+    def _widest(self, worst: int) -> int:
+        """The frequency near the worst one whose multipliers hold at most frequencies about both.
+
+        Discs take far longer than this where there are many states.
+        """
+        count = min(len(self.system.A) // STATES_PER_TRIAL, MOST_TRIALS)
+        if self.holds is None or count < 2:
+            return worst
+        omega = self.found.omega
+        (low, high) = next(gap for gap in self.open if gap[0] <= omega[worst] <= gap[1])
+        inside = np.flatnonzero((omega >= low) & (omega <= high))
+        own = int(np.searchsorted(inside, worst))
+        tried = {own, *np.linspace(0, len(inside) - 1, count).astype(int).tolist()}
+        tried |= {min(max(own + step, 0), len(inside) - 1) for step in NEAR_TRIALS}
+
+        def reached(place: int) -> tuple[bool, int]:
+            """Whether the worst frequency is reached from a place, and how many are."""
+            held = self.holds(self.found.M[inside], self.beta, self._multipliers(inside[place]))
+            if not held[place]:
+                return False, 0
+            fails = np.flatnonzero(~held)
+            first = int(fails[fails < place].max(initial=-1)) + 1
+            last = int(fails[fails > place].min(initial=len(inside))) - 1
+            return first <= own <= last, last - first
+
+        return int(inside[max(sorted(tried), key=lambda place: (*reached(place), place == own))])
 
     def _beside(self, omega: float) -> float:
         """A frequency; of 0 and infinity, where scalings may grow without limit, one in its gap."""
@@ -357,11 +423,12 @@ class BandCover:
         self.open += [(low, between), (between, high)]
 
     def _at(self, omega: float) -> int:
-        """Index of a frequency; a new one is bounded first."""
+        """Index of a frequency; a new one is bounded first, and one that is not least again."""
         index = int(np.searchsorted(self.found.omega, omega))
-        if index < len(self.found.omega) and self.found.omega[index] == omega:
+        known = index < len(self.found.omega) and self.found.omega[index] == omega
+        if known and self.found.is_least[index]:
             return index
-        self.found = self.found.joined(self.bounds_at(np.array([omega])))
+        self.found = self.bounds_at(np.array([omega])).joined(self.found)
         return int(np.searchsorted(self.found.omega, omega))
 
     def _worst(self) -> int:
@@ -378,7 +445,8 @@ class BandCover:
             new = np.unique([_middle(*gap) for gap in widest])
             self.found = self.found.joined(self.bounds_at(new))
             return int(np.flatnonzero(self.found.omega == new[0])[0])
-        return int(np.argmax(np.where(inside, self.found.upper, -1.0)))
+        index = int(np.argmax(np.where(inside, self.found.upper, -1.0)))
+        return self._at(float(omega[index]))
 
 
 def _wide(low: float, high: float) -> bool:

@@ -18,6 +18,7 @@ from workbench.certify.stable_system import StableSystem, bilinear_frequency, st
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.frequency.attained import attained_peak
+from workbench.mu.frequency.peak_sweep import PeakSweep
 from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Complex, Real, Structure
 
@@ -151,11 +152,13 @@ def covered(
 ) -> tuple[BandCover, str]:
     """The band covered by intervals with multipliers, and how that ended; see `BandCover`."""
     at = partial(bounds_at, stable, structure)
-    found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
+    sweep = PeakSweep(stable, structure)
+    found = refined_bounds(sweep, stable.poles, sweep.settled)
+    found = found.joined(at(np.array(band))).within(*band)
     # Without G: over frequency these multipliers of real scalars change less.
     real = any(isinstance(block, Real) for block in structure)
     plain = partial(bounds_at, stable, structure.complexified()) if real else None
-    cover = BandCover(stable, at, tolerance, found, plain)
+    cover = BandCover(stable, at, tolerance, found, plain, sweep.holds)
     return cover, cover.complete(steps, most)
 
 

@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Array, BoolArray, ComplexArray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.mu.upper.fast import batch_bounds
+from workbench.mu.upper.batch import held_below
+from workbench.mu.upper.fast import batch_bounds, pattern_of_structure
+from workbench.mu.upper.pattern import compact_multipliers
 from workbench.mu.upper.program import MuUpperBound, UpperBound
 from workbench.solvers import Options
 from workbench.structure import Structure
@@ -45,3 +48,22 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
     found = batch_bounds(batch, structure, Context(Options()), level)
     return found.answer.reshaped(program.batch)
+
+
+def hold_below(
+    M: ComplexArray,
+    structure: Structure,
+    level: float,
+    D_right: ComplexArray,
+    G: ComplexArray,
+    source: Array,
+) -> BoolArray:
+    """Whether multipliers show bounds of M (F, c, r) up to a level, except for rounding.
+
+    Those of matrix f are the D_right (K, r, r) and G (K, r, c) numbered source (F,).
+    """
+    pattern = pattern_of_structure(structure)
+    D, twist = compact_multipliers(pattern, D_right, G)
+    held = np.zeros(len(M), bool)
+    held_below(np.ascontiguousarray(M), level, pattern, D, twist, source, held)
+    return held

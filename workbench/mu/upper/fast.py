@@ -19,6 +19,8 @@ from workbench.structure import Structure
 
 THREAD_MATRICES = 200
 """Matrices that one thread takes at a time."""
+QUICKER = 5
+"""Multiple of this number where bounds only have to be below a level."""
 PATH_ACCURACY_SHARE = 0.02
 """The central path is followed to this share of the accuracy asked for. The share holds for
 t = beta^2, so the bound beta is twice as accurate."""
@@ -76,7 +78,8 @@ def batch_bounds(
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
     gaps, iterations = np.zeros(count), np.zeros(count, int)
     accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
-    chunks = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
+    size = THREAD_MATRICES * (QUICKER if level > 0 else 1)
+    chunks = [slice(start, start + size) for start in range(0, count, size)]
 
     solve = partial(solved_below if level > 0 else solved, structure, pattern, accuracy, level)
     found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
@@ -89,11 +92,9 @@ def batch_bounds(
         D[missed], G[missed], gaps[missed], iterations[missed] = solved(
             structure, pattern, accuracy, 0.0, batch[missed]
         )
-    again = np.flatnonzero(
-        ~np.isfinite(answer.value)
-        | (~low & _above_norm(answer.value, batch))
-        | (gaps > context.options.accuracy)
-    )
+    spoilt = ~low
+    spoilt[spoilt] = _above_norm(answer.value[spoilt], batch[spoilt])
+    again = np.flatnonzero(~np.isfinite(answer.value) | spoilt | (gaps > context.options.accuracy))
     for i in again:
         end = D[i].copy(), G[i].copy()
         D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)

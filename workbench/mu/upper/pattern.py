@@ -142,6 +142,19 @@ def expanded_multipliers(
     return square(left), square(right), G[..., right[:, None], left]
 
 
+def compact_multipliers(
+    pattern: Pattern, D_right: ComplexArray, G: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Compact D and G (..., N, N) from D_right (..., r, r) and G (..., r, c) of the structure."""
+    every = np.arange(pattern.size)
+    right = (pattern.right == every[:, None]).argmax(axis=1)
+    left = (pattern.left == every[:, None]).argmax(axis=1)
+    return (
+        np.ascontiguousarray(D_right[..., right[:, None], right]),
+        np.ascontiguousarray(G[..., right[:, None], left]),
+    )
+
+
 def _entries(i: int, j: int, kind: int) -> list[tuple[int, int, complex]]:
     """Nonzero entries (row, column, value) of an unknown's basis matrix."""
     if kind == DIAGONAL:

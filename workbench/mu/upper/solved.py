@@ -15,7 +15,7 @@ from workbench.structure import Structure
 LEVEL_MARGIN = 1e-8
 """Share of a level that bounds stay below, so that rounding them outward does not lift them over
 it."""
-NEIGHBOURS = 8
+NEIGHBOURS = 16
 """One matrix in so many gets its own path; then its multipliers are tried on those beside it."""
 NEIGHBOUR_ROUNDS = 3
 """How often this is done with those that are left, before each gets its own path."""

@@ -1,0 +1,70 @@
+"""Upper bounds over frequency as the peak needs them: least where they are the largest only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import Array, BoolArray, RealArray
+from workbench.certify.cover import MAXIMUM_TOLERANCE, FrequencyBounds
+from workbench.certify.interval import Multipliers
+from workbench.certify.stable_system import StableSystem
+from workbench.mu.upper.below import bounds_below, hold_below
+from workbench.mu.upper.bound import upper_bound
+from workbench.structure import Structure
+
+FIRST_LARGEST, FIRST_SPACING = 8, 16
+"""The first level is the largest bound among those of this many largest responses, and among every
+so-manyth."""
+
+
+class PeakSweep:
+    """Bounds at frequencies whose largest is the least one; all others are only below it.
+
+    Each call takes the largest bound of those before as the level.
+    """
+
+    def __init__(self, system: StableSystem, structure: Structure) -> None:
+        self.system, self.structure, self.level = system, structure, 0.0
+
+    def __call__(self, omega: RealArray) -> FrequencyBounds:
+        """Bounds at frequencies [rad/s] (F,), increasing."""
+        return self._bounded(omega, self.system.response(omega))
+
+    def _bounded(self, omega: RealArray, M: Array) -> FrequencyBounds:
+        if self.level > 0.0:
+            bound = bounds_below(M, self.structure, self.level)
+            least = bound.value > self.level
+            self.level = max(self.level, float(bound.value.max()))
+            parts = bound.value, bound.D_left, bound.D_right, bound.G
+            return FrequencyBounds(omega, M, *parts, least=least)
+        first = np.zeros(len(omega), bool)
+        largest = np.argsort(-np.linalg.norm(M, axis=(1, 2)))[:FIRST_LARGEST]
+        first[::FIRST_SPACING], first[largest] = True, True
+        bound = upper_bound(M[first], self.structure)
+        self.level = float(bound.value.max())
+        parts = bound.value, bound.D_left, bound.D_right, bound.G
+        found = FrequencyBounds(omega[first], M[first], *parts)
+        return found if first.all() else found.joined(self._bounded(omega[~first], M[~first]))
+
+    def settled(self, found: FrequencyBounds) -> BoolArray:
+        """Whether multipliers of one of two neighbouring frequencies hold at both (F - 1,)."""
+        place = np.arange(len(found.omega) - 1)
+        level = (1 + MAXIMUM_TOLERANCE) * self.level or 1.0
+        settled = np.zeros(len(place), bool)
+        for own, other in ((0, 1), (1, 0)):
+            left = np.flatnonzero(~settled)
+            settled[left] = hold_below(
+                found.M[left + other],
+                self.structure,
+                level,
+                found.D_right,
+                found.G,
+                place[left] + own,
+            )
+        return settled
+
+    def holds(self, M: Array, beta: float, multipliers: Multipliers) -> BoolArray:
+        """Whether multipliers show the bound beta at matrices (F, c, r), except for rounding."""
+        _, D_right, G = (np.asarray(part)[None] for part in multipliers)
+        source = np.zeros(len(M), int)
+        return hold_below(M, self.structure, beta, D_right, G, source)
