@@ -148,7 +148,8 @@ def _refined(system: StableSystem, omega: float) -> Matrix | None:
     # Real and imaginary parts stand side by side: real balls take a fourth of the time.
     r = B.mid.shape[1]
     a, b = real_balls(A.mid), real_balls(np.hstack([B.mid, np.zeros((n, r))]))
-    turn = real_balls(omega * np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(r)))
+    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turn = real_balls(np.asarray(omega * np.kron(quarter, np.eye(r)), dtype=float))
     X = real_balls(_side_by_side(Y @ B.mid))
     gained = -math.log2(theta + TINY)
     for step in range(math.ceil(ctx.prec / gained) + 1):

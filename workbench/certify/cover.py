@@ -173,8 +173,11 @@ MOST_FAILURES_OF_BALLS = 5
 HOPELESS_RATIO = 1e3
 """Growth of the bound at which the search stops: rounding hides every proof."""
 
-FIXED_INTERVALS = 15
+FIXED_INTERVALS, FIXED_INTERVALS_OF_MANY_STATES = 15, 4
 """Steps with fixed multipliers before linear multipliers cover the remaining gaps."""
+
+MANY_STATES = 100
+"""States from which discs take far longer than a trial of multipliers at all known frequencies."""
 
 NARROW_GAP_RATIO = 1 + 1e-7
 """Gaps whose ends have a smaller ratio than this are covered by fixed multipliers only."""
@@ -188,9 +191,9 @@ WIDE_INTERVAL = 0.3
 GAPS_AT_ONCE = 32
 """Number of gaps whose middles are bounded in one call."""
 
-STATES_PER_TRIAL, MOST_TRIALS, NEAR_TRIALS = 8, 24, (-8, -4, -2, -1, 1, 2, 4, 8)
-"""There is a trial of other multipliers for so many states, at most so many, and those near the
-worst frequency."""
+TRIALS, NEAR_TRIALS = 24, (-8, -4, -2, -1, 1, 2, 4, 8)
+"""Multipliers tried for an interval: so many from all of its gap, and those of frequencies at these
+distances from the worst one, in points of the grid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,6 +264,8 @@ class BandCover:
             self.open = []
             return "the response is zero"
         asked, largest = self.tolerance, COARSENINGS * steps
+        many = len(self.system.A) >= MANY_STATES
+        fixed = FIXED_INTERVALS_OF_MANY_STATES if many else FIXED_INTERVALS
         hopeless, step = min(HOPELESS_RATIO * self.beta, most), 0
         for step in range(largest):
             if not self.open or self.beta > hopeless:
@@ -273,7 +278,7 @@ class BandCover:
                 for gap in self.open
                 if NARROW_GAP_RATIO < gap[1] / max(gap[0], SMALLEST_POSITIVE) < math.inf
             ]
-            if step < FIXED_INTERVALS or not wide:
+            if step < fixed or not wide:
                 self._step()
             else:
                 self._linear_step(wide[-1])
@@ -312,23 +317,23 @@ class BandCover:
             self.beta *= 1 + self.tolerance
 
     def _widest(self, worst: int) -> int:
-        """The frequency near the worst one whose multipliers hold at most frequencies about both.
+        """The frequency whose multipliers hold at most frequencies about it and the worst one.
 
-        Discs take far longer than this where there are many states.
+        It is looked for where there are many states only, with a margin for rounding in discs.
         """
-        count = min(len(self.system.A) // STATES_PER_TRIAL, MOST_TRIALS)
-        if self.holds is None or count < 2:
+        holds, level = self.holds, self.beta * (1 - 0.25 * self.tolerance)
+        if holds is None or len(self.system.A) < MANY_STATES:
             return worst
         omega = self.found.omega
         (low, high) = next(gap for gap in self.open if gap[0] <= omega[worst] <= gap[1])
         inside = np.flatnonzero((omega >= low) & (omega <= high))
         own = int(np.searchsorted(inside, worst))
-        tried = {own, *np.linspace(0, len(inside) - 1, count).astype(int).tolist()}
+        tried = {own, *np.linspace(0, len(inside) - 1, TRIALS).astype(int).tolist()}
         tried |= {min(max(own + step, 0), len(inside) - 1) for step in NEAR_TRIALS}
 
         def reached(place: int) -> tuple[bool, int]:
             """Whether the worst frequency is reached from a place, and how many are."""
-            held = self.holds(self.found.M[inside], self.beta, self._multipliers(inside[place]))
+            held = holds(self.found.M[inside], level, self._multipliers(inside[place]))
             if not held[place]:
                 return False, 0
             fails = np.flatnonzero(~held)

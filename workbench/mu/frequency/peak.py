@@ -17,8 +17,8 @@ from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
-from workbench.mu.frequency.attained import attained_peak
-from workbench.mu.frequency.peak_sweep import PeakSweep
+from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
+from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
 from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Complex, Real, Structure
 
@@ -130,7 +130,8 @@ def peak(
     else:
         stable, larger = original, structure
     cover, message = covered(stable, larger, tolerance, (low, high), steps)
-    below = attained_peak(stable, larger, cover.found, whole_axis=(low, high) == (0.0, math.inf))
+    found = with_least_near_top(cover.found, larger, LOWER_BOUND_SHARE)
+    below = attained_peak(stable, larger, found, whole_axis=(low, high) == (0.0, math.inf))
     lower, omega, Delta = below.value, below.omega, below.Delta
     need_agreement(lower, cover.proven, "the peak of mu", upper_claim=INTERVALS_COVER)
     intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))

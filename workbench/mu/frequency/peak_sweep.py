@@ -17,6 +17,19 @@ FIRST_LARGEST, FIRST_SPACING = 8, 16
 so-manyth."""
 
 
+def with_least_near_top(
+    found: FrequencyBounds, structure: Structure, share: float
+) -> FrequencyBounds:
+    """The bounds, with all that are above a share of the largest as the least ones."""
+    level = share * float(found.upper.max(initial=0.0))
+    loose = ~found.is_least & (found.upper > level)
+    if not loose.any():
+        return found
+    bound = bounds_below(found.M[loose], structure, level)
+    parts = found.omega[loose], found.M[loose], bound.value, bound.D_left, bound.D_right, bound.G
+    return FrequencyBounds(*parts, least=bound.value > level).joined(found)
+
+
 class PeakSweep:
     """Bounds at frequencies whose largest is the least one; all others are only below it.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array, BoolArray, ComplexArray
-from workbench.errors import InputError
+from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.mu.upper.batch import held_below
 from workbench.mu.upper.fast import batch_bounds, pattern_of_structure
@@ -41,12 +41,16 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     ------
     InputError
         M does not fit the structure or is not finite, or the level is not positive and finite.
+    SolverError
+        Rounding hides every bound of a matrix.
     """
     if not 0.0 < level < math.inf:
         raise InputError(f"level is {level!r}; it must be positive and finite")
     program = MuUpperBound(M, structure)
     batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
     found = batch_bounds(batch, structure, Context(Options()), level)
+    if not np.isfinite(found.answer.value).all():
+        raise SolverError("fast: no finite bound of some matrices; scale their rows and columns")
     return found.answer.reshaped(program.batch)
 
 
