@@ -10,11 +10,14 @@ from workbench.certify.interval import Multipliers
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.upper.below import bounds_below, hold_below
 from workbench.mu.upper.bound import upper_bound
-from workbench.structure import Structure
+from workbench.structure import Full, Structure
 
 FIRST_LARGEST, FIRST_SPACING = 8, 16
 """The first level is the largest bound among those of this many largest responses, and among every
 so-manyth."""
+
+FEW_FREQUENCIES = 100
+"""So few bounds take no time worth saving, except with repeated scalars."""
 
 
 def with_least_near_top(
@@ -53,6 +56,8 @@ class PeakSweep:
         first = np.zeros(len(omega), bool)
         largest = np.argsort(-np.linalg.norm(M, axis=(1, 2)))[:FIRST_LARGEST]
         first[::FIRST_SPACING], first[largest] = True, True
+        repeated = any(not isinstance(block, Full) and block.rows > 1 for block in self.structure)
+        first |= len(omega) <= FEW_FREQUENCIES and not repeated
         bound = upper_bound(M[first], self.structure)
         self.level = float(bound.value.max())
         parts = bound.value, bound.D_left, bound.D_right, bound.G
