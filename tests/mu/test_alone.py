@@ -61,3 +61,14 @@ def test_only_one_repeated_scalar_is_alone():
     assert is_alone(Structure((Real(2),))) and is_alone(Structure((Complex(3),)))
     for blocks in ((Real(1),), (Full(2, 2),), (Real(2), Complex(1))):
         assert not is_alone(Structure(blocks))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nearly_dependent_eigenvectors_prove_more_than_a_path(seed):
+    """A complex eigenvalue of rank one and tiny ones: no perturbation of moderate size exists."""
+    rng = np.random.default_rng(seed)
+    M = rng.normal(size=(20, 4, 4)) + 1j * rng.normal(size=(20, 4, 4))
+    M = M[:, :, :1] @ M[:, :1, :] + 1e-9 * M
+    size = np.linalg.norm(M, 2, axis=(1, 2))
+    found = upper_bound(M, Structure([Real(4)])).value
+    assert np.median(found / size) < 1e-5 and (found < 1e-3 * size).all()

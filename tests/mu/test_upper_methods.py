@@ -122,7 +122,7 @@ def test_ab13md_refuses_what_it_would_answer_wrongly(block):
 def test_early_stops_are_told_and_still_certified():
     solution = solve(
         MuUpperBound(np.array([[1.0, 2.0], [3.0, 4.0j]]), Structure([Real(1), Complex(1)])),
-        options=Options(1e-15),
+        options=Options(1e-18),
     )
     assert "early" in solution.message
     assert solution.certificate.valid

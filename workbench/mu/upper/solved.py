@@ -53,15 +53,22 @@ def solved(
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
         gaps[nothing] = 0.0
-    elif is_alone(structure):
+    alone = places is None and is_alone(structure)
+    if alone:
         first_D, first_G, mu = closed_form(M, structure)
-        exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu
+        first = certified_bound(M, structure, first_D, first_D, first_G)
+        exact = first <= (1 + accuracy) * mu
         D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
     rest = np.flatnonzero(~(gaps <= accuracy))
     if rest.size:  # each is warm-started from the one before
         found = D[rest], G[rest], gaps[rest], iterations[rest]
         solve_each(M[rest], pattern, accuracy, level, *found)
         D[rest], G[rest], gaps[rest], iterations[rest] = found
+        if alone:  # where eigenvectors are nearly dependent, they may still prove more than a path
+            better = rest[
+                first[rest] < certified_bound(M[rest], structure, D[rest], D[rest], G[rest])
+            ]
+            D[better], G[better] = first_D[better], first_G[better]
     return D, G, gaps, iterations
 
 
