@@ -119,11 +119,11 @@ def test_a_level_just_above_and_just_below_the_least_bound(name):
 
 def test_multipliers_of_neighbours_serve_smooth_responses(monkeypatch):
     """Of a hundred matrices that are alike few are solved on their own."""
-    from workbench.mu.upper import solved
+    from workbench.mu.upper import multipliers
 
-    counts, own = [], solved.solved
+    counts, own = [], multipliers.path_multipliers
     monkeypatch.setattr(
-        solved, "solved", lambda *given: counts.append(len(given[-1])) or own(*given)
+        multipliers, "path_multipliers", lambda *given: counts.append(len(given[-1])) or own(*given)
     )
     structure = STRUCTURES["mixed"]
     M = drawn(structure, "smooth", 100)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.mu import MuUpperBound, upper_bound
-from workbench.mu.upper import solved
+from workbench.mu.upper import multipliers
 from workbench.mu.upper.lanes import algebra
 from workbench.mu.upper.lanes.simd import LANES
 from workbench.mu.upper.pattern import diagonal_places, pattern_of
@@ -67,7 +67,7 @@ def test_real_systems_are_solved(m):
 
 def one_at_a_time(M, structure, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(solved, "diagonal_places", lambda pattern: None)
+        patch.setattr(multipliers, "diagonal_places", lambda pattern: None)
         return upper_bound(M, structure).value
 
 

@@ -12,7 +12,7 @@ from workbench.executor import Context
 from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
 from workbench.mu.upper.program import MuUpperBound, UpperBound, proved
 from workbench.mu.upper.recentred import recentred
-from workbench.mu.upper.solved import solved, solved_below
+from workbench.mu.upper.multipliers import multipliers_below, path_multipliers
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
@@ -81,7 +81,9 @@ def batch_bounds(
     size = THREAD_MATRICES * (QUICKER if level > 0 else 1)
     chunks = [slice(start, start + size) for start in range(0, count, size)]
 
-    solve = partial(solved_below if level > 0 else solved, structure, pattern, accuracy, level)
+    solve = partial(
+        multipliers_below if level > 0 else path_multipliers, structure, pattern, accuracy, level
+    )
     found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
     for chunk, one in zip(chunks, found, strict=True):
         D[chunk], G[chunk], gaps[chunk], iterations[chunk] = one
@@ -89,7 +91,7 @@ def batch_bounds(
     low = answer.value <= level
     missed = np.flatnonzero((level > 0) & (gaps == 0) & ~low)
     if missed.size:  # rounding lifted the bound over the level
-        D[missed], G[missed], gaps[missed], iterations[missed] = solved(
+        D[missed], G[missed], gaps[missed], iterations[missed] = path_multipliers(
             structure, pattern, accuracy, 0.0, batch[missed]
         )
     spoilt = ~low

@@ -24,7 +24,7 @@ Solved = tuple[Array, Array, RealArray, Array]
 """Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""
 
 
-def solved(
+def path_multipliers(
     structure: Structure,
     pattern: Pattern,
     accuracy: float,
@@ -72,14 +72,14 @@ def solved(
     return D, G, gaps, iterations
 
 
-def solved_below(
+def multipliers_below(
     structure: Structure,
     pattern: Pattern,
     accuracy: float,
     level: float,
     M: ComplexArray,
 ) -> Solved:
-    """As `solved` for a level above 0, where neighbours in M (F, c, r) are alike.
+    """As `path_multipliers` for a level above 0, where neighbours in M (F, c, r) are alike.
 
     The multipliers of a matrix often show that bounds of its neighbours are below the level too.
     """
@@ -92,7 +92,7 @@ def solved_below(
     for round_ in range(NEIGHBOUR_ROUNDS + 1):
         apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1
         own = left[::apart]
-        paths = solved(structure, pattern, accuracy, level, M[own])
+        paths = path_multipliers(structure, pattern, accuracy, level, M[own])
         for part, value in zip(found, paths, strict=True):
             part[own] = value
         place = np.flatnonzero(np.arange(len(left)) % apart)
