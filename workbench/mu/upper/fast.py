@@ -9,10 +9,10 @@ import numpy as np
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.executor import Context
+from workbench.mu.upper.multipliers import multipliers_below, path_multipliers
 from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
 from workbench.mu.upper.program import MuUpperBound, UpperBound, proved
 from workbench.mu.upper.recentred import recentred
-from workbench.mu.upper.multipliers import multipliers_below, path_multipliers
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
