@@ -6,7 +6,7 @@ import pytest
 from flint import acb, ctx
 
 from workbench.certify.balls import enclosed, identity
-from workbench.certify.modal_form import (
+from workbench.certify.modes.modal_form import (
     FEWEST_QUICK,
     PRECISIONS,
     modal_form_of,
