@@ -72,6 +72,21 @@ def test_bounds_near_the_top_become_the_least(structure):
         assert omega not in value or upper == pytest.approx(value[omega], rel=1e-5)
 
 
+@named
+def test_larger_bounds_beyond_a_band_do_not_raise_its_peak(structure):
+    system = control.append(
+        *(control.ss(control.tf([gain], [1.0, 0.02, 1.0])) for gain in (0.5, 0.5, 0.5, 0.5))
+    )
+    for band in ((1e-3, 0.1), (20.0, 300.0), (5.0, np.inf)):
+        found = peak(system, structure, band=band)
+        inside = PeakSweep(fitting(system, structure), structure, band)(np.geomspace(0.1, 10, 50))
+        assert inside.omega.min() >= band[0] and inside.omega.max() <= band[1]
+        stable = fitting(system, structure)
+        points = np.array([band[0], min(2 * band[0], band[1]), band[1]])
+        least = bounds_at(stable, structure, np.unique(points)).upper.max()
+        assert found.upper <= 1.0011 * least
+
+
 def test_settled_is_what_multipliers_of_one_end_prove():
     structure = STRUCTURES[1]
     stable = fitting(light_modes(2), structure)

@@ -153,9 +153,8 @@ def covered(
 ) -> tuple[BandCover, str]:
     """The band covered by intervals with multipliers, and how that ended; see `BandCover`."""
     at = partial(bounds_at, stable, structure)
-    sweep = PeakSweep(stable, structure)
+    sweep = PeakSweep(stable, structure, band)
     found = refined_bounds(sweep, stable.poles, sweep.settled)
-    found = found.joined(at(np.array(band))).within(*band)
     # Without G: over frequency these multipliers of real scalars change less.
     real = any(isinstance(block, Real) for block in structure)
     plain = partial(bounds_at, stable, structure.complexified()) if real else None

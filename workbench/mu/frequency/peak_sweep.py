@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.arrays import Array, BoolArray, RealArray
@@ -39,11 +41,23 @@ class PeakSweep:
     Each call takes the largest bound of those before as the level.
     """
 
-    def __init__(self, system: StableSystem, structure: Structure) -> None:
-        self.system, self.structure, self.level = system, structure, 0.0
+    def __init__(
+        self,
+        system: StableSystem,
+        structure: Structure,
+        band: tuple[float, float] = (0.0, math.inf),
+    ) -> None:
+        self.system, self.structure, self.band, self.level = system, structure, band, 0.0
 
     def __call__(self, omega: RealArray) -> FrequencyBounds:
-        """Bounds at frequencies [rad/s] (F,), increasing."""
+        """Bounds at those of frequencies [rad/s] (F,), increasing, in the band, and at its ends.
+
+        Larger bounds beyond the band say nothing of the level within.
+        """
+        low, high = self.band
+        omega = omega[(omega >= low) & (omega <= high)]
+        if self.level == 0.0:
+            omega = np.unique(np.concatenate([omega, self.band]))
         return self._bounded(omega, self.system.response(omega))
 
     def _bounded(self, omega: RealArray, M: Array) -> FrequencyBounds:
