@@ -100,7 +100,7 @@ def test_settled_is_what_multipliers_of_one_end_prove():
             structure,
             *(part[k + own] for part in (found.D_left, found.D_right, found.G)),
         )
-        for k in range(149)
+        for k in range(len(found.omega) - 1)
         for own, other in ((0, 1), (1, 0))
     ]
     proven = (np.array(ends).reshape(-1, 2) <= level).any(axis=1)
