@@ -36,13 +36,9 @@ from workbench.study import Study
 SAME_NUMBER = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
 
-CHECKED = 2e-2
-"""Part of a check's limit within which recomputed values of the check count as the stored one: a
-bound that is proven anew may be another one within its tolerance."""
-
 DECIDED = 1e-4
-"""The same as part of the distance between value and limit, such as that of a pole, which rounds as
-badly as it is conditioned."""
+"""Part of the distance between the value of a check and its limit within which a recomputed value
+counts as the stored one. A pole is an example: it rounds as badly as it is conditioned."""
 
 
 @dataclass(frozen=True)
@@ -200,11 +196,12 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
 def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[str]:
     """Places where two certificates as JSON differ.
 
-    The value of a check is what rounding and a search for a proof leave over, and differs between
-    machines: it counts as the same within a hundredth of its limit, or 1e-4 of its distance from
-    it. What a second opinion measured is not compared, for it samples in plain doubles about poles
-    and peaks that round differently; that its checks hold, and what they say, is. Facts in words
-    are not compared: their numbers are among the metrics.
+    The value of a check is what rounding and a search for a proof leave over. It differs between
+    machines and between searches. It counts as the same where it has moved by no more than its
+    limit, which is the tolerance of the check, or by 1e-4 of its distance from it. What a second
+    opinion measured is not compared, for it samples in plain doubles about poles and peaks that
+    round differently; that its checks hold, and what they say, is. Facts in words are not compared:
+    their numbers are among the metrics.
     """
     for each in (stored, fresh):
         each.pop("facts", None)
@@ -226,7 +223,7 @@ def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
         slack = abs(float(now["value"]) - now["limit"])
     except (KeyError, TypeError, ValueError):  # what was edited is no number
         return set()
-    return {"value"} if away <= max(CHECKED * abs(now["limit"]), DECIDED * slack) else set()
+    return {"value"} if away <= max(abs(now["limit"]), DECIDED * slack) else set()
 
 
 def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
