@@ -114,26 +114,16 @@ def factor_normal(H: np.ndarray) -> None:
     seen = np.empty(m)
     for k in range(m):
         seen[k] = 1e-14 * H[k, k]
-    for k in range(0, m, 4):
-        end = min(k + 4, m)
-        for p in range(k, end):
-            root = np.sqrt(H[p, p]) if H[p, p] > seen[p] else UNSEEN_PIVOT
-            H[p, p] = root
-            scale = 1.0 / root
-            for i in range(p + 1, m):
-                H[p, i] *= scale
-            for q in range(p + 1, end):
-                entry = H[p, q]
-                for j in range(q, m):
-                    H[q, j] -= entry * H[p, j]
-        if end < k + 4:
-            break
-        # Four rows at a time: each entry is read and written a fourth as often.
-        for i in range(end, m):
-            a, b, c, d = H[k, i], H[k + 1, i], H[k + 2, i], H[k + 3, i]
+    for k in range(m):
+        root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN_PIVOT
+        H[k, k] = root
+        scale = 1.0 / root
+        for i in range(k + 1, m):
+            H[k, i] *= scale
+        for i in range(k + 1, m):
+            entry = H[k, i]
             for j in range(i, m):
-                first = a * H[k, j] + b * H[k + 1, j]
-                H[i, j] -= first + (c * H[k + 2, j] + d * H[k + 3, j])
+                H[i, j] -= entry * H[k, j]
 
 
 @compiled
