@@ -90,6 +90,7 @@ MATHEMATICS = {
         "arx": "a short autoregression",
         "impulse-response": "a kernel",
         "best": "",
+        "averaged": "",
     },
 }
 """What each method is, by Program; a combination of other methods counts as nothing of its own."""

@@ -117,7 +117,8 @@ class CoverForControl(Study):
         return model
 
     def program(self, model: UncertaintyModel, K: StateSpace | None) -> MuSynthesis:
-        return MuSynthesis(synthesis_plant(self.axis, model), start=K)
+        order = None if K is None else K.nstates
+        return MuSynthesis(synthesis_plant(self.axis, model), start=K, order=order)
 
     def compute(self, context: Context) -> Dataset:
         import control
@@ -227,11 +228,21 @@ class CoverForControl(Study):
         return min(found, key=lambda each: each.peak)
 
     def _designed(self, stage: DesignStage) -> DesignStage:
-        """The controller of the same order that method "fixed" finds near that of a stage."""
-        solution = solve(self.program(stage.model, stage.K), "fixed")
-        if solution.certificate is None or not solution.certificate.valid:
-            raise SolverError(f"no controller for the stadiums: {solution.message}")
-        return DesignStage(stage.model, solution.answer.K, solution.answer.upper)
+        """The best controller of the same order that "fixed" finds from that of a stage or anew."""
+        program = self.program(stage.model, stage.K)
+        found, messages = [], []
+        for each in (program, replace(program, start=None)):
+            try:
+                solution = solve(each, "fixed")
+            except SolverError as error:
+                messages.append(str(error))
+                continue
+            messages.append(solution.message)
+            if solution.certificate is not None and solution.certificate.valid:
+                found.append(DesignStage(stage.model, solution.answer.K, solution.answer.upper))
+        if not found:
+            raise SolverError(f"no controller for the stadiums: {'; '.join(messages)}")
+        return min(found, key=lambda each: each.peak)
 
     def _stage(self, model: UncertaintyModel, K: StateSpace) -> DesignStage:
         return DesignStage(model, K, self._peak(model, K))
