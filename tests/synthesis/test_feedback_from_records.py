@@ -264,3 +264,8 @@ REFUSED = {
 def test_what_cannot_be_answered_is_refused_by_name(message):
     with pytest.raises(InputError, match=message):
         REFUSED[message]()
+
+
+def test_a_noise_bound_is_needed():
+    with pytest.raises(InputError, match="noise is None; a NoiseEnergy is needed"):
+        StateRecords(np.ones((2, 5)), np.ones((1, 5)), np.ones((2, 5)), None)

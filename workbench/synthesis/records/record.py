@@ -152,6 +152,8 @@ class StateRecords:
                 f"states, inputs and following have shapes {shapes}; (n, T), (m, T) and (n, T) are "
                 "needed"
             )
+        if not isinstance(self.noise, NoiseEnergy):
+            raise InputError(f"noise is {self.noise!r}; a NoiseEnergy is needed")
         weight, mean = self.noise.weight, self.noise.mean
         if len(self.noise.energy) != n:
             raise InputError(f"the noise bound has {len(self.noise.energy)} states, not {n}")

@@ -129,7 +129,9 @@ class CoverForControl(Study):
         steps = [("reference controller", first.peak), ("controller", second.peak)]
         cover = control_cover(self.axis, 1.0, self.responses, self.complex_order)
         third = self._in_turn(cover, second, steps, context)
-        last = self._together(cover, third, steps, context)
+        # A local search: what is best in turn may be a dead end for all together.
+        ends = [self._together(cover, start, steps, context) for start in (third, second)]
+        last = min(ends, key=lambda each: each.peak)
         stages = (first, second, third, last)
         omega = self.responses.omega
         curves, bounds = [], []
