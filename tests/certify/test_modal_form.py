@@ -94,3 +94,11 @@ def test_a_large_system_of_light_modes_is_proven_stable_in_these_coordinates():
     assert stable.source is not None  # it was not taken as it is
     size = np.abs(stable.poles)
     np.testing.assert_allclose(-stable.poles.real, 1e-6 * size, rtol=1e-3)
+
+
+def test_entries_that_are_not_finite_have_no_quick_form():
+    n = FEWEST_QUICK
+    A = -np.eye(n)
+    A[0, 1] = np.nan
+    parts = [real_balls(part) for part in (A, np.ones((n, 1)), np.ones((1, n)))]
+    assert quick_modal_form_of(parts, PRECISIONS[0]) is None

@@ -89,7 +89,8 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
 def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
 
-    None for few states, and where the eigenvectors are nearly dependent.
+    None for few states, for entries that are not finite, and where the eigenvectors are nearly
+    dependent.
     """
     import flint
 
@@ -97,7 +98,10 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
     n = A.nrows()
     if n < FEWEST_QUICK:
         return None
-    values, vectors = np.linalg.eig(real_doubles(A).mid)
+    near = real_doubles(A).mid
+    if not np.isfinite(near).all():
+        return None
+    values, vectors = np.linalg.eig(near)
     vectors = vectors / np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)
     T, modes, mode = np.empty((n, n)), np.zeros((n, n)), np.empty(n, int)
     place = 0
