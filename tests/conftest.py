@@ -379,8 +379,27 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Project
     made.write("pyproject.toml", '[tool.workbench]\nproblems = ["plants"]\n')
     made.write("plants/toy/problems.py", TOY)
     made.write("plants/toy/targets.csv", "1,4,2\n")
+    before = _registered()
     yield made
     made.restart()
+    _forget_methods(before)
+
+
+def _registered() -> dict[type, set[str]]:
+    """Names of the methods of every Program."""
+    from workbench.program import _METHODS
+
+    return {program: set(entries) for program, entries in _METHODS.items()}
+
+
+def _forget_methods(before: dict[type, set[str]]) -> None:
+    """Take back what a test registered; a library module may be imported first by any test."""
+    from workbench.program import _METHODS
+
+    for program, entries in _METHODS.items():
+        for name in set(entries) - before.get(program, set()):
+            if not entries[name].answer.__module__.startswith(("workbench.", "problems.")):
+                del entries[name]
 
 
 @pytest.fixture(scope="session")
