@@ -1,15 +1,16 @@
-"""Many problems for the command line: one after the other, or several at once."""
+"""Runs of many problems as they end, in this process or in several."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench
+from workbench.batch.plan import Plan
 from workbench.bench.project import add_problems, added_problems
 from workbench.errors import ClusterError, WorkbenchError
 
@@ -26,13 +27,13 @@ def ended(
     """Runs of problems, or the errors that kept them from running, as they end.
 
     ``asked`` as `workbench.run` takes it. Of several jobs each is a process, and the cores are
-    shared out among them: what two of them need is locked in the store. An executor elsewhere gets
-    whole problems; of a single one it gets the parts.
+    shared out among them: what several of them need is run first. An executor elsewhere gets whole
+    problems; of a single one it gets the parts.
     """
     if executor is not None and len(names) > 1:
-        return _several(names, asked, nullcontext(executor))
+        return _several(names, asked, nullcontext(executor), jobs)
     if jobs > 1 and executor is None:
-        return _several(names, asked, workers(jobs))
+        return _several(names, asked, workers(jobs), jobs)
     return _one_by_one(names, {**asked, "executor": executor})
 
 
@@ -52,20 +53,33 @@ def _one_by_one(
 
 
 def _several(
-    names: Sequence[str], asked: Mapping[str, Any], where: AbstractContextManager[Executor]
+    names: Sequence[str],
+    asked: Mapping[str, Any],
+    where: AbstractContextManager[Executor],
+    most: int,
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    """Runs several at once, at most so many under way; none waits for what another one makes."""
     from workbench.executor.live import shown_live
 
+    plan = Plan(names, asked)
+    under_way: dict[Future[Run], str] = {}
+    ended = 0
     with where as executor, shown_live("several at once") as (progress, _):
-        futures = {
-            executor.submit(_run, name, dict(asked), added_problems()): name for name in names
-        }
-        for count, future in enumerate(as_completed(futures), start=1):
-            error = future.exception()
-            if isinstance(error, ClusterError) or not isinstance(error, WorkbenchError | None):
-                raise error
-            progress("problems", count, len(names))
-            yield futures[future], error or future.result()
+        most = getattr(executor, "window", most)
+        while under_way or plan.waiting:
+            for label in plan.ready(most - len(under_way), idle=not under_way):
+                call = executor.submit(_run, *plan.calls[label], added_problems())
+                under_way[call] = label
+            for call in wait(under_way, return_when=FIRST_COMPLETED).done:
+                label = under_way.pop(call)
+                plan.over.add(label)
+                error = call.exception()
+                if isinstance(error, ClusterError) or not isinstance(error, WorkbenchError | None):
+                    raise error
+                if label in plan.named:  # of the others those that are fed with them tell
+                    ended += 1
+                    progress("problems", ended, len(names))
+                    yield plan.named[label], error or call.result()
 
 
 def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
