@@ -19,6 +19,7 @@ requirements are certified elsewhere, at all frequencies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.diagnosis.estimation.limits import Limits, exchanged
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
@@ -184,37 +186,70 @@ class FaultFront:
         SolverError
             Where no filter meets the limits.
         """
-        import cvxpy as cp
-
         need_positive(peak, "peak", or_none=True)
-        demands = self.loop.demands
-        f, tight = self.frequency, 1 - GRID_MARGIN
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
-        x, E, rms = cp.Variable(basis.shape[1]), cp.Variable(), cp.Variable()
-        size = self.worst / demands.unit
+        demands = self.loop.demands
+        power = self.worst / demands.unit * np.sqrt(self._shares) * demands.noise
+        # Of the many rows of a norm only their triangular factor counts.
+        noise = np.linalg.qr(np.vstack([part(_rows(basis, power)) for part in (np.real, np.imag)]))
+        program = _Program(noise.R, None if leakage is None else leakage / demands.unit)
+        found = exchanged(program.solved, self._limits(basis, error, peak))
+        if found is None:
+            raise SolverError(
+                f"no filter of this basis has a relative error of {error:g}: {program.said}"
+            )
+        T = basis @ found[0]
+        return FrontPoint(found[0] / scale, *self.judged(T))
+
+    def _limits(self, basis: ComplexArray, error: float, peak: float | None) -> list[Limits]:
+        """All limits along the grid, on coefficients of a basis."""
+        demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
         slow, fast = f <= demands.leakage_below, f >= demands.error_above
-        power = np.sqrt(self._shares) * demands.noise
+        leaking = _rows(basis, self.worst / demands.unit * self.disturbance)[slow]
+        none, zero, one = np.zeros(slow.sum()), np.zeros(len(f)), np.ones(len(f))
         limits = [
-            cp.abs(_rows(basis, size * self.disturbance)[slow] @ x) <= tight * E,
-            cp.abs(_rows(basis, self.worst) @ x) <= tight * demands.gain,
-            cp.norm(_rows(basis, size * power) @ x) <= rms,
+            Limits(leaking, none + 0j, none, tight),
+            Limits(_rows(basis, self.worst), zero + 0j, tight * demands.gain * one),
         ]
         for p in self.p[fast].T:
-            rest = p / np.abs(p) - _rows(basis[fast], 1 / np.abs(p)) @ x
-            limits.append(cp.abs(rest) <= tight * error)
-        if leakage is not None:
-            limits.append(leakage >= E * demands.unit)
+            away = _rows(basis[fast], 1 / np.abs(p))
+            limits.append(Limits(away, p / np.abs(p), tight * error * one[fast]))
         if peak is not None:
             shares = 1 / (tight * peak * np.abs(self.back[:, None] * self.p))
-            for p, share in zip(self.p.T, shares.T, strict=True):
-                limits.append(1 - cp.real(_rows(basis, self.back - 1 / p) @ x) >= share)
-        problem = cp.Problem(cp.Minimize(E + 3 * rms), limits)
-        said = solve_in_place(problem)
-        if x.value is None:
-            raise SolverError(f"no filter of this basis has a relative error of {error:g}: {said}")
-        T = basis @ x.value
-        return FrontPoint(x.value / scale, *self.judged(T))
+            limits += [
+                Limits(_rows(basis, self.back - 1 / p), one + 0j, share, half_plane=True)
+                for p, share in zip(self.p.T, shares.T, strict=True)
+            ]
+        return limits
+
+
+class _Program:
+    """The least E + 3 ||noise x|| under some limits, E up to a largest one."""
+
+    def __init__(self, noise: RealArray, largest: float | None) -> None:
+        self._noise, self._largest = noise, largest
+        self.said = ""
+
+    def solved(self, limits: Sequence[Limits]) -> tuple[RealArray, float] | None:
+        """The optimum (x, E), or None."""
+        import cvxpy as cp
+
+        x, E, rms = cp.Variable(self._noise.shape[1]), cp.Variable(), cp.Variable()
+        held = [cp.norm(self._noise @ x) <= rms]
+        discs = [one for one in limits if not one.half_plane]
+        A, c = np.vstack([one.A for one in discs]), np.concatenate([one.c for one in discs])
+        b = np.concatenate([one.b for one in discs])
+        d = np.concatenate([np.full(len(one.b), one.d) for one in discs])
+        parts = cp.vstack([c.real - A.real @ x, c.imag - A.imag @ x])
+        held.append(cp.SOC(b + d * E, parts, axis=0))
+        for one in limits:
+            if one.half_plane and len(one.b):
+                held.append(one.c.real - one.A.real @ x >= one.b)
+        if self._largest is not None:
+            held.append(self._largest >= E)
+        self.said = solve_in_place(cp.Problem(cp.Minimize(E + 3 * rms), held))
+        return None if x.value is None else (x.value, float(E.value))
 
 
 def solve_in_place(problem: Any) -> str:

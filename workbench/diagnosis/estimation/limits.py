@@ -1,0 +1,71 @@
+"""Thousands of limits on a filter of few coefficients, of which few bind: found by exchange.
+
+A program over some frequencies says where others are violated; the worst of these, one of each run,
+join it until none is left. A program over fewer limits is a relaxation: what it cannot meet, nothing
+can, and what meets the others too is the optimum over all. Source of the idea: the exchange
+algorithms of semi-infinite programs; R. Hettich and K. O. Kortanek, SIAM Review 35(3), 1993.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+
+STRIDE = 12
+"""Of so many neighbouring limits one is in the first program."""
+SLACK = 1e-7
+"""Relative violation that counts as none: what a conic solver leaves."""
+ROUNDS = 60
+"""Most programs, beyond which all limits are in the last one."""
+
+
+class Limits(NamedTuple):
+    """Limits |c - A x| <= b + d E along the frequencies, or Re(c - A x) >= b on a half-plane."""
+
+    A: ComplexArray
+    c: ComplexArray
+    b: RealArray
+    d: float = 0.0
+    half_plane: bool = False
+
+    def excess(self, x: RealArray, E: float) -> RealArray:
+        """Violation (F,) over the size of the limit; negative where it is met."""
+        rest, size = self.c - self.A @ x, self.b + self.d * E
+        over = size - rest.real if self.half_plane else np.abs(rest) - size
+        return np.asarray(over / np.maximum(np.abs(size), 1e-300))
+
+    def rows(self, chosen: RealArray) -> Limits:
+        """The limits at some of the frequencies."""
+        return self._replace(A=self.A[chosen], c=self.c[chosen], b=self.b[chosen])
+
+
+def exchanged(
+    solve: Callable[[Sequence[Limits]], tuple[RealArray, float] | None], every: Sequence[Limits]
+) -> tuple[RealArray, float] | None:
+    """The optimum (x, E) over all limits by programs over some; None where one has no solution.
+
+    ``solve`` answers the program over the limits that it is given, or says None.
+    """
+    held = [np.arange(len(one.c)) % STRIDE == 0 for one in every]
+    for turn in range(ROUNDS + 1):
+        if turn == ROUNDS:
+            held = [np.ones_like(rows) for rows in held]
+        found = solve([one.rows(rows) for one, rows in zip(every, held, strict=True)])
+        if found is None:
+            return None
+        worst = [_worst_of_runs(one.excess(*found)) & ~rows for one, rows in zip(every, held)]
+        if not any(rows.any() for rows in worst):
+            return found
+        held = [rows | more for rows, more in zip(held, worst, strict=True)]
+    return found
+
+
+def _worst_of_runs(excess: RealArray) -> RealArray:
+    """Mask of the largest violation of each run of neighbours."""
+    around = np.concatenate([[-np.inf], excess, [-np.inf]])
+    peak = (excess >= around[:-2]) & (excess > around[2:])
+    return np.asarray(peak & (excess > SLACK))
