@@ -207,10 +207,10 @@ class FaultFront:
         demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
         slow, fast = f <= demands.leakage_below, f >= demands.error_above
         leaking = _rows(basis, self.worst / demands.unit * self.disturbance)[slow]
-        none, zero, one = np.zeros(slow.sum()), np.zeros(len(f)), np.ones(len(f))
+        one, zero = np.ones(len(f)), np.zeros(len(f), complex)
         limits = [
-            Limits(leaking, none + 0j, none, tight),
-            Limits(_rows(basis, self.worst), zero + 0j, tight * demands.gain * one),
+            Limits(leaking, zero[slow], zero.real[slow], tight),
+            Limits(_rows(basis, self.worst), zero, tight * demands.gain * one),
         ]
         for p in self.p[fast].T:
             away = _rows(basis[fast], 1 / np.abs(p))
@@ -218,7 +218,7 @@ class FaultFront:
         if peak is not None:
             shares = 1 / (tight * peak * np.abs(self.back[:, None] * self.p))
             limits += [
-                Limits(_rows(basis, self.back - 1 / p), one + 0j, share, half_plane=True)
+                Limits(_rows(basis, self.back - 1 / p), 1 + zero, share, half_plane=True)
                 for p, share in zip(self.p.T, shares.T, strict=True)
             ]
         return limits
@@ -243,9 +243,8 @@ class _Program:
         d = np.concatenate([np.full(len(one.b), one.d) for one in discs])
         parts = cp.vstack([c.real - A.real @ x, c.imag - A.imag @ x])
         held.append(cp.SOC(b + d * E, parts, axis=0))
-        for one in limits:
-            if one.half_plane and len(one.b):
-                held.append(one.c.real - one.A.real @ x >= one.b)
+        planes = [one for one in limits if one.half_plane]
+        held += [one.c.real - one.A.real @ x >= one.b for one in planes]
         if self._largest is not None:
             held.append(self._largest >= E)
         self.said = solve_in_place(cp.Problem(cp.Minimize(E + 3 * rms), held))

@@ -1,7 +1,7 @@
 """Thousands of limits on a filter of few coefficients, of which few bind: found by exchange.
 
-A program over some frequencies says where others are violated; the worst of these, one of each run,
-join it until none is left. A program over fewer limits is a relaxation: what it cannot meet, nothing
+A program over some frequencies says where others are violated; the worst of each run of these joins
+it until none is left. A program over fewer limits is a relaxation: what it cannot meet, nothing
 can, and what meets the others too is the optimum over all. Source of the idea: the exchange
 algorithms of semi-infinite programs; R. Hettich and K. O. Kortanek, SIAM Review 35(3), 1993.
 """
@@ -20,7 +20,7 @@ STRIDE = 12
 SLACK = 1e-7
 """Relative violation that counts as none: what a conic solver leaves."""
 ROUNDS = 60
-"""Most programs, beyond which all limits are in the last one."""
+"""Most programs over some of the limits; the one after them has all."""
 
 
 class Limits(NamedTuple):
@@ -51,17 +51,16 @@ def exchanged(
     ``solve`` answers the program over the limits that it is given, or says None.
     """
     held = [np.arange(len(one.c)) % STRIDE == 0 for one in every]
-    for turn in range(ROUNDS + 1):
-        if turn == ROUNDS:
-            held = [np.ones_like(rows) for rows in held]
+    for _ in range(ROUNDS):
         found = solve([one.rows(rows) for one, rows in zip(every, held, strict=True)])
         if found is None:
             return None
-        worst = [_worst_of_runs(one.excess(*found)) & ~rows for one, rows in zip(every, held)]
-        if not any(rows.any() for rows in worst):
+        worst = [_worst_of_runs(one.excess(*found)) for one in every]
+        more = [rows & ~old for rows, old in zip(worst, held, strict=True)]
+        if not any(rows.any() for rows in more):
             return found
-        held = [rows | more for rows, more in zip(held, worst, strict=True)]
-    return found
+        held = [old | rows for old, rows in zip(held, more, strict=True)]
+    return solve(every)
 
 
 def _worst_of_runs(excess: RealArray) -> RealArray:
