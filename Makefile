@@ -9,7 +9,8 @@ REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 .DELETE_ON_ERROR:
 .PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis bench report docs notebooks clean
 
-# Run every named problem, print the table, write the HTML index, and open it where somebody looks.
+# Run every named problem that is not marked slow, print the table, write the HTML index, and open it
+# where somebody looks.
 # The first certified figure comes within a minute, and the file is named.
 SHOW := $(if $(CI),,--open)
 reproduce: $(READY)
@@ -17,7 +18,7 @@ reproduce: $(READY)
 	@status=0; $(WORKBENCH) run '*' --jobs 2 || status=$$?; \
 	$(WORKBENCH) report $(SHOW) || status=$$?; exit $$status
 
-# The same, with the problems marked slow.
+# The same, with the problems marked slow: those of more than half a minute on one core.
 reproduce-all: $(READY)
 	@status=0; $(WORKBENCH) run '*' --slow --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 

@@ -62,7 +62,7 @@ SPREAD_SLACK = 0.02
 """By how much what is told may widen a spread over the drives."""
 
 
-@problem("cd/{axis}/optical-gain", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/optical-gain", slow=True, axis=("focus", "radial"), data=TABLES)
 def optical_gain(
     axis: Axis,
     passes: Annotated[int, Field(ge=2, le=1000)] = 10,

@@ -49,7 +49,7 @@ CONTROLLERS = ("reference", *SETS)
 """The reference controller, and the best one for each set."""
 
 
-@problem("cd/{axis}/ageing", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/ageing", slow=True, axis=("focus", "radial"), data=TABLES)
 def ageing(
     axis: Axis, design: Design = "fixed", draws: Annotated[int, Field(ge=1, le=1000)] = 12
 ) -> Ageing:

@@ -69,7 +69,9 @@ def needs(
     return {"narrowest": ref(name, method=cover, frequencies=frequencies, gain=gain)}
 
 
-@problem("cd/{axis}/cover-for-control", axis=("focus", "radial"), needs=needs, data=TABLES)
+@problem(
+    "cd/{axis}/cover-for-control", slow=True, axis=("focus", "radial"), needs=needs, data=TABLES
+)
 def cover_for_control(
     axis: Axis,
     narrowest: Run,

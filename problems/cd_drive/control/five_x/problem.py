@@ -27,7 +27,7 @@ def needs(
     return cover_of(axis, **choice) | {"designed": designed}
 
 
-@problem("cd/{axis}/five-x", axis=("focus", "radial"), needs=needs, data=TABLES)
+@problem("cd/{axis}/five-x", slow=True, axis=("focus", "radial"), needs=needs, data=TABLES)
 def five_x(
     axis: Axis,
     covered: Run,

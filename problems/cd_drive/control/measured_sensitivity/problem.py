@@ -67,6 +67,7 @@ not tell in a figure that spans 60 dB."""
 
 @problem(
     "cd/{axis}/measured-sensitivity",
+    slow=True,
     axis=("focus", "radial"),
     data=(*TABLES, "data/red_book.csv"),
 )

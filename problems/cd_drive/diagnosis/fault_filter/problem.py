@@ -61,7 +61,7 @@ def needs(axis: str = "focus", frequencies: int = 400, gain: Gain = "own", **_: 
     }
 
 
-@problem("cd/focus/fault-filter", needs=needs, data=TABLES)
+@problem("cd/focus/fault-filter", slow=True, needs=needs, data=TABLES)
 def fault_filter(
     covered: Run,
     frequencies: Frequencies = 400,
@@ -87,6 +87,7 @@ def fault_filter(
 
 @problem(
     "cd/radial/fault-filter",
+    slow=True,
     needs=lambda **chosen: needs("radial", **chosen),
     data=(*TABLES, "data/red_book.csv"),
 )

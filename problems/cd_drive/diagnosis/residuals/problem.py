@@ -72,7 +72,9 @@ EXPERIMENTS = ("clean", "fresh", "defects", "fading", "isolation")
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-@problem("cd/{axis}/residuals", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/residuals", slow=True, axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv")
+)
 def residuals(
     axis: Axis,
     drive: str = "CD1",

@@ -68,7 +68,7 @@ class Draw(NamedTuple):
     parameters: RealArray
 
 
-@problem("cd/{axis}/response-methods", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/response-methods", slow=True, axis=("focus", "radial"), data=TABLES)
 def response_methods(
     axis: Axis,
     drive: str = "CD1",

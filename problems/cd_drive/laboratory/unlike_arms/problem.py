@@ -65,7 +65,12 @@ FINE = np.geomspace(200.0, 2000.0, 800)
 """Frequencies [Hz] at which resonances are counted."""
 
 
-@problem("cd/{axis}/unlike-arms", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/unlike-arms",
+    slow=True,
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
 def unlike_arms(
     axis: Axis,
     drive: str = "CD12",

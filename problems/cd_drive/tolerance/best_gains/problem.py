@@ -43,6 +43,7 @@ HALVES = ("chosen on", "judged on")
 
 @problem(
     "cd/{axis}/best-gains",
+    slow=True,
     axis=("focus", "radial"),
     needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
     data=(*TABLES, "data/red_book.csv"),

@@ -76,6 +76,7 @@ FREQUENCY = np.geomspace(10.0, 17e3, 300)
 
 @problem(
     "cd/{axis}/designed-filter",
+    slow=True,
     axis=("focus", "radial"),
     needs=lambda axis, **_: {
         "covered": ref(f"cd/{axis}/cover-for-control"),

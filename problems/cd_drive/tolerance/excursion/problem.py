@@ -63,6 +63,7 @@ WORST_CASE = "eq. 8.1 at 500 um, 9 Hz, 1.9 ms"
 
 @problem(
     "cd/{axis}/excursion",
+    slow=True,
     axis=("focus", "radial"),
     needs=lambda axis, **_: {"slower": ref(f"cd/{axis}/lower-bandwidth")},
     data=(*TABLES, "data/red_book.csv"),

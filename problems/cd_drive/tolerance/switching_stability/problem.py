@@ -20,6 +20,7 @@ from .study import SwitchingStability
 
 @problem(
     "cd/{axis}/switching-stability",
+    slow=True,
     axis=("focus", "radial"),
     needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
     data=TABLES,
