@@ -3,7 +3,7 @@
 import pytest
 
 from workbench.batch import ended
-from workbench.batch.plan import Plan
+from workbench.batch.plan import JobPlan
 
 FED = '''
 """Studies that are fed with one another."""
@@ -82,7 +82,7 @@ def order(plan):
 
 
 def test_what_feeds_most_comes_first(fed):
-    assert order(Plan(["fed/top"], {})) == [
+    assert order(JobPlan(["fed/top"], {})) == [
         "fed/base",  # the one of scale 2, which feeds both sides
         "fed/a/middle",
         "fed/b/middle",
@@ -92,14 +92,14 @@ def test_what_feeds_most_comes_first(fed):
 
 
 def test_what_is_fed_is_not_ready(fed):
-    plan = Plan(["fed/top", "fed/a/middle", "fed/base"], {"scale": 2.0})
+    plan = JobPlan(["fed/top", "fed/a/middle", "fed/base"], {"scale": 2.0})
     # fed/top and fed/a/middle have no such parameter: their runs say so, and wait for nothing.
     assert {plan.calls[label][0] for label in plan.ready(9, idle=True)} == {
         "fed/top",
         "fed/a/middle",
         "fed/base",
     }
-    plan = Plan(["fed/top", "fed/a/middle", "fed/base"], {})
+    plan = JobPlan(["fed/top", "fed/a/middle", "fed/base"], {})
     begun = list(plan.ready(9, idle=True))
     assert sorted(plan.calls[label][0] for label in begun) == ["fed/base", "fed/base"]
     assert [plan.named.get(label) for label in begun].count("fed/base") == 1
@@ -109,7 +109,7 @@ def test_what_is_fed_is_not_ready(fed):
 
 
 def test_what_is_asked_to_another_accuracy_is_another_question(fed):
-    plain, fine = Plan(["fed/top", "fed/base"], {}), Plan(["fed/top", "fed/base"], {"fresh": True})
+    plain, fine = JobPlan(["fed/top", "fed/base"], {}), JobPlan(["fed/top", "fed/base"], {"fresh": True})
     assert len(plain.calls) == 5 and len(fine.calls) == 6
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench
-from workbench.batch.plan import Plan
+from workbench.batch.plan import JobPlan
 from workbench.bench.project import add_problems, added_problems
 from workbench.errors import ClusterError, WorkbenchError
 
@@ -61,7 +61,7 @@ def _several(
     """Runs several at once, at most so many under way; none waits for what another one makes."""
     from workbench.executor.live import shown_live
 
-    plan = Plan(names, asked)
+    plan = JobPlan(names, asked)
     under_way: dict[Future[Run], str] = {}
     ended = 0
     with where as executor, shown_live("several at once") as (progress, _):

@@ -14,7 +14,7 @@ UNASKED = {"tolerance": "middle", "time_limit": None, "verbose": False, "fresh":
 """What a run means that says nothing of these; so are those that feed others."""
 
 
-class Plan:
+class JobPlan:
     """Problems, and what they are fed with, each once.
 
     Parameters
