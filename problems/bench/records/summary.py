@@ -31,14 +31,19 @@ class Cell:
     use: str
     fits: dict[str, float]
 
-    def ahead(self, nonlinear: bool) -> float:
-        """Our fit less that of the best peer, in points; nonlinear models are peers or not."""
+    def ahead(self, nonlinear: bool, package: str = OURS) -> float:
+        """Fit of a package less that of the best of the others, in points.
+
+        Nonlinear models are among the others or not. A package without a model is infinitely far
+        below.
+        """
         others = [
             fit
-            for package, fit in self.fits.items()
-            if package != OURS and (nonlinear or package != NONLINEAR) and np.isfinite(fit)
+            for other, fit in self.fits.items()
+            if other != package and (nonlinear or other != NONLINEAR) and np.isfinite(fit)
         ]
-        return self.fits[OURS] - max(others)
+        own = self.fits.get(package, np.nan)
+        return own - max(others) if np.isfinite(own) else -np.inf
 
 
 def cells(results: Path) -> list[Cell]:
@@ -92,6 +97,30 @@ def verdict(found: list[Cell], nonlinear: bool) -> str:
     )
 
 
+def standings(found: list[Cell]) -> str:
+    """Every package against the best of the others, in Markdown: the same measure for all."""
+    rows = []
+    for package in dict.fromkeys(package for cell in found for package in cell.fits):
+        ahead = np.array([cell.ahead(True, package) for cell in found])
+        known = np.isfinite(ahead)
+        worst = found[int(np.where(known, ahead, np.inf).argmin())]
+        rows.append(
+            [
+                package,
+                f"{100 * (ahead >= -NEAR).mean():.0f} %",
+                str(int((ahead < -FAR).sum())),
+                f"{np.median(ahead):+.2f}",
+                f"{ahead[known].min():+.2f} ({worst.record}, {worst.use.replace('_', ' ')})",
+                str(int((~known).sum())),
+            ]
+        )
+    titles = [
+        "package", f"level within {NEAR} points or ahead", f"more than {FAR:g} points below",
+        "median distance", "worst", "without a model",
+    ]  # fmt: skip
+    return markdown(titles, rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path, help="what judge has written: a folder, or one file")
@@ -103,6 +132,8 @@ def main() -> None:
             print(f"{use.replace('_', ' ')}, {verdict(part, nonlinear)}")
     for nonlinear in (False, True):
         print(f"both uses, {verdict(found, nonlinear)}")
+    print(f"\nEvery package beside the best of the others, in {len(found)} cells:\n")
+    print(standings(found))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from workbench.plants.bench.records import judge
 from workbench.plants.bench.records.catalogue import RECORDS, PublicRecord, Section
 from workbench.plants.bench.records.reading import read_halves
-from workbench.plants.bench.records.summary import Cell, cells, fits_table, verdict
+from workbench.plants.bench.records.summary import Cell, cells, fits_table, standings, verdict
 
 from workbench.errors import InputError
 
@@ -148,3 +148,19 @@ def test_a_summary_counts_cells_that_are_level(tmp_path):
     assert "80.00" in fits_table(found) and "-10.00" in fits_table(found)
     with pytest.raises(InputError, match="no results"):
         cells(tmp_path / "none")
+
+
+def test_every_package_is_measured_alike():
+    """Against the best of the others; a package without a model counts as far below."""
+    fits = {"workbench": 80.0, "sippy_unipi": 80.4, "nfoursid": 70.0}
+    found = [
+        Cell("a", "one_step", fits),
+        Cell("a", "free_run", fits | {"workbench": 90.0, "nfoursid": float("nan")}),
+    ]
+    assert found[0].ahead(True, "sippy_unipi") == pytest.approx(0.4)
+    assert found[1].ahead(True, "nfoursid") == -np.inf
+    rows = {row.split("|")[1].strip(): row for row in standings(found).splitlines()[2:]}
+    cut = {name: [cell.strip() for cell in row.split("|")[2:7]] for name, row in rows.items()}
+    assert cut["workbench"] == ["100 %", "0", "+4.60", "-0.40 (a, one step)", "0"]
+    assert cut["sippy_unipi"] == ["50 %", "1", "-4.60", "-9.60 (a, free run)", "0"]
+    assert cut["nfoursid"] == ["0 %", "2", "-inf", "-10.40 (a, one step)", "1"]
