@@ -21,6 +21,7 @@ from workbench.identification.polynomials.methods import (
     arx_fits,
     impulse_response_fits,
     regularised_arx_fits,
+    sparse_arx_fits,
     structured_fits,
 )
 from workbench.identification.state_space.candidates import (
@@ -43,6 +44,8 @@ from workbench.solvers import Outcome
 NO_MODEL = "no kind of model gives one whose errors are finite"
 LONG_ORDERS = (12, 20, 30)
 """Further orders of ARX models, which are cheap and whitest where they are long."""
+SPARSE_LAGS = (4, 8, 12, 20, 30)
+"""Longest lags of ARX models of few terms."""
 
 
 @method(StateSpaceFit, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -81,6 +84,7 @@ class _Trial:
         self._spreads = np.array([judged_variance(left, program.washed) for _, left in self._folds])
         self._ways = dict(kinds_and_orders(program))
         self._errors: list[list[RealArray]] = []
+        self._models: dict[int, InnovationsModel | None] = {}
         means = []
         for fit in context.track(list(self._ways.values()), "candidates"):
             found = [self._validated(fit, *fold) for fold in self._folds]
@@ -115,23 +119,28 @@ class _Trial:
 
     def kept(self, use: int, number: int) -> list[InnovationsModel]:
         """Models of the whole estimation part by the fitting functions that validated best."""
-        fits, found = list(self._ways.values()), []
+        found: list[InnovationsModel] = []
         scores = self.candidates.fits[use] if self.candidates else np.array([])
-        for place in np.argsort(-scores, kind="stable"):
-            model = fits[place](self._program.used) if np.isfinite(scores[place]) else None
+        for place in map(int, np.argsort(-scores, kind="stable")):
+            model = self._model(place) if np.isfinite(scores[place]) else None
             found += [] if model is None else [model]
             if len(found) == number:
                 break
         return found
 
+    def _model(self, place: int) -> InnovationsModel | None:
+        """The model of the whole estimation part by a candidate, computed once."""
+        if place not in self._models:
+            self._models[place] = list(self._ways.values())[place](self._program.used)
+        return self._models[place]
+
     def fit_of_average(self, use: int) -> float:
         """Mean fit over outputs and folds [%] of the average of the best candidates."""
         members = self.candidates.members(use) if self.candidates else []
-        relative = [
-            (np.mean([self._errors[k][fold][use] for k in members], axis=0) ** 2).mean(axis=0)
-            / spread
-            for fold, spread in enumerate(self._spreads)
-        ]
+        relative = []
+        for fold, spread in enumerate(self._spreads):
+            errors = np.mean([self._errors[k][fold][use] for k in members], axis=0)
+            relative.append((errors**2).mean(axis=0) / spread)
         return float(100 * (1 - np.sqrt(relative).mean()))
 
     def claim(self, chosen: list[list[InnovationsModel]], candidates: Candidates) -> Claim:
@@ -166,11 +175,16 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
     for kind, way in ways.items():
         for order in orders:
             yield f"{kind} {order}", way(order)
-    for order in (*orders, *LONG_ORDERS):
+    several = program.record.y.shape[1] > 1
+    for order in sorted({*orders, *LONG_ORDERS}):
         if program.determines_arx(order):
             yield f"ARX {order}", arx_fits(program)(order)
-            if program.record.y.shape[1] > 1:
+            if several:
                 yield f"ARX of each output {order}", arx_fits(program, apart=True)(order)
+    for lags in SPARSE_LAGS:
+        yield f"sparse ARX {lags}", sparse_arx_fits(program)(lags)
+        if several:
+            yield f"sparse ARX of each output {lags}", sparse_arx_fits(program, apart=True)(lags)
     yield "regularised ARX 1", regularised_arx_fits(program)(1)
     yield "impulse response 1", impulse_response_fits(program)(1)
 

@@ -12,6 +12,7 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refinable, refine
 from workbench.identification.polynomials.regressions import arx, impulse_response
 from workbench.identification.polynomials.regularised_arx import regularised_arx
+from workbench.identification.polynomials.sparse_arx import sparse_arx
 from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
@@ -71,6 +72,16 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
         program,
         lambda record, order: arx(
             record, order, direct=program.direct, delay=program.delays, apart=apart
+        ),
+    )
+
+
+def sparse_arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
+    """Fitting functions for ARX models of few terms with a longest lag; ``apart`` as of `arx`."""
+    return _checked(
+        program,
+        lambda record, lags: sparse_arx(
+            record, lags, direct=program.direct, delay=program.delays, apart=apart
         ),
     )
 

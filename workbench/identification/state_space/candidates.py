@@ -16,7 +16,7 @@ BLOCKS = 10
 """Blocks of validation samples, of each fold, whose mean errors give the standard error."""
 MEMBER_LOSS = 10.0
 """Points of fit below the best candidate beyond which no other is averaged with it."""
-MEMBERS = 5
+MEMBERS = 10
 """Candidates whose predictions are averaged: few enough that all of them are good ones."""
 
 
