@@ -15,6 +15,7 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.choice.averages import averaged_predictor, averaged_simulator
+from workbench.identification.choice.levels import errors_beside_level, level_following
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.methods import (
@@ -33,7 +34,7 @@ from workbench.identification.state_space.candidates import (
 )
 from workbench.identification.state_space.control_weight import weighted_runs
 from workbench.identification.state_space.folds import final_prediction_factor
-from workbench.identification.state_space.identified import IdentifiedModels
+from workbench.identification.state_space.identified import USES, IdentifiedModels
 from workbench.identification.state_space.methods import SubspaceStarts, refined_fits
 from workbench.identification.state_space.moesp import projection_fits
 from workbench.identification.state_space.program import StateSpaceFit
@@ -61,7 +62,8 @@ def _best(program: StateSpaceFit, context: Context) -> Claim:
 def _averaged(program: StateSpaceFit, context: Context) -> Claim:
     """The average of the models that validate best, of all kinds and orders, for each use.
 
-    Which one is best is to a good part chance; their average errs less than most of them.
+    Which one is best is to a good part chance; their average errs less than most of them. Its
+    predictions follow the level of their errors.
     """
     trial = _Trial(program, context)
     if trial.candidates is None:
@@ -69,7 +71,8 @@ def _averaged(program: StateSpaceFit, context: Context) -> Claim:
     predictors, simulators = (trial.members(use) for use in range(2))
     if not (predictors and simulators):
         return None, Outcome.FAILED, NO_MODEL
-    predictor = averaged_predictor(predictors, program.largest_radius)
+    followers = [level_following(model) for model in predictors]
+    predictor = averaged_predictor(followers, program.largest_radius)
     simulator = averaged_simulator(simulators, program.used, program.direct, program.largest_radius)
     fits = np.array([trial.fit_of_average(use) for use in range(2)])
     return trial.claim([[predictor], [simulator]], replace(trial.candidates, averaged=fits))
@@ -140,7 +143,8 @@ class _Trial:
         relative = []
         for fold, spread in enumerate(self._spreads):
             errors = np.mean([self._errors[k][fold][use] for k in members], axis=0)
-            relative.append((errors**2).mean(axis=0) / spread)
+            left = errors_beside_level(errors) if USES[use] == "one_step" else errors
+            relative.append((left**2).mean(axis=0) / spread)
         return float(100 * (1 - np.sqrt(relative).mean()))
 
     def claim(self, chosen: list[list[InnovationsModel]], candidates: Candidates) -> Claim:
