@@ -79,4 +79,5 @@ def _mean(models: Sequence[InnovationsModel]) -> InnovationsModel:
     h = np.mean([m.y_offset - m.D @ m.u_offset for m in models], axis=0)
     A, B = F + K @ C, G + K @ D
     u_offset, y_offset = operating_point(A, B, C, D, f + K @ h, h)
-    return replace(models[0], A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
+    joint = replace(models[0], A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
+    return replace(joint, resting=0)

@@ -31,7 +31,7 @@ def level_following(model: InnovationsModel) -> InnovationsModel:
 
         d(t+1) = LEVEL_POLE d + LEVEL_RATE (y - yhat - d)
 
-    It has a state more for each output; responses and simulations from zero stay the same.
+    It has a state more for each output, which starts at zero; responses stay the same.
     """
     ny = len(model.C)
     one = np.eye(ny)
@@ -44,6 +44,7 @@ def level_following(model: InnovationsModel) -> InnovationsModel:
         B=np.vstack([model.B, np.zeros((ny, model.B.shape[1]))]),
         C=np.hstack([model.C, one]),
         K=np.vstack([model.K, LEVEL_RATE * one]),
+        resting=model.resting + ny,
     )
 
 

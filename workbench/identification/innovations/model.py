@@ -29,7 +29,8 @@ class InnovationsModel:
     The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
     later an input acts; empty where none does. ``sample_time`` [s] and the names of the channels
     are those of the record. ``members`` are the models whose mean this one is, if it is one: its
-    runs are then the means of theirs, each from an initial state of its own.
+    runs are then the means of theirs, each from an initial state of its own. The last ``resting``
+    states start every run at zero: a few samples do not tell them from the others.
 
     Examples
     --------
@@ -53,6 +54,7 @@ class InnovationsModel:
     inputs: tuple[str, ...] = field(default=(), kw_only=True)
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
     members: tuple[InnovationsModel, ...] = field(default=(), kw_only=True)
+    resting: int = field(default=0, kw_only=True)
 
     @property
     def order(self) -> int:
@@ -151,7 +153,7 @@ class InnovationsModel:
 def initial_state(model: InnovationsModel, K: RealArray, u: RealArray, y: RealArray) -> RealArray:
     """Initial state (n,) for which predictions with a gain K fit y (N, ny) best.
 
-    u (N, nu) and y are deviations from the model's offsets.
+    u (N, nu) and y are deviations from the model's offsets. Resting states are zero.
     """
     u, y = np.ascontiguousarray(u[:STATE_SAMPLES]), np.ascontiguousarray(y[:STATE_SAMPLES])
     matrices = model.matrices(K)
@@ -159,5 +161,7 @@ def initial_state(model: InnovationsModel, K: RealArray, u: RealArray, y: RealAr
     left = (y - predictions(*matrices, np.zeros(model.order), u, y)).ravel()
     rows = observability(closed, matrices[2], len(y)).reshape(len(left), model.order)
     seen = np.isfinite(left) & np.isfinite(rows).all(axis=1)
-    state: RealArray = np.linalg.lstsq(rows[seen], left[seen], rcond=None)[0]
+    moving = model.order - model.resting
+    state = np.zeros(model.order)
+    state[:moving] = np.linalg.lstsq(rows[seen, :moving], left[seen], rcond=None)[0]
     return state

@@ -66,6 +66,7 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
         {
             **extra,
             **{name: matrices[name] for name in names},
+            **{f"{name}_resting": model.resting for name, model in models.items() if model.resting},
             "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
             "measured": (held, rest.y, {"long_name": "held-out record"}),
             "one_step": (held, _whole_run(answer.predictor, "one_step", program)),
@@ -119,7 +120,7 @@ def stored_candidates(data: Dataset) -> Candidates | None:
 
 def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
     """The model of a name in a dataset, with the names and the time of the record."""
-    record, numbers = program.record, count(1)
+    record, numbers, resting = program.record, count(1), f"{name}_resting"
     stored = takewhile(lambda one: f"{one}_A" in data, (f"{name}_{k}" for k in numbers))
     return InnovationsModel(
         **{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES},
@@ -128,4 +129,5 @@ def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) ->
         inputs=record.inputs,
         outputs=record.outputs,
         members=tuple(innovations_model_of(program, data, one) for one in stored),
+        resting=int(data[resting]) if resting in data else 0,
     )
