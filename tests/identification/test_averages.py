@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from workbench import solve
 from workbench.errors import InputError
 from workbench.identification import Experiments, StateSpaceFit
+from workbench.identification.choice import methods as choice
 from workbench.identification.choice.averages import averaged_predictor, averaged_simulator
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.regressions import arx_from_lags
@@ -122,3 +123,27 @@ def test_an_average_errs_less_than_its_members_do_in_the_mean():
         own = program.fits(answer.predictor, answer.simulator, u, y)[use]
         theirs = [program.fits(m, m, u, y)[use] for m in model.members]
         assert own > np.mean(theirs)
+
+
+def test_a_member_that_fails_on_the_whole_part_is_left_out(monkeypatch):
+    """A candidate that validates well, and is spoilt when it is fitted to the whole part."""
+    program = StateSpaceFit(*noisy(4), orders=(1, 2, 3))
+    plain = solve(program, "averaged").answer
+    original = choice.sparse_arx_fits
+
+    def spoilt(program, apart=False):
+        def fitted(record, lags):
+            model = original(program, apart)(lags)(record)
+            whole = record is program.used
+            return replace(model, y_offset=model.y_offset + 1e6) if whole else model
+
+        return lambda lags: lambda record: fitted(record, lags)
+
+    monkeypatch.setattr(choice, "sparse_arx_fits", spoilt)
+    answer = solve(program, "averaged").answer
+    labels = [answer.candidates.labels[k] for k in answer.candidates.members(0)]
+    few = sum(label.startswith("sparse") for label in labels)
+    assert 0 < few < len(labels) / 2
+    assert len(plain.predictor.members) == len(labels)
+    assert len(answer.predictor.members) == len(labels) - few
+    assert all(np.abs(member.y_offset).max() < 1e5 for member in answer.predictor.members)

@@ -26,6 +26,7 @@ from workbench.identification.polynomials.methods import (
     structured_fits,
 )
 from workbench.identification.state_space.candidates import (
+    MEMBER_LOSS,
     Candidates,
     block_means,
     compared_candidates,
@@ -117,8 +118,17 @@ class _Trial:
         return errors
 
     def members(self, use: int) -> list[InnovationsModel]:
-        """Models of the whole estimation part that are averaged, best first."""
-        return self.kept(use, len(self.candidates.members(use)) if self.candidates else 0)
+        """Models of the whole estimation part that are averaged, best first.
+
+        A candidate that validated well may fail on the whole part: models that fit their own part
+        far worse than the others do are left out.
+        """
+        found = self.kept(use, len(self.candidates.members(use)) if self.candidates else 0)
+        with np.errstate(all="ignore"):  # simulations may overflow
+            own = [self._program.fits_to_choose_by(m, self._program.used)[use] for m in found]
+        fits = np.nan_to_num([fit.mean() for fit in own], nan=-np.inf)
+        least = np.median(fits) - MEMBER_LOSS if found else 0.0
+        return [model for model, fit in zip(found, fits, strict=True) if fit >= least]
 
     def kept(self, use: int, number: int) -> list[InnovationsModel]:
         """Models of the whole estimation part by the fitting functions that validated best."""
