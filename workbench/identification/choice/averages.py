@@ -7,7 +7,7 @@ mean of their biases and less variance. Source: L. Breiman, "Stacked regressions
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,19 +21,21 @@ from workbench.identification.state_space.selection import allowed
 
 
 def averaged_predictor(
-    models: Sequence[InnovationsModel], largest_radius: float = 1.0
+    models: Sequence[InnovationsModel],
+    largest_radius: float = 1.0,
+    holds: Callable[[InnovationsModel], bool] = lambda _: True,
 ) -> InnovationsModel:
     """The model whose one-step predictions are the mean of those of several, best first.
 
     Such a model may have poles beyond the largest radius though none of the several has; then the
-    last ones are left out until it has none.
+    last ones are left out until it has none. So they are until it ``holds`` what is known.
 
     Raises InputError where there is no model, or their delays differ.
     """
     _refuse(models)
     for count in range(len(models), 1, -1):
         mean = _mean(models[:count])
-        if mean.radius <= largest_radius and mean.predictor_radius < 1:
+        if mean.radius <= largest_radius and mean.predictor_radius < 1 and holds(mean):
             return replace(mean, members=tuple(models[:count]))
     return models[0]
 

@@ -44,6 +44,11 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 NO_MODEL = "no kind of model gives one whose errors are finite"
+MOST_TRIED = 100_000
+"""Most samples, from the first one on, that are divided into folds to compare the candidates.
+
+There are ten times as many as of one method, of up to ten times as many states.
+"""
 LONG_ORDERS = (12, 20, 30)
 """Further orders of ARX models, which are cheap and whitest where they are long."""
 SPARSE_LAGS = (4, 8, 12, 20, 30)
@@ -72,9 +77,12 @@ def _averaged(program: StateSpaceFit, context: Context) -> Claim:
     predictors, simulators = (trial.members(use) for use in range(2))
     if not (predictors and simulators):
         return None, Outcome.FAILED, NO_MODEL
-    followers = [level_following(model) for model in predictors]
-    predictor = averaged_predictor(followers, program.largest_radius)
+    if program.known is None:
+        predictors = [level_following(model) for model in predictors]
+    predictor = averaged_predictor(predictors, program.largest_radius, program.holds_known)
     simulator = averaged_simulator(simulators, program.used, program.direct, program.largest_radius)
+    if not program.holds_known(simulator):
+        simulator = simulators[0]
     fits = np.array([trial.fit_of_average(use) for use in range(2)])
     return trial.claim([[predictor], [simulator]], replace(trial.candidates, averaged=fits))
 
@@ -84,7 +92,8 @@ class _Trial:
 
     def __init__(self, program: StateSpaceFit, context: Context) -> None:
         self._program = program
-        self._folds = program.folds or [(program.used, program.used)]
+        self._held_back = program.folds_within(MOST_TRIED)
+        self._folds = self._held_back or [(program.used, program.used)]
         self._spreads = np.array([judged_variance(left, program.washed) for _, left in self._folds])
         self._ways = dict(kinds_and_orders(program))
         self._errors: list[list[RealArray]] = []
@@ -112,7 +121,7 @@ class _Trial:
             outputs, felt = weighted_runs(model, left, program.washed, program.bandwidth)
             size = np.sqrt((outputs**2).mean(axis=0) / judged_variance(left, program.washed))
             errors[1] = felt / np.maximum(size, np.finfo(float).tiny)
-        if not program.folds:
+        if not self._held_back:
             count = model.order * (2 * len(model.C) + model.B.shape[1])
             errors *= final_prediction_factor(count, len(used))
         return errors
@@ -193,8 +202,10 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
     for order in sorted({*orders, *LONG_ORDERS}):
         if program.determines_arx(order):
             yield f"ARX {order}", arx_fits(program)(order)
-            if several:
+            if several and program.known is None:
                 yield f"ARX of each output {order}", arx_fits(program, apart=True)(order)
+    if program.known is not None:  # sparse and long regularised responses are not held to it
+        return
     for lags in SPARSE_LAGS:
         yield f"sparse ARX {lags}", sparse_arx_fits(program)(lags)
         if several:

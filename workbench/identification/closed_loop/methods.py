@@ -41,7 +41,18 @@ def _direct(program: ClosedLoopFit, context: Context) -> Claim:
     return claim(identify(program, way, way, context))
 
 
-@method(ClosedLoopFit, "two-stage", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
+    known = "it does not hold models to known poles and gains; take method direct"
+    return None if program.known is None else known
+
+
+@method(
+    ClosedLoopFit,
+    "two-stage",
+    optimal=False,
+    unfit=_refuses_knowledge,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
 def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
     """What r explains of u, then its output error; assumes a linear loop and a stable plant."""
 
@@ -58,7 +69,13 @@ def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
     return claim(identify(program, way, way, context))
 
 
-@method(ClosedLoopFit, "instrumental-variables", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(
+    ClosedLoopFit,
+    "instrumental-variables",
+    optimal=False,
+    unfit=_refuses_knowledge,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
 def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
     """ARX with what r explains of u and y as instruments; assumes a linear loop, no noise model."""
 
@@ -76,7 +93,9 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
 
 
 def _no_controller(program: ClosedLoopFit) -> str | None:
-    return "it needs the controller" if program.controller is None else None
+    if program.controller is None:
+        return "it needs the controller"
+    return _refuses_knowledge(program)
 
 
 @method(ClosedLoopFit, "indirect", optimal=False, unfit=_no_controller, accuracy=ANY_ACCURACY_ALIKE)

@@ -38,7 +38,8 @@ class Criterion:
 
     Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether
     D is free; otherwise it stays as it is in the model. ``entries`` marks which entries of A, B, C,
-    D and K, row by row and one after the other, are free; None: all of them.
+    D and K, row by row and one after the other, are free; None: all of them. ``free`` are the
+    places of the free ones in that order.
     """
 
     def __init__(
@@ -65,12 +66,19 @@ class Criterion:
             held[: self._ends[5]] = ~entries
         if not direct:
             held[self._ends[3] : self._ends[4]] = True
-        self._free = np.flatnonzero(~held)
+        self.free = np.flatnonzero(~held)
+
+    @property
+    def of_inputs(self) -> IntegerArray:
+        """Places of the free entries of B and D among the parameters."""
+        a, b, c, d = self._ends[1], self._ends[2], self._ends[3], self._ends[4]
+        inside = ((self.free >= a) & (self.free < b)) | ((self.free >= c) & (self.free < d))
+        return np.flatnonzero(inside)
 
     @property
     def common(self) -> int:
         """Number of parameters that the experiments share; the initial states come after them."""
-        return len(self._free)
+        return len(self.free)
 
     def start(self, model: InnovationsModel) -> RealArray:
         """Parameters (P,) of a model, with the initial states that fit the experiments best."""
@@ -82,14 +90,14 @@ class Criterion:
             for gain in gains
             for u, y in self._pieces
         ]
-        return np.concatenate([whole[self._free], *states])
+        return np.concatenate([whole[self.free], *states])
 
     def model(self, theta: RealArray) -> InnovationsModel:
         """Model with given parameters (P,)."""
         m = self._template
         parts = (m.A, m.B, m.C, m.D, m.K, m.u_offset, m.y_offset)
         whole = np.concatenate([part.ravel() for part in parts])
-        whole[self._free] = theta[: self.common]
+        whole[self.free] = theta[: self.common]
         A, B, C, D, K, u_offset, y_offset = (
             whole[a:b].reshape(shape)
             for (a, b), shape in zip(pairwise(self._ends), self._shapes, strict=True)
@@ -156,7 +164,7 @@ class Criterion:
     ) -> Iterator[tuple[IntegerArray, RealArray, RealArray]]:
         """Columns, errors (T, ny) and derivatives (T, ny, columns) of blocks of samples."""
         n, nu, ny = self._shapes[0][0], self._shapes[1][1], self._shapes[2][0]
-        kept = np.r_[self._free, self._ends[-1] : self._ends[-1] + n]
+        kept = np.r_[self.free, self._ends[-1] : self._ends[-1] + n]
         everything = len(kept) == self._ends[-1] + n
         for place, x, matrices, u, y in self._runs(theta, run):
             moved = np.zeros((n, n * (n + nu + ny)))

@@ -13,6 +13,8 @@ from workbench.arrays import BoolArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.gain_surface import GainSurface
+from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
 
@@ -21,6 +23,12 @@ MIN_LIKELIHOOD_GAIN = 1.0
 
 Iterations that gain less fit the noise of this record.
 """
+COARSE_SAMPLES = 100_000
+"""Leading samples of a longer record on which iterations begin, as they are cheap there."""
+LONG = 4
+"""Lengths of the coarse part from which on a record is long."""
+MOST_PRODUCTS = 2e11
+"""Products of one sweep of derivatives; models of many states use the samples that it allows."""
 CIRCLE_ROUNDING = 1e-10
 """Distance of a predictor's poles from the unit circle that eigenvalues are computed to."""
 
@@ -40,6 +48,7 @@ def refine(
     direct: bool = True,
     largest_radius: float = 1.0,
     entries: BoolArray | None = None,
+    known: Knowledge | None = None,
 ) -> tuple[InnovationsModel, int]:
     """Refine a model on experiments by Levenberg-Marquardt iterations.
 
@@ -47,6 +56,9 @@ def refine(
     change the basis of the state have no effect on the criterion, and the damping keeps them
     unchanged. Steps are refused if they make the predictor unstable or bring a pole of the model
     beyond the largest radius.
+
+    A long record is approached from its first `COARSE_SAMPLES`; the last iterations use all of it,
+    or as much as `MOST_PRODUCTS` allows a model of many states, at least the coarse part.
 
     Parameters
     ----------
@@ -58,6 +70,9 @@ def refine(
         Largest modulus of a pole of the model; infinite where the plant may be unstable.
     entries
         Which entries of A, B, C, D and K are free, as for `Criterion`; the others stay.
+    known
+        Gains to keep; each step stays on the surface of the models that have them. Known poles are
+        kept by entries that are not free.
 
     Returns
     -------
@@ -68,9 +83,43 @@ def refine(
     InputError
         The starting model has a pole beyond the largest radius, or its predictor is unstable.
     """
-    slowest = 1 - CIRCLE_ROUNDING
     if not refinable(model, largest_radius):
         raise InputError("the model to start from or its predictor is unstable; lower the order")
+    total = 0
+    for part in _stages(record, model):
+        model, done = _refined(
+            model, part, simulation_weight, iterations, direct, largest_radius, entries, known
+        )
+        total += done
+    return model, total
+
+
+def _stages(record: Experiments, model: InnovationsModel) -> list[Experiments]:
+    """Parts of a record on which a model is refined, one after the other."""
+    n, channels = model.order, record.u.shape[1] + record.y.shape[1]
+    affordable = int(MOST_PRODUCTS / max(n * n * n * (n + channels), 1))
+    whole = record.part(0, min(len(record), max(affordable, COARSE_SAMPLES)))
+    if len(whole) == len(record):
+        whole = record
+    coarse = record.part(0, COARSE_SAMPLES)
+    alike = all(part.still_inputs() == record.still_inputs() for part in (coarse, whole))
+    if len(record) < LONG * COARSE_SAMPLES or not alike:
+        return [record]
+    return [coarse, whole] if len(whole) >= LONG * COARSE_SAMPLES else [whole]
+
+
+def _refined(
+    model: InnovationsModel,
+    record: Experiments,
+    simulation_weight: float,
+    iterations: int,
+    direct: bool,
+    largest_radius: float,
+    entries: BoolArray | None,
+    known: Knowledge | None,
+) -> tuple[InnovationsModel, int]:
+    """The refined model of one part of a record, and the number of iterations."""
+    slowest = 1 - CIRCLE_ROUNDING
     scaling = Scaling.of(record)
     pieces = [scaling.scaled(*piece) for piece in record.pieces()]
     unit = replace(record, u=np.vstack([u for u, _ in pieces]), y=np.vstack([y for _, y in pieces]))
@@ -78,18 +127,29 @@ def refine(
     if start.radius > 1 + 1 / len(record):
         simulation_weight = 0.0
     criterion = Criterion(start, unit, simulation_weight, direct, entries)
+    surface = None
+    if known is not None and known.gain is not None:
+        surface = GainSurface(criterion, known.in_units(scaling.u_spread, scaling.y_spread))
     theta = criterion.start(start)
+    if surface is not None:
+        theta = surface.nearest(theta)
     value, gradient, hessian = criterion.expand(theta)
     damping, done = 1e-2, 0
     while done < iterations and np.isfinite(value):
         # Scale to a unit diagonal, so that the step does not depend on the units of the signals.
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
-        normed = hessian / np.outer(scale, scale)
+        normed, downhill = hessian / np.outer(scale, scale), gradient / scale
+        basis = None if surface is None else surface.tangent(theta, scale)
+        if basis is not None:
+            normed, downhill = basis.T @ normed @ basis, basis.T @ downhill
         decrease = 0.0
         while damping < 1e10:
             damped = normed + (damping + 1e-9) * np.eye(len(normed))
-            trial = theta - np.linalg.solve(damped, gradient / scale) / scale
+            step = np.linalg.solve(damped, downhill)
+            trial = theta - (step if basis is None else basis @ step) / scale
+            if surface is not None:
+                trial = surface.nearest(trial)
             candidate = criterion.model(trial)
             if candidate.predictor_radius < slowest and candidate.radius <= largest_radius:
                 decrease = value - criterion(trial)
@@ -102,4 +162,5 @@ def refine(
         if decrease < MIN_LIKELIHOOD_GAIN:
             break
         value, gradient, hessian = criterion.expand(theta)
-    return (scaling.restored(criterion.model(theta), record) if done else model), done
+    moved = done or surface is not None
+    return (scaling.restored(criterion.model(theta), record) if moved else model), done

@@ -150,3 +150,27 @@ def observability(A, C, samples):  # type: ignore[no-untyped-def]
         found[t] = row
         row = row @ A
     return found
+
+
+@compiled
+def driven_rows(A, C, driven, free, u, rows):  # type: ignore[no-untyped-def]
+    """Derivatives of the outputs of x+ = A x + B u by the initial state and by B, column by column.
+
+    They are written to the first n (1 + nu) columns of rows (T, ny, P). ``driven`` (n, nu n) and
+    ``free`` (n, n), the derivatives of the state, are updated in place.
+    """
+    n, nu = len(A), u.shape[1]
+    seen, seen_free = np.empty((len(C), nu * n)), np.empty((len(C), n))
+    ahead, ahead_free = np.empty_like(driven), np.empty_like(free)
+    for t in range(len(u)):
+        np.dot(C, free, seen_free)
+        np.dot(C, driven, seen)
+        rows[t, :, :n] = seen_free
+        rows[t, :, n : n + nu * n] = seen
+        np.dot(A, driven, ahead)
+        np.dot(A, free, ahead_free)
+        driven[:] = ahead
+        free[:] = ahead_free
+        for j in range(nu):
+            for i in range(n):
+                driven[i, j * n + i] += u[t, j]

@@ -9,7 +9,11 @@ from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.prediction_error import refinable, refine
+from workbench.identification.innovations.prediction_error import (
+    CIRCLE_ROUNDING,
+    refinable,
+    refine,
+)
 from workbench.identification.polynomials.regressions import arx, impulse_response
 from workbench.identification.polynomials.regularised_arx import regularised_arx
 from workbench.identification.polynomials.sparse_arx import sparse_arx
@@ -22,7 +26,7 @@ from workbench.identification.state_space.methods import (
 )
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
-from workbench.identification.state_space.selection import allowed, least_of
+from workbench.identification.state_space.selection import best_fitting, least_of
 from workbench.program import Claim, method
 
 MOST_STATES = 60
@@ -36,7 +40,19 @@ def _arx(program: StateSpaceFit, context: Context) -> Claim:
     return claim(identify(program, way, way, context))
 
 
-@method(StateSpaceFit, "impulse-response", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _refuses_knowledge(program: StateSpaceFit) -> str | None:
+    if program.known is None:
+        return None
+    return "known poles and gains do not fit its kernels, of responses with poles at 0 alone"
+
+
+@method(
+    StateSpaceFit,
+    "impulse-response",
+    optimal=False,
+    unfit=_refuses_knowledge,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
 def _impulse_response(program: StateSpaceFit, context: Context) -> Claim:
     """Impulse responses regularised by a decaying kernel, tuned by marginal likelihood."""
     way = impulse_response_fits(program)
@@ -49,13 +65,37 @@ def _armax(program: StateSpaceFit, context: Context) -> Claim:
     return _structured_answer(program, context, "armax")
 
 
-@method(StateSpaceFit, "output-error", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _predicts_by_simulation(program: StateSpaceFit) -> str | None:
+    """Why kinds whose noise has no part in the plant's states cannot take a program."""
+    poles = program.known.poles if program.known else ()
+    outside = [pole for pole in poles if abs(pole) >= 1 - CIRCLE_ROUNDING]
+    if not outside:
+        return None
+    return (
+        f"its predictor has the poles of the plant, and the known one {outside[0]:.6g} is not "
+        "inside the unit circle"
+    )
+
+
+@method(
+    StateSpaceFit,
+    "output-error",
+    optimal=False,
+    unfit=_predicts_by_simulation,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
 def _output_error(program: StateSpaceFit, context: Context) -> Claim:
     """Output error for each pair of channels, minimised from the subspace model."""
     return _structured_answer(program, context, "output-error")
 
 
-@method(StateSpaceFit, "box-jenkins", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(
+    StateSpaceFit,
+    "box-jenkins",
+    optimal=False,
+    unfit=_predicts_by_simulation,
+    accuracy=ANY_ACCURACY_ALIKE,
+)
 def _box_jenkins(program: StateSpaceFit, context: Context) -> Claim:
     """Box-Jenkins for each pair of channels, minimised from the subspace model."""
     return _structured_answer(program, context, "box-jenkins")
@@ -124,8 +164,10 @@ def _checked(
 
     def way(order: int) -> Fitter:
         def checked(record: Experiments) -> InnovationsModel | None:
-            model = fit(record, order)
-            return model and allowed(model, record, program.direct, program.largest_radius)
+            return best_fitting(
+                [fit(record, order)], record,
+                direct=program.direct, largest_radius=program.largest_radius, known=program.known,
+            )  # fmt: skip
 
         return checked
 
@@ -143,7 +185,9 @@ def structured_fits(
                 criterion = Criterion(model, record, 0.0, program.direct)
                 return criterion(criterion.start(model))
 
-            begun = [polynomial_start(model, kind) for model in starts.of(record, order)]
+            known = program.known
+            kept = len(known.poles) if known else 0
+            begun = [polynomial_start(model, kind, kept) for model in starts.of(record, order)]
             usable = [
                 model
                 for model, _ in begun
@@ -154,7 +198,8 @@ def structured_fits(
                 return None
             return refine(
                 start, record, 0.0,
-                direct=program.direct, largest_radius=program.largest_radius, entries=begun[0][1],
+                direct=program.direct, largest_radius=program.largest_radius,
+                entries=begun[0][1], known=known,
             )[0]  # fmt: skip
 
         return fit

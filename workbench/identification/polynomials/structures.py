@@ -46,12 +46,17 @@ def _blocks(kind: PolynomialKind, nu: int, ny: int) -> Iterator[_Block]:
 
 
 def polynomial_start(
-    model: InnovationsModel, kind: PolynomialKind
+    model: InnovationsModel, kind: PolynomialKind, known: int = 0
 ) -> tuple[InnovationsModel, BoolArray]:
     """A polynomial model that starts at a state-space model, and its free entries.
 
     Every polynomial has the degree of the model. What a block is driven by, it answers as the model
     does; signals that its kind leaves out are left out, such as the noise of output error.
+
+    The first ``known`` poles of the model, by its block triangular A, are kept: a polynomial is
+    then the product p a of a fixed one and a free one. Its block has two parts in observer form,
+    that of p, and that of a which drives it: together they have any numerator, since each is
+    b p + c a for one b and c of lower degree. Blocks of noise alone stay free.
 
     Returns
     -------
@@ -65,11 +70,15 @@ def polynomial_start(
     free = {
         name: np.zeros(M.shape, dtype=bool) for name, M in zip("ABCK", (A, B, C, K), strict=True)
     }
-    companion, seen = _observer_form(model.A)
+    plain = _observer_form(model.A, 0)
+    held = _observer_form(model.A, known)
     for number, block in enumerate(blocks):
         rows = slice(number * n, (number + 1) * n)
+        kept = known if block.inputs else 0
+        companion, seen = held if kept else plain
         A[rows, rows], C[block.output, number * n] = companion, 1.0
-        free["A"][rows, number * n] = True
+        if kept < n:
+            free["A"][number * n + kept : (number + 1) * n, number * n + kept] = True
         markov = _markov(model, block.output)
         for j in block.inputs:
             B[rows, j] = np.linalg.solve(seen, markov[0][:, j])
@@ -82,11 +91,16 @@ def polynomial_start(
     return replace(model, A=A, B=B, C=C, K=K), entries
 
 
-def _observer_form(A: RealArray) -> tuple[RealArray, RealArray]:
-    """Companion matrix (n, n) of the eigenvalues of A, and its observability matrix."""
+def _observer_form(A: RealArray, known: int) -> tuple[RealArray, RealArray]:
+    """Companion matrix (n, n) of the eigenvalues of A, and its observability matrix.
+
+    The first ``known`` ones have a block of their own, driven by that of the others.
+    """
     n = len(A)
     companion = np.eye(n, k=1)
-    companion[:, 0] = -np.real(np.poly(A))[1:]
+    for first, end in ((0, known), (known, n)):
+        if end > first:
+            companion[first:end, first] = -np.real(np.poly(A[first:end, first:end]))[1:]
     seen, row = np.empty((n, n)), np.eye(n)[0]
     for k in range(n):
         seen[k] = row

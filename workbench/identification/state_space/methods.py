@@ -18,10 +18,10 @@ from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
 from workbench.identification.state_space.selection import (
-    allowed,
-    best_fitting,
+    allowed_models,
     fitting_pasts,
     least_of,
+    misfit,
 )
 from workbench.identification.state_space.subspace import SubspaceModels
 from workbench.program import Claim, method
@@ -110,8 +110,9 @@ class SubspaceStarts:
         found = []
         for past in pasts:
             model = replace(self._regressions[id(record)].model(order, past), delay=program.delays)
-            usable = allowed(model, record, program.direct, program.largest_radius)
-            found += [] if usable is None else [usable]
+            found += allowed_models(
+                model, record, program.direct, program.largest_radius, program.known
+            )
         return found
 
 
@@ -121,10 +122,9 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     starts = SubspaceStarts(program)
 
     def way(order: int) -> Fitter:
-        return lambda record: best_fitting(
-            starts.of(record, order), record,
-            direct=program.direct, largest_radius=program.largest_radius,
-        )  # fmt: skip
+        return lambda record: least_of(
+            starts.of(record, order), lambda model: misfit(model, record)
+        )
 
     return claim(identify(program, way, way, context))
 
@@ -152,9 +152,11 @@ def refined_fits(
 
             usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
             start = least_of(usable, value)
+            known = program.known
             return start and refine(
                 start, record, simulation_weight,
-                direct=program.direct, largest_radius=program.largest_radius,
+                direct=program.direct, largest_radius=program.largest_radius, known=known,
+                entries=known and known.free_entries(start),
             )[0]  # fmt: skip
 
         return fit

@@ -25,6 +25,7 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import innovation_gain, with_inputs
+from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
@@ -72,6 +73,7 @@ def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> Fitte
         return lambda record: best_projection(
             record, order, weights,
             direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
+            known=program.known,
         )  # fmt: skip
 
     return way
@@ -85,6 +87,7 @@ def best_projection(
     direct: bool = True,
     delay: Sequence[int] = (),
     largest_radius: float = 1.0,
+    known: Knowledge | None = None,
 ) -> InnovationsModel | None:
     """The best model of experiments by projections over several windows, or None.
 
@@ -101,7 +104,7 @@ def best_projection(
         projection_model(record, order, half, weights, direct=direct, delay=delay)
         for half in windows
     )
-    return best_fitting(found, record, direct=direct, largest_radius=largest_radius)
+    return best_fitting(found, record, direct=direct, largest_radius=largest_radius, known=known)
 
 
 def projection_model(

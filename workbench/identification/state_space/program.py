@@ -24,10 +24,12 @@ from workbench.identification.state_space import figures as drawn
 from workbench.identification.state_space.control_weight import control_fit, need_bandwidth
 from workbench.identification.state_space.facts import facts_of
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
+from workbench.identification.state_space.known import known_checks
 from workbench.identification.state_space.question import RecordedQuestion
 from workbench.identification.state_space.validation import nrmse_fit, share_outside
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
+from workbench.second_opinion.known_plants import has_known
 from workbench.second_opinion.records import convolved
 from workbench.tables import markdown
 
@@ -81,6 +83,14 @@ class StateSpaceFit(RecordedQuestion, Program):
         "stable": inside the unit circle. "marginal": not so far outside that a mode grows more
         than e-fold over the estimation part, as integrators and undamped modes need. "any": of an
         unstable plant too, whose record comes from a closed loop; its free run is not judged.
+    known_poles
+        Poles of the plant that are known, in discrete time: values of z, complex ones with their
+        conjugates, each as often as it is known. An integrator is the pole 1; a pole s [rad/s] in
+        continuous time is exp(s sample_time). Both models have them exactly. An unstable one needs
+        ``poles="any"``.
+    static_gain
+        Known static gains (ny, nu), NaN where unknown; a number for one input and one output. Both
+        models have them exactly.
     bandwidth
         Bandwidth [Hz] of a loop that is to be designed on the simulator, or None. Its order and
         kind are then chosen by the errors of free runs as such a loop feels them: weighted by
@@ -90,7 +100,9 @@ class StateSpaceFit(RecordedQuestion, Program):
     ------
     InputError
         No record was given, or it is broken; or it is too short for the washout or the orders; or
-        the bandwidth is not below half the sampling frequency.
+        the bandwidth is not below half the sampling frequency; or known poles are unpaired, more
+        than an order, or where ``poles`` forbids them; or gains have another shape, or are given
+        with a known pole at 1.
 
     Examples
     --------
@@ -154,6 +166,14 @@ class StateSpaceFit(RecordedQuestion, Program):
         return [
             *self._radii(answer),
             *(
+                check
+                for name in MODELS
+                if self.known is not None
+                for check in known_checks(
+                    self.known, getattr(answer, name), name, self.gain_sizes
+                )
+            ),
+            *(
                 Check(
                     use.replace("_", " "),
                     "error on the samples held out, over that of the mean",
@@ -195,6 +215,10 @@ class StateSpaceFit(RecordedQuestion, Program):
             if self.poles != "any":
                 check = decays(model.system(), f"{use} decays")
                 opinions.append(replace(check, limit=float(np.log(self.largest_radius))))
+            if self.known is not None:
+                opinions += has_known(
+                    model.system(), self.known.groups(), self.known.gain, self.gain_sizes, use
+                )
         return opinions
 
     def _judged_pieces(self) -> list[tuple[RealArray, RealArray]]:

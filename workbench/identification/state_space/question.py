@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
@@ -19,7 +20,9 @@ from workbench.identification.experiments.several import (
     SamplesAlong,
     as_experiments,
 )
+from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space.delays import checked_delays, estimated_delays
 from workbench.identification.state_space.folds import (
@@ -30,6 +33,7 @@ from workbench.identification.state_space.folds import (
     validation_folds,
 )
 from workbench.identification.state_space.identified import USES
+from workbench.identification.state_space.known import checked_knowledge, refuse_poles_outside
 from workbench.identification.state_space.selection import fitting_pasts, largest_order
 from workbench.identification.state_space.validation import autocorrelation, cross_correlation
 from workbench.input_checks import need_count, need_whole
@@ -46,6 +50,10 @@ REST_SAMPLES = 50
 """Samples at rest that are put before a record whose inputs never move."""
 USUAL_WASHOUT = 50
 """Longest washout [samples] where none is given."""
+MOST_VALIDATED = 1_000_000
+"""Most samples, from the first one on, that are divided into folds to choose an order."""
+MOST_LINES = 50_000
+"""Most lines at which the nonparametric response is computed, evenly spread over all."""
 ESTIMATION_SHARE = 2 / 3
 """Share of the record that methods may use where nothing is given."""
 
@@ -72,6 +80,8 @@ class RecordedQuestion:
     direct: bool = field(default=True, kw_only=True)
     delay: int | Sequence[int] | Literal["estimate"] = field(default=0, kw_only=True)
     poles: Poles = field(default="marginal", kw_only=True)
+    known_poles: Sequence[complex] = field(default=(), kw_only=True)
+    static_gain: ArrayLike | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         record = self.record
@@ -80,6 +90,9 @@ class RecordedQuestion:
         if not isinstance(self.direct, bool):
             raise InputError(f"direct is {self.direct!r}; it must be True or False")
         checked_delays(self.delay, record)
+        known = self.known
+        if known is not None:
+            refuse_poles_outside(known.poles, self.poles)
         settle = object.__setattr__
         if self.estimation is None:
             settle(self, "estimation", round(ESTIMATION_SHARE * len(record)))
@@ -101,8 +114,10 @@ class RecordedQuestion:
         """The orders that are tried, rising."""
         samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
         if self.orders is None:
-            found = tuple(n for n in USUAL_ORDERS if self._determines(n, samples))
-            return found or (self._refused(USUAL_ORDERS[0], samples),)
+            fewest = max(1, self._known_poles)
+            usual = sorted({fewest, *(n for n in USUAL_ORDERS if n >= fewest)})
+            found = tuple(n for n in usual if self._determines(n, samples))
+            return found or (self._refused(usual[0], samples),)
         if isinstance(self.orders, str) or not np.iterable(self.orders):
             raise InputError(f"orders is {self.orders!r}; a list of whole numbers is needed")
         for order in self.orders:
@@ -110,10 +125,19 @@ class RecordedQuestion:
         orders = tuple(sorted({int(order) for order in self.orders}))
         if not orders:
             raise InputError("no orders to choose from; give at least one")
+        if orders[0] < self._known_poles:
+            raise InputError(
+                f"order {orders[0]} is too low for {self._known_poles} known poles; "
+                f"ask for orders of at least {self._known_poles}"
+            )
         for order in (orders[0], orders[-1]):
             if not self._determines(order, samples):
                 self._refused(order, samples)
         return orders
+
+    @property
+    def _known_poles(self) -> int:
+        return 0 if self.known is None else len(self.known.poles)
 
     def _parameters(self, order: int) -> int:
         """Number of free parameters of a model of an order."""
@@ -174,7 +198,18 @@ class RecordedQuestion:
     @cached_property
     def folds(self) -> list[tuple[Experiments, Experiments]]:
         """Parts to estimate on and to validate on, within the samples that methods may use."""
-        return validation_folds(self.used)
+        return self.folds_within(MOST_VALIDATED)
+
+    def folds_within(self, samples: int) -> list[tuple[Experiments, Experiments]]:
+        """Folds of the first so many samples that methods may use; of all, where those give fewer.
+
+        What so many samples do not tell apart makes no difference.
+        """
+        whole = validation_folds(self.used)
+        if len(self.used) <= samples:
+            return whole
+        first = validation_folds(self.used.part(0, samples))
+        return first if len(first) == len(whole) else whole
 
     @cached_property
     def delays(self) -> tuple[int, ...]:
@@ -184,6 +219,23 @@ class RecordedQuestion:
         else:
             found = checked_delays(self.delay, self.record)
         return found if any(found) else ()
+
+    @cached_property
+    def known(self) -> Knowledge | None:
+        """Known poles and gains; None where nothing is known."""
+        return checked_knowledge(
+            self.known_poles, self.static_gain, self.record.u.shape[1], self.record.y.shape[1],
+        )  # fmt: skip
+
+    @cached_property
+    def gain_sizes(self) -> RealArray:
+        """Spreads of outputs over those of inputs (ny, nu) in the estimation part."""
+        scaling = Scaling.of(self.used)
+        return np.asarray(scaling.y_spread[:, None] / scaling.u_spread)
+
+    def holds_known(self, model: InnovationsModel) -> bool:
+        """Whether a model has the known poles and gains, if any."""
+        return self.known is None or self.known.holds(model, self.gain_sizes)
 
     @property
     def largest_radius(self) -> float:
@@ -240,8 +292,12 @@ class RecordedQuestion:
         """
         if len(self.used.starts) > 1 or self.used.missing:
             return None
+        last = (len(self.used) + 1) // 2 - 1
+        at = None
+        if last > MOST_LINES:
+            at = np.unique(np.linspace(1, last, MOST_LINES).round().astype(int))
         try:
-            return local_polynomial(self.used.u, self.used.y)
+            return local_polynomial(self.used.u, self.used.y, at=at)
         except InputError:
             return None
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.constrained import regressed, with_known_gains
 from workbench.identification.innovations.gains import innovation_gain, inside_circle, with_inputs
+from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.scaling import Scaling
 
 HORIZONS = (10, 15, 20, 30, 40)
 """Lengths [samples] of the past from which `best_subspace` chooses."""
@@ -55,13 +58,20 @@ def best_fitting(
     *,
     direct: bool = True,
     largest_radius: float = 1.0,
+    known: Knowledge | None = None,
 ) -> InnovationsModel | None:
     """The model that fits experiments best, None where there is none.
 
     Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
+    What is known of poles and gains is imposed.
     """
-    usable = (model and allowed(model, record, direct, largest_radius) for model in models)
-    return least_of(usable, lambda model: _misfit(model, record))
+    usable = (
+        each
+        for model in models
+        if model is not None
+        for each in allowed_models(model, record, direct, largest_radius, known)
+    )
+    return least_of(usable, lambda model: misfit(model, record))
 
 
 def least_of(
@@ -73,6 +83,37 @@ def least_of(
         if model is not None and (size := misfit(model)) < least:
             best, least = model, size
     return best
+
+
+def allowed_models(
+    model: InnovationsModel,
+    record: Experiments,
+    direct: bool,
+    largest_radius: float,
+    known: Knowledge | None,
+) -> Iterator[InnovationsModel]:
+    """The model as `allowed`, or those near it that have the known poles and gains."""
+    if known is None:
+        found = allowed(model, record, direct, largest_radius)
+        if found is not None:
+            yield found
+        return
+    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
+        return
+    scaling = Scaling.of(record)
+    size = scaling.y_spread[:, None] / scaling.u_spread
+    ways = [False, True] if any(times > 1 for _, times in known.groups()) else [False]
+    for parallel in ways:
+        near = regressed(model, record, known, direct, parallel)
+        usable = near and allowed(near, record, direct, largest_radius)
+        exact = usable and known.exact(usable)
+        if exact is None:
+            continue
+        simulated = exact.radius <= 1 + 1 / len(record)
+        for predicting in (True, False) if simulated else (True,):
+            found = with_known_gains(exact, record, known, direct, predicting)
+            if found is not None and known.holds(found, size):
+                yield found
 
 
 def allowed(
@@ -94,7 +135,7 @@ def allowed(
     return model
 
 
-def _misfit(model: InnovationsModel, record: Experiments) -> float:
+def misfit(model: InnovationsModel, record: Experiments) -> float:
     """Sum of the relative errors of one-step predictions and, where they do not grow, free runs."""
     spread = np.nanstd(record.y, axis=0)
     simulated = model.radius <= 1 + 1 / len(record)

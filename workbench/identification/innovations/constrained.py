@@ -1,0 +1,256 @@
+"""Models with known poles and gains by least squares with equality constraints.
+
+Given F = A - K C and C, the one-step predictions
+
+    yhat = C (q - F)^-1 ((B - K D) u + K y) + D u
+
+are linear in B - K D, D and K. So is what is known: A = F + K C has the pole p with the outputs'
+direction w where C (p - F)^-1 K w = w; and the static gain is G where
+C (1 - F)^-1 (B - K D + K G) + D = G. Where F only shifts, these are ARX models with known poles.
+Given A and C, simulations are linear in B and D, and so is the gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.gains import operating_point
+from workbench.identification.innovations.knowledge import Knowledge
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.recursions import driven_rows
+from workbench.identification.innovations.regression import triangle_of_blocks
+from workbench.identification.innovations.scaling import Scaling
+
+ROWS_AT_ONCE = 512
+"""Samples whose regression rows are formed at a time."""
+RANK_ROUNDING = 1e-12
+"""Singular value of constraints or of a regression, relative to the largest, that is rounding."""
+
+Pieces = Iterable[tuple[RealArray, RealArray]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """Regression of outputs on inputs through x+ = M x + B u, y = C x + D u + level.
+
+    Unknowns are B column by column, D of the inputs that act at once, column by column, and level.
+    """
+
+    M: RealArray
+    C: RealArray
+    at_once: tuple[bool, ...]
+
+    @property
+    def columns(self) -> int:
+        """Number of unknowns."""
+        ny, n = self.C.shape
+        return n * len(self.at_once) + ny * sum(self.at_once) + ny
+
+    def row(self, B: RealArray, D: RealArray) -> RealArray:
+        """Coefficients of the unknowns that belong to B (n, m) and D (ny, m)."""
+        ny = len(self.C)
+        acting = D[:, np.flatnonzero(self.at_once)]
+        return np.concatenate([B.T.ravel(), acting.T.ravel(), np.zeros(ny)])
+
+    def parts(self, theta: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+        """B (n, m), D (ny, m) and level (ny,) of unknowns."""
+        ny, n = self.C.shape
+        m = len(self.at_once)
+        D = np.zeros((ny, m))
+        D[:, np.flatnonzero(self.at_once)] = theta[n * m : -ny].reshape(-1, ny).T
+        return theta[: n * m].reshape(m, n).T, D, theta[-ny:]
+
+    def factor(self, pieces: Pieces) -> tuple[RealArray, RealArray]:
+        """Triangular factor of the rows of unknowns and outputs, initial states eliminated.
+
+        The norms of its columns before that come with it: what is left may be rounding.
+        """
+        n, count = len(self.M), self.columns + 1
+        found, squares = np.zeros((0, count)), np.zeros(count)
+        for u, y in pieces:
+            whole = triangle_of_blocks(self._blocks(u, y), n + count)
+            found = np.asarray(np.linalg.qr(np.vstack([found, whole[n:, n:]]), mode="r"))
+            squares += (whole[:, n:] ** 2).sum(axis=0)
+        return found, np.sqrt(squares)
+
+    def _blocks(self, u: RealArray, y: RealArray) -> Iterator[RealArray]:
+        ny, n = self.C.shape
+        m, now = len(self.at_once), np.flatnonzero(self.at_once)
+        driven, free = np.zeros((n, m * n)), np.eye(n)
+        M, C = np.ascontiguousarray(self.M), np.ascontiguousarray(self.C)
+        for first in range(0, len(u), ROWS_AT_ONCE):
+            inputs = np.ascontiguousarray(u[first : first + ROWS_AT_ONCE])
+            outputs = y[first : first + ROWS_AT_ONCE]
+            rows = np.zeros((len(inputs), ny, n + self.columns + 1))
+            driven_rows(M, C, driven, free, inputs, rows)
+            at = n + m * n
+            for k, j in enumerate(now):
+                for o in range(ny):
+                    rows[:, o, at + k * ny + o] = inputs[:, j]
+            for o in range(ny):
+                rows[:, o, n + self.columns - ny + o] = 1.0
+                rows[:, o, -1] = outputs[:, o]
+            flat = rows.reshape(-1, rows.shape[2])
+            yield flat[np.isfinite(flat[:, -1])]
+
+
+def _solved(
+    factor: RealArray, norms: RealArray, equations: RealArray, goals: RealArray
+) -> RealArray | None:
+    """Unknowns of least errors among those with equations @ unknowns = goals; None of overflow."""
+    if not (np.isfinite(factor).all() and np.isfinite(equations).all()):
+        return None
+    scale = np.where(norms[:-1] == 0, 1.0, norms[:-1])
+    R, E = factor[:, :-1] / scale, equations / scale
+    size = np.linalg.norm(E, axis=1)
+    size[size == 0] = 1.0
+    E, goals = E / size[:, None], goals / size
+    if not len(E):
+        return np.asarray(np.linalg.lstsq(R, factor[:, -1], rcond=RANK_ROUNDING)[0] / scale)
+    left, singular, right = np.linalg.svd(E)
+    rank = int(np.sum(singular > RANK_ROUNDING * singular[0]))
+    begun = right[:rank].T @ ((left.T @ goals)[:rank] / singular[:rank])
+    along = right[rank:].T
+    moved = np.linalg.lstsq(R @ along, factor[:, -1] - R @ begun, rcond=RANK_ROUNDING)[0]
+    return np.asarray((begun + along @ moved) / scale)
+
+
+def regressed(
+    model: InnovationsModel, record: Experiments, known: Knowledge, direct: bool, parallel: bool
+) -> InnovationsModel | None:
+    """The model whose B, D and K give the least one-step errors among those that have what is known.
+
+    Its F = A - K C and its C stay. Gains are held where a whole column of them is known. Of a
+    repeated pole ``parallel`` says that it acts on several directions of the outputs, else it is
+    one chain. None where the regression overflows, or a pole of F is known.
+    """
+    scaling = Scaling.of(record)
+    m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
+    n, nu, ny = m.order, m.B.shape[1], len(m.C)
+    F = m.A - m.K @ m.C
+    drive = _Drive(F, m.C, (direct,) * nu + (False,) * ny)
+    equations, goals = _known_rows(drive, m, known, nu, parallel)
+    if not np.isfinite(equations).all():
+        return None
+
+    def pieces() -> Iterator[tuple[RealArray, RealArray]]:
+        for u, y in record.pieces():
+            signals = scaling.scaled(model.acting(u), _filled(model, u, y))
+            joint = np.hstack([signals[0] - m.u_offset, signals[1] - m.y_offset])
+            yield joint, scaling.scaled(u, y)[1]
+
+    theta = _solved(*drive.factor(pieces()), equations, goals)
+    if theta is None:
+        return None
+    both, D, level = drive.parts(theta)
+    K, D = both[:, nu:], D[:, :nu]
+    A, B = F + K @ m.C, both[:, :nu] + K @ D
+    u_offset, y_offset = operating_point(A, B, m.C, D, K @ (level - m.y_offset), level)
+    found = replace(m, A=A, B=B, D=D, K=K, u_offset=m.u_offset + u_offset, y_offset=y_offset)
+    return scaling.restored(found, record)
+
+
+def _known_rows(
+    drive: _Drive, m: InnovationsModel, known: Knowledge, nu: int, parallel: bool
+) -> tuple[RealArray, RealArray]:
+    """Equations, and their right-hand sides, of known poles and of known columns of gains."""
+    ny, n = m.C.shape
+    rows: list[ComplexArray] = []
+    goals: list[complex] = []
+
+    def add(left: ComplexArray, w: ComplexArray, goal: ComplexArray) -> None:
+        for o in range(ny):  # left (ny, n): left K w = goal
+            B = np.zeros((n, nu + ny), dtype=complex)
+            B[:, nu:] = np.outer(left[o], w)
+            rows.append(drive.row(B, np.zeros((ny, nu + ny))))
+            goals.append(goal[o])
+
+    with np.errstate(all="ignore"):
+        for pole, times in known.groups():
+            inverse = np.linalg.pinv(pole * np.eye(n) - drive.M)
+            left = m.C @ inverse
+            directions = np.linalg.svd(np.eye(ny) - left @ m.K)[2].conj()[::-1]
+            beside = min(times, ny) if parallel else 1
+            for w in directions[:beside]:
+                add(left, w, w)
+            chain = left
+            for _ in range(times - beside):
+                chain = chain @ inverse
+                add(chain, directions[0], np.zeros(ny))
+        equations = [*np.real(rows), *np.imag(rows)]
+        ends = [*np.real(goals), *np.imag(goals)]
+        columns = [] if known.gain is None else np.flatnonzero(np.isfinite(known.gain).all(axis=0))
+        for j in columns:
+            left = m.C @ np.linalg.inv(np.eye(n) - drive.M)
+            for o in range(ny):
+                B, D = np.zeros((n, nu + ny)), np.zeros((ny, nu + ny))
+                B[:, j], D[o, j] = left[o], 1.0
+                B[:, nu:] = np.outer(left[o], known.gain[:, j])  # type: ignore[index]
+                equations.append(drive.row(B, D))
+                ends.append(known.gain[o, j])  # type: ignore[index]
+    return np.array(equations).reshape(-1, drive.columns), np.array(ends)
+
+
+def with_known_gains(
+    model: InnovationsModel, record: Experiments, known: Knowledge, direct: bool, predicting: bool
+) -> InnovationsModel | None:
+    """The model with the B, D and offsets of least errors among those that have the known gains.
+
+    They are errors of one-step predictions or of simulations. None where the regression overflows.
+    """
+    scaling = Scaling.of(record)
+    m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
+    n, nu = m.order, m.B.shape[1]
+    # Where A has a pole at 1, a constant that enters the states makes a drift.
+    drifts = n > 0 and float(np.min(np.abs(np.linalg.eigvals(m.A) - 1))) < 1 / len(record)
+    K = m.K if predicting else np.zeros_like(m.K)
+    drive = _Drive(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
+    noise = replace(  # what the predictor makes of past outputs alone
+        m, B=np.zeros_like(m.B), D=np.zeros_like(m.D), u_offset=0 * m.u_offset, delay=(), members=()
+    )
+
+    def pieces() -> Iterator[tuple[RealArray, RealArray]]:
+        for u, y in record.pieces():
+            inputs, outputs = scaling.scaled(model.acting(u), y)
+            inputs, left = inputs - m.u_offset, outputs - m.y_offset
+            if predicting:
+                filled = scaling.scaled(u, _filled(model, u, y))[1]
+                left = outputs - noise.one_step(inputs, filled, 1)
+            constant = np.ones((len(inputs), int(drifts)))
+            yield np.hstack([inputs, constant]), left
+
+    equations, goals = [], []
+    if known.gain is not None:
+        outward = np.linalg.solve((np.eye(n) - m.A).T, m.C.T).T
+        for o, j in np.argwhere(np.isfinite(known.gain)):
+            # The regression finds B - K D.
+            B, D = np.zeros((n, nu + drifts)), np.zeros((len(m.C), nu + drifts))
+            B[:, j], D[:, j] = outward[o], outward[o] @ K
+            D[o, j] += 1.0
+            equations.append(drive.row(B, D))
+            goals.append(known.gain[o, j])
+    rows = np.array(equations).reshape(-1, drive.columns)
+    theta = _solved(*drive.factor(pieces()), rows, np.array(goals))
+    if theta is None:
+        return None
+    both, D, level = drive.parts(theta)
+    D = D[:, :nu]
+    B = both[:, :nu] + K @ D
+    u_offset, y_offset = np.zeros(nu), level
+    if predicting or drifts:
+        forcing = K @ level + both[:, nu:].sum(axis=1)
+        u_offset, y_offset = operating_point(m.A, B, m.C, D, forcing, level)
+    offsets = m.u_offset + u_offset, m.y_offset + y_offset
+    found = replace(m, B=B, D=D, u_offset=offsets[0], y_offset=offsets[1])
+    return scaling.restored(found, record)
+
+
+def _filled(model: InnovationsModel, u: RealArray, y: RealArray) -> RealArray:
+    """Outputs with predictions where they are missing."""
+    missing = np.isnan(y)
+    return np.where(missing, model.one_step(u, y, len(y)), y) if missing.any() else y

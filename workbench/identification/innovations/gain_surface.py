@@ -1,0 +1,49 @@
+"""Steps of an iteration that keep known static gains: along the surface, and back onto it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.knowledge import Knowledge
+
+
+class GainSurface:
+    """The parameters of a criterion whose models have the known gains.
+
+    ``known`` is in the units of the criterion's record.
+    """
+
+    def __init__(self, criterion: Criterion, known: Knowledge) -> None:
+        self._criterion, self._known = criterion, known
+
+    def _error(self, theta: RealArray) -> tuple[RealArray, RealArray]:
+        """Errors (q,) of the gains, and their slopes (q, P) by the parameters."""
+        errors, slopes = self._known.gain_error(self._criterion.model(theta))
+        found = np.zeros((len(errors), len(theta)))
+        found[:, : self._criterion.common] = slopes[:, self._criterion.free]
+        return errors, found
+
+    def tangent(self, theta: RealArray, scale: RealArray) -> RealArray:
+        """Orthonormal columns (P, P - q) that keep the gains to first order.
+
+        They are directions of the parameters times a scale (P,).
+        """
+        slopes = self._error(theta)[1] / scale
+        return np.asarray(np.linalg.qr(slopes.T, mode="complete")[0][:, len(slopes) :])
+
+    def nearest(self, theta: RealArray) -> RealArray:
+        """Parameters with the known gains by the least change of B and D, in which they are linear.
+
+        The second correction removes the rounding of the first.
+        """
+        linear = self._criterion.of_inputs
+        for _ in range(2):
+            errors, slopes = self._error(theta)
+            if not (np.isfinite(errors).all() and np.isfinite(slopes).all()):
+                return theta
+            change = np.linalg.lstsq(slopes[:, linear], errors, rcond=None)[0]
+            theta = theta.copy()
+            theta[linear] -= change
+        return theta
