@@ -47,9 +47,7 @@ def has_known(
             if not error <= worst:
                 worst, where = error, f"from input {j + 1} to output {o + 1}"
         statement = "static gain by determinants of the pencil at z = 1 less that given, relative"
-        yield Check(
-            f"gain of the {name}", statement, worst, GAIN_ROUNDING, where, over=THIS_SYSTEM
-        )
+        yield Check(f"gain of the {name}", statement, worst, GAIN_ROUNDING, where, over=THIS_SYSTEM)
 
 
 def _counted(A: RealArray, pole: complex, radius: float) -> float:

@@ -21,10 +21,12 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.methods import (
     arx_fits,
     impulse_response_fits,
+    refusal,
     regularised_arx_fits,
     sparse_arx_fits,
     structured_fits,
 )
+from workbench.identification.polynomials.structures import PolynomialKind
 from workbench.identification.state_space.candidates import (
     MEMBER_LOSS,
     Candidates,
@@ -191,10 +193,13 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
         "state space (both errors)": refined_fits(program, starts, 1.0),
         "CVA": projection_fits(program, "cva"),
         "N4SID": projection_fits(program, "n4sid"),
-        "ARMAX": structured_fits(program, "armax", starts),
-        "output error": structured_fits(program, "output-error", starts),
-        "Box-Jenkins": structured_fits(program, "box-jenkins", starts),
     }
+    kinds: dict[str, PolynomialKind] = {
+        "ARMAX": "armax", "output error": "output-error", "Box-Jenkins": "box-jenkins",
+    }  # fmt: skip
+    for label, polynomial in kinds.items():
+        if refusal(program, polynomial) is None:
+            ways[label] = structured_fits(program, polynomial, starts)
     for kind, way in ways.items():
         for order in orders:
             yield f"{kind} {order}", way(order)

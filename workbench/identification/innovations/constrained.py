@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class _Drive:
         ny, n = self.C.shape
         return n * len(self.at_once) + ny * sum(self.at_once) + ny
 
-    def row(self, B: RealArray, D: RealArray) -> RealArray:
+    def row(self, B: Any, D: Any) -> Any:
         """Coefficients of the unknowns that belong to B (n, m) and D (ny, m)."""
         ny = len(self.C)
         acting = D[:, np.flatnonzero(self.at_once)]
@@ -123,7 +124,7 @@ def _solved(
 def regressed(
     model: InnovationsModel, record: Experiments, known: Knowledge, direct: bool, parallel: bool
 ) -> InnovationsModel | None:
-    """The model whose B, D and K give the least one-step errors among those that have what is known.
+    """The model whose B, D and K give the least one-step errors of those that have what is known.
 
     Its F = A - K C and its C stay. Gains are held where a whole column of them is known. Of a
     repeated pole ``parallel`` says that it acts on several directions of the outputs, else it is
@@ -131,7 +132,7 @@ def regressed(
     """
     scaling = Scaling.of(record)
     m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
-    n, nu, ny = m.order, m.B.shape[1], len(m.C)
+    nu, ny = m.B.shape[1], len(m.C)
     F = m.A - m.K @ m.C
     drive = _Drive(F, m.C, (direct,) * nu + (False,) * ny)
     equations, goals = _known_rows(drive, m, known, nu, parallel)
@@ -162,12 +163,13 @@ def _known_rows(
     ny, n = m.C.shape
     rows: list[ComplexArray] = []
     goals: list[complex] = []
+    columns: list[int] = []
 
     def add(left: ComplexArray, w: ComplexArray, goal: ComplexArray) -> None:
         for o in range(ny):  # left (ny, n): left K w = goal
             B = np.zeros((n, nu + ny), dtype=complex)
             B[:, nu:] = np.outer(left[o], w)
-            rows.append(drive.row(B, np.zeros((ny, nu + ny))))
+            rows.append(drive.row(B, np.zeros((ny, nu + ny), dtype=complex)))
             goals.append(goal[o])
 
     with np.errstate(all="ignore"):
@@ -181,18 +183,19 @@ def _known_rows(
             chain = left
             for _ in range(times - beside):
                 chain = chain @ inverse
-                add(chain, directions[0], np.zeros(ny))
+                add(chain, directions[0], np.zeros(ny, dtype=complex))
         equations = [*np.real(rows), *np.imag(rows)]
         ends = [*np.real(goals), *np.imag(goals)]
-        columns = [] if known.gain is None else np.flatnonzero(np.isfinite(known.gain).all(axis=0))
+        gain = np.zeros((ny, 0)) if known.gain is None else known.gain
+        columns += [int(j) for j in np.flatnonzero(np.isfinite(gain).all(axis=0))]
         for j in columns:
             left = m.C @ np.linalg.inv(np.eye(n) - drive.M)
             for o in range(ny):
                 B, D = np.zeros((n, nu + ny)), np.zeros((ny, nu + ny))
                 B[:, j], D[o, j] = left[o], 1.0
-                B[:, nu:] = np.outer(left[o], known.gain[:, j])  # type: ignore[index]
+                B[:, nu:] = np.outer(left[o], gain[:, j])
                 equations.append(drive.row(B, D))
-                ends.append(known.gain[o, j])  # type: ignore[index]
+                ends.append(gain[o, j])
     return np.array(equations).reshape(-1, drive.columns), np.array(ends)
 
 

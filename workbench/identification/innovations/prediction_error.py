@@ -85,13 +85,19 @@ def refine(
     """
     if not refinable(model, largest_radius):
         raise InputError("the model to start from or its predictor is unstable; lower the order")
-    total = 0
-    for part in _stages(record, model):
-        model, done = _refined(
-            model, part, simulation_weight, iterations, direct, largest_radius, entries, known
-        )
+    total, rest = 0, (simulation_weight, iterations, direct, largest_radius, entries, known)
+    *begin, last = _stages(record, model)
+    for part in begin:
+        near, done = _refined(model, part, *rest)
         total += done
-    return model, total
+
+        def value(each: InnovationsModel) -> float:
+            criterion = Criterion(each, last, simulation_weight, direct)
+            return criterion(criterion.start(each))
+
+        model = min(model, near, key=value)  # the start may know the whole record
+    model, done = _refined(model, last, *rest)
+    return model, total + done
 
 
 def _stages(record: Experiments, model: InnovationsModel) -> list[Experiments]:

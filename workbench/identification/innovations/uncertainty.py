@@ -14,6 +14,8 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.gain_surface import GainSurface
+from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 
 HESSIAN_ROUNDING = 1e-11
@@ -34,13 +36,28 @@ class ModelDeviations:
 
 
 def model_deviations(
-    model: InnovationsModel, record: Experiments, direct: bool = True
+    model: InnovationsModel,
+    record: Experiments,
+    direct: bool = True,
+    known: Knowledge | None = None,
 ) -> ModelDeviations:
-    """Uncertainty of a model of experiments, by the curvature of its prediction errors."""
-    criterion = Criterion(model, record, 0.0, direct)
+    """Uncertainty of a model of experiments, by the curvature of its prediction errors.
+
+    Poles and gains that are ``known`` have no deviation.
+    """
+    entries = None
+    if known is not None:
+        model = known.exact(model) or model
+        entries = known.free_entries(model)
+    criterion = Criterion(model, record, 0.0, direct, entries)
     theta = criterion.start(model)
     hessian = criterion.expand(theta)[2]
-    root = _root_of_inverse(hessian)
+    along = np.eye(len(theta))
+    if known is not None and known.gain is not None:
+        scale = np.sqrt(np.diag(hessian))
+        scale[scale == 0] = 1.0
+        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
+    root = along @ _root_of_inverse(along.T @ hessian @ along)
     poles = np.linalg.eigvals(model.A).astype(complex)
     spread = np.array([_moved(criterion, theta, step) for step in root.T])
     pole_deviations = np.sqrt((spread**2).sum(axis=0))

@@ -59,15 +59,22 @@ def _impulse_response(program: StateSpaceFit, context: Context) -> Claim:
     return claim(identify(program, way, way, context))
 
 
-@method(StateSpaceFit, "armax", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
-def _armax(program: StateSpaceFit, context: Context) -> Claim:
-    """ARMAX for each output, prediction errors minimised from the subspace model."""
-    return _structured_answer(program, context, "armax")
-
-
-def _predicts_by_simulation(program: StateSpaceFit) -> str | None:
-    """Why kinds whose noise has no part in the plant's states cannot take a program."""
-    poles = program.known.poles if program.known else ()
+def refusal(program: StateSpaceFit, kind: PolynomialKind) -> str | None:
+    """Why a kind cannot have the poles that are known; None where it can."""
+    if program.known is None:
+        return None
+    nu, ny = program.record.u.shape[1], program.record.y.shape[1]
+    several = ny if kind == "armax" else nu * ny
+    repeated = [pole for pole, times in program.known.groups() if times > 1]
+    if several > 1 and repeated:
+        return (
+            f"each of its {several} polynomials would have the repeated pole {repeated[0]:.6g} as "
+            "often as the whole plant"
+        )
+    if kind == "armax":
+        return None
+    poles = program.known.poles
+    # Its noise does not enter the plant's states.
     outside = [pole for pole in poles if abs(pole) >= 1 - CIRCLE_ROUNDING]
     if not outside:
         return None
@@ -79,9 +86,21 @@ def _predicts_by_simulation(program: StateSpaceFit) -> str | None:
 
 @method(
     StateSpaceFit,
+    "armax",
+    optimal=False,
+    unfit=lambda program: refusal(program, "armax"),
+    accuracy=ANY_ACCURACY_ALIKE,
+)
+def _armax(program: StateSpaceFit, context: Context) -> Claim:
+    """ARMAX for each output, prediction errors minimised from the subspace model."""
+    return _structured_answer(program, context, "armax")
+
+
+@method(
+    StateSpaceFit,
     "output-error",
     optimal=False,
-    unfit=_predicts_by_simulation,
+    unfit=lambda program: refusal(program, "output-error"),
     accuracy=ANY_ACCURACY_ALIKE,
 )
 def _output_error(program: StateSpaceFit, context: Context) -> Claim:
@@ -93,7 +112,7 @@ def _output_error(program: StateSpaceFit, context: Context) -> Claim:
     StateSpaceFit,
     "box-jenkins",
     optimal=False,
-    unfit=_predicts_by_simulation,
+    unfit=lambda program: refusal(program, "box-jenkins"),
     accuracy=ANY_ACCURACY_ALIKE,
 )
 def _box_jenkins(program: StateSpaceFit, context: Context) -> Claim:

@@ -13,6 +13,8 @@ from workbench.identification.state_space.question import RecordedQuestion
 
 MOST_STATES_OF_DEVIATIONS = 24
 """Most states of a model whose standard deviations are computed: the cost grows as their cube."""
+POLE_GIVEN = 1e-6
+"""Distance from a known pole within which a pole of a model is that one."""
 
 
 def facts_of(
@@ -31,6 +33,15 @@ def facts_of(
         found = ", ".join(map(str, program.delays))
         how = "estimated" if isinstance(program.delay, str) else "given"
         words.append(f"inputs act {found} samples later, as {how}")
+    if program.known is not None and program.known.poles:
+        poles = ", ".join(
+            f"{p.real:.6g}{p.imag:+.6g}j" if p.imag else f"{p.real:.6g}"
+            for p in program.known.poles
+        )
+        words.append(f"poles {poles} are given, not estimated")
+    if program.known is not None and program.known.gain is not None:
+        count = int(np.isfinite(program.known.gain).sum())
+        words.append(f"{count} static gains are given, not estimated")
     if len(program.used) > program.estimated:
         words.append(
             "no input moves in the estimation part: what inputs do rests on the assumption "
@@ -51,12 +62,15 @@ def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) 
         return [f"{name}: no standard deviations of an average of models are computed"]
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return [f"{name}: no standard deviations of {model.order} states are computed"]
-    found = model_deviations(model, program.used, program.direct)
+    found = model_deviations(model, program.used, program.direct, program.known)
     words = []
     if len(found.poles):
         slowest = int(np.argmax(np.abs(found.poles)))
         size, deviation = abs(found.poles[slowest]), found.pole_deviations[slowest]
+        given = program.known.poles if program.known else ()
         told = "" if abs(size - 1) > 2 * deviation else "; it may lie on the unit circle"
+        if any(np.isclose(found.poles[slowest], pole, rtol=0, atol=POLE_GIVEN) for pole in given):
+            told = ", as given"
         words.append(f"{name}: slowest pole of modulus {size:.6g} +- {deviation:.2g}{told}")
     worst = np.unravel_index(int(np.argmax(found.gain_deviations)), found.gains.shape)
     gain, deviation = found.gains[worst], found.gain_deviations[worst]

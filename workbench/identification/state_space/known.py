@@ -92,7 +92,7 @@ def refuse_poles_outside(poles: tuple[complex, ...], allowed: str) -> None:
             )
         if allowed == "marginal" and size > 1 + PAIR_ROUNDING:
             raise InputError(
-                f"the known pole {pole:.6g} is outside the unit circle; give poles=\"any\""
+                f'the known pole {pole:.6g} is outside the unit circle; give poles="any"'
             )
 
 

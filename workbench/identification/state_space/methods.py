@@ -107,7 +107,7 @@ class SubspaceStarts:
             orders = {order, *(program.orders or ())}
             every = {past for n in orders for past in fitting_pasts(n, len(late), nu, ny)}
             self._regressions[id(record)] = SubspaceModels(late, sorted(every), program.direct)
-        found = []
+        found: list[InnovationsModel] = []
         for past in pasts:
             model = replace(self._regressions[id(record)].model(order, past), delay=program.delays)
             found += allowed_models(
@@ -156,7 +156,7 @@ def refined_fits(
             return start and refine(
                 start, record, simulation_weight,
                 direct=program.direct, largest_radius=program.largest_radius, known=known,
-                entries=known and known.free_entries(start),
+                entries=None if known is None else known.free_entries(start),
             )[0]  # fmt: skip
 
         return fit

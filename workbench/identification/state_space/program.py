@@ -115,6 +115,13 @@ class StateSpaceFit(RecordedQuestion, Program):
     >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1]), "n4sid")
     >>> solution.certificate.valid
     True
+
+    With a known pole, here that of an integrator:
+
+    >>> y = control.forced_response(control.tf([0.5], [1, -1], 1.0), inputs=u).outputs
+    >>> solution = wb.solve(StateSpaceFit(u, y, orders=[1], known_poles=[1.0]), "subspace")
+    >>> float(solution.answer.simulator.A[0, 0])
+    1.0
     """
 
     bandwidth: float | None = field(default=None, kw_only=True)
@@ -169,9 +176,7 @@ class StateSpaceFit(RecordedQuestion, Program):
                 check
                 for name in MODELS
                 if self.known is not None
-                for check in known_checks(
-                    self.known, getattr(answer, name), name, self.gain_sizes
-                )
+                for check in known_checks(self.known, getattr(answer, name), name, self.gain_sizes)
             ),
             *(
                 Check(
