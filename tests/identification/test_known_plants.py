@@ -6,11 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from tests.lanes import thinned
 
+from tests.lanes import thinned
 from workbench import solve
 from workbench.errors import InputError
 from workbench.identification import ClosedLoopFit, StateSpaceFit
+from workbench.identification.innovations.input_regression import (
+    InputRegression,
+    constrained_least_squares,
+)
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
@@ -307,6 +311,30 @@ def test_slopes_of_gains_are_right():
             slope = (known.gain_error(model(moved))[0] - start[0]) / 1e-6
             np.testing.assert_allclose(start[1][:, place], slope, atol=1e-4)
             place += 1
+
+
+def test_regressions_of_inputs_find_a_plant_again_and_meet_constraints():
+    rng = np.random.default_rng(2)
+    A, C = np.array([[0.7, 0.2], [-0.2, 0.7]]), np.array([[1.0, 0.5]])
+    B, D, level = rng.standard_normal((2, 3)), np.array([[0.3, 0.0, -0.2]]), np.array([2.0])
+    pieces = []
+    for samples in (700, 90):
+        u, x = rng.standard_normal((samples, 3)), rng.standard_normal(2)
+        y = np.empty((samples, 1))
+        for t in range(samples):
+            y[t] = C @ x + D @ u[t] + level
+            x = A @ x + B @ u[t]
+        y[5] = np.nan
+        pieces.append((u, y))
+    drive = InputRegression(A, C, (True, False, True))
+    nothing = np.zeros((0, drive.columns)), np.zeros(0)
+    theta = constrained_least_squares(*drive.factor(pieces), *nothing)
+    for found, true in zip(drive.parts(theta), (B, D, level), strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-9)
+    gain = drive.row(np.outer(np.linalg.solve(np.eye(2) - A.T, C[0]), [1, 0, 0]), D * [1, 0, 0])
+    rows = np.array([gain, 2 * gain])  # one repeats the other
+    theta = constrained_least_squares(*drive.factor(pieces), rows, np.array([5.0, 10.0]))
+    assert gain @ theta == pytest.approx(5.0)
 
 
 def test_units_of_what_is_known():

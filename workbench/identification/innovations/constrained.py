@@ -12,113 +12,21 @@ Given A and C, simulations are linear in B and D, and so is the gain.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import operating_point
+from workbench.identification.innovations.input_regression import (
+    InputRegression,
+    constrained_least_squares,
+)
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.recursions import driven_rows
-from workbench.identification.innovations.regression import triangle_of_blocks
 from workbench.identification.innovations.scaling import Scaling
-
-ROWS_AT_ONCE = 512
-"""Samples whose regression rows are formed at a time."""
-RANK_ROUNDING = 1e-12
-"""Singular value of constraints or of a regression, relative to the largest, that is rounding."""
-
-Pieces = Iterable[tuple[RealArray, RealArray]]
-
-
-@dataclass(frozen=True, eq=False)
-class _Drive:
-    """Regression of outputs on inputs through x+ = M x + B u, y = C x + D u + level.
-
-    Unknowns are B column by column, D of the inputs that act at once, column by column, and level.
-    """
-
-    M: RealArray
-    C: RealArray
-    at_once: tuple[bool, ...]
-
-    @property
-    def columns(self) -> int:
-        """Number of unknowns."""
-        ny, n = self.C.shape
-        return n * len(self.at_once) + ny * sum(self.at_once) + ny
-
-    def row(self, B: Any, D: Any) -> Any:
-        """Coefficients of the unknowns that belong to B (n, m) and D (ny, m)."""
-        ny = len(self.C)
-        acting = D[:, np.flatnonzero(self.at_once)]
-        return np.concatenate([B.T.ravel(), acting.T.ravel(), np.zeros(ny)])
-
-    def parts(self, theta: RealArray) -> tuple[RealArray, RealArray, RealArray]:
-        """B (n, m), D (ny, m) and level (ny,) of unknowns."""
-        ny, n = self.C.shape
-        m = len(self.at_once)
-        D = np.zeros((ny, m))
-        D[:, np.flatnonzero(self.at_once)] = theta[n * m : -ny].reshape(-1, ny).T
-        return theta[: n * m].reshape(m, n).T, D, theta[-ny:]
-
-    def factor(self, pieces: Pieces) -> tuple[RealArray, RealArray]:
-        """Triangular factor of the rows of unknowns and outputs, initial states eliminated.
-
-        The norms of its columns before that come with it: what is left may be rounding.
-        """
-        n, count = len(self.M), self.columns + 1
-        found, squares = np.zeros((0, count)), np.zeros(count)
-        for u, y in pieces:
-            whole = triangle_of_blocks(self._blocks(u, y), n + count)
-            found = np.asarray(np.linalg.qr(np.vstack([found, whole[n:, n:]]), mode="r"))
-            squares += (whole[:, n:] ** 2).sum(axis=0)
-        return found, np.sqrt(squares)
-
-    def _blocks(self, u: RealArray, y: RealArray) -> Iterator[RealArray]:
-        ny, n = self.C.shape
-        m, now = len(self.at_once), np.flatnonzero(self.at_once)
-        driven, free = np.zeros((n, m * n)), np.eye(n)
-        M, C = np.ascontiguousarray(self.M), np.ascontiguousarray(self.C)
-        for first in range(0, len(u), ROWS_AT_ONCE):
-            inputs = np.ascontiguousarray(u[first : first + ROWS_AT_ONCE])
-            outputs = y[first : first + ROWS_AT_ONCE]
-            rows = np.zeros((len(inputs), ny, n + self.columns + 1))
-            driven_rows(M, C, driven, free, inputs, rows)
-            at = n + m * n
-            for k, j in enumerate(now):
-                for o in range(ny):
-                    rows[:, o, at + k * ny + o] = inputs[:, j]
-            for o in range(ny):
-                rows[:, o, n + self.columns - ny + o] = 1.0
-                rows[:, o, -1] = outputs[:, o]
-            flat = rows.reshape(-1, rows.shape[2])
-            yield flat[np.isfinite(flat[:, -1])]
-
-
-def _solved(
-    factor: RealArray, norms: RealArray, equations: RealArray, goals: RealArray
-) -> RealArray | None:
-    """Unknowns of least errors among those with equations @ unknowns = goals; None of overflow."""
-    if not (np.isfinite(factor).all() and np.isfinite(equations).all()):
-        return None
-    scale = np.where(norms[:-1] == 0, 1.0, norms[:-1])
-    R, E = factor[:, :-1] / scale, equations / scale
-    size = np.linalg.norm(E, axis=1)
-    size[size == 0] = 1.0
-    E, goals = E / size[:, None], goals / size
-    if not len(E):
-        return np.asarray(np.linalg.lstsq(R, factor[:, -1], rcond=RANK_ROUNDING)[0] / scale)
-    left, singular, right = np.linalg.svd(E)
-    rank = int(np.sum(singular > RANK_ROUNDING * singular[0]))
-    begun = right[:rank].T @ ((left.T @ goals)[:rank] / singular[:rank])
-    along = right[rank:].T
-    moved = np.linalg.lstsq(R @ along, factor[:, -1] - R @ begun, rcond=RANK_ROUNDING)[0]
-    return np.asarray((begun + along @ moved) / scale)
 
 
 def regressed(
@@ -134,7 +42,7 @@ def regressed(
     m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
     nu, ny = m.B.shape[1], len(m.C)
     F = m.A - m.K @ m.C
-    drive = _Drive(F, m.C, (direct,) * nu + (False,) * ny)
+    drive = InputRegression(F, m.C, (direct,) * nu + (False,) * ny)
     equations, goals = _known_rows(drive, m, known, nu, parallel)
     if not np.isfinite(equations).all():
         return None
@@ -145,7 +53,7 @@ def regressed(
             joint = np.hstack([signals[0] - m.u_offset, signals[1] - m.y_offset])
             yield joint, scaling.scaled(u, y)[1]
 
-    theta = _solved(*drive.factor(pieces()), equations, goals)
+    theta = constrained_least_squares(*drive.factor(pieces()), equations, goals)
     if theta is None:
         return None
     both, D, level = drive.parts(theta)
@@ -157,7 +65,7 @@ def regressed(
 
 
 def _known_rows(
-    drive: _Drive, m: InnovationsModel, known: Knowledge, nu: int, parallel: bool
+    drive: InputRegression, m: InnovationsModel, known: Knowledge, nu: int, parallel: bool
 ) -> tuple[RealArray, RealArray]:
     """Equations, and their right-hand sides, of known poles and of known columns of gains."""
     ny, n = m.C.shape
@@ -212,7 +120,7 @@ def with_known_gains(
     # Where A has a pole at 1, a constant that enters the states makes a drift.
     drifts = n > 0 and float(np.min(np.abs(np.linalg.eigvals(m.A) - 1))) < 1 / len(record)
     K = m.K if predicting else np.zeros_like(m.K)
-    drive = _Drive(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
+    drive = InputRegression(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
     noise = replace(  # what the predictor makes of past outputs alone
         m, B=np.zeros_like(m.B), D=np.zeros_like(m.D), u_offset=0 * m.u_offset, delay=(), members=()
     )
@@ -238,7 +146,7 @@ def with_known_gains(
             equations.append(drive.row(B, D))
             goals.append(known.gain[o, j])
     rows = np.array(equations).reshape(-1, drive.columns)
-    theta = _solved(*drive.factor(pieces()), rows, np.array(goals))
+    theta = constrained_least_squares(*drive.factor(pieces()), rows, np.array(goals))
     if theta is None:
         return None
     both, D, level = drive.parts(theta)

@@ -98,8 +98,11 @@ def allowed_models(
         if found is not None:
             yield found
         return
-    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
-        return
+    if not _predicts(model):
+        settled = allowed(model, record, direct, largest_radius)
+        if settled is None:
+            return
+        model = settled
     scaling = Scaling.of(record)
     size = scaling.y_spread[:, None] / scaling.u_spread
     ways = [False, True] if any(times > 1 for _, times in known.groups()) else [False]
@@ -126,13 +129,18 @@ def allowed(
         if moved is None:
             return None
         model = moved
-    if not (np.isfinite(model.K).all() and model.predictor_radius < 1):
+    if not _predicts(model):
         n, ny = model.order, len(model.C)
         gain = innovation_gain(model.A, model.C, np.zeros((n + ny, n + ny)))
         if gain is None:
             return None
         model = replace(model, K=gain)
     return model
+
+
+def _predicts(model: InnovationsModel) -> bool:
+    """Whether the predictor of a model is stable."""
+    return bool(np.isfinite(model.K).all()) and model.predictor_radius < 1
 
 
 def misfit(model: InnovationsModel, record: Experiments) -> float:
