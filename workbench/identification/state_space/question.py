@@ -125,7 +125,7 @@ class RecordedQuestion:
         orders = tuple(sorted({int(order) for order in self.orders}))
         if not orders:
             raise InputError("no orders to choose from; give at least one")
-        if orders[0] < self._known_poles:
+        if 0 < orders[0] < self._known_poles:
             raise InputError(
                 f"order {orders[0]} is too low for {self._known_poles} known poles; "
                 f"ask for orders of at least {self._known_poles}"
