@@ -34,18 +34,14 @@ from workbench.identification.state_space.folds import (
 )
 from workbench.identification.state_space.identified import USES
 from workbench.identification.state_space.known import checked_knowledge, refuse_poles_outside
-from workbench.identification.state_space.selection import fitting_pasts, largest_order
+from workbench.identification.state_space.orders import OrderLimits
 from workbench.identification.state_space.validation import autocorrelation, cross_correlation
-from workbench.input_checks import need_count, need_whole
+from workbench.input_checks import need_count
 
 RESIDUAL_LAGS = 25
 """Largest number of lags in the tests of residuals."""
 FEWEST_SCORED = 4
 """Fewest samples, beyond a washout, on which a model is judged."""
-USUAL_ORDERS = (1, 2, 3, 4, 6, 8)
-"""Orders that are tried where none are given, as far as the record determines them."""
-SAMPLES_FOR_EACH = 2
-"""Fewest output samples from which each parameter of a model is estimated."""
 REST_SAMPLES = 50
 """Samples at rest that are put before a record whose inputs never move."""
 USUAL_WASHOUT = 50
@@ -108,63 +104,19 @@ class RecordedQuestion:
                 f"{self.washed + FEWEST_SCORED} are needed: "
                 "take a longer record or a shorter washout"
             )
-        settle(self, "orders", self._settled_orders())
-
-    def _settled_orders(self) -> tuple[int, ...]:
-        """The orders that are tried, rising."""
-        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
-        if self.orders is None:
-            fewest = max(1, self._known_poles)
-            usual = sorted({fewest, *(n for n in USUAL_ORDERS if n >= fewest)})
-            found = tuple(n for n in usual if self._determines(n, samples))
-            return found or (self._refused(usual[0], samples),)
-        if isinstance(self.orders, str) or not np.iterable(self.orders):
-            raise InputError(f"orders is {self.orders!r}; a list of whole numbers is needed")
-        for order in self.orders:
-            need_whole(order, "an order")
-        orders = tuple(sorted({int(order) for order in self.orders}))
-        if not orders:
-            raise InputError("no orders to choose from; give at least one")
-        if 0 < orders[0] < self._known_poles:
-            raise InputError(
-                f"order {orders[0]} is too low for {self._known_poles} known poles; "
-                f"ask for orders of at least {self._known_poles}"
-            )
-        for order in (orders[0], orders[-1]):
-            if not self._determines(order, samples):
-                self._refused(order, samples)
-        return orders
+        settle(self, "orders", self._limits.settled(self.orders))
 
     @property
-    def _known_poles(self) -> int:
-        return 0 if self.known is None else len(self.known.poles)
-
-    def _parameters(self, order: int) -> int:
-        """Number of free parameters of a model of an order."""
+    def _limits(self) -> OrderLimits:
+        """What the shortest part of the record that is estimated from determines."""
         nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        return order * (2 * ny + nu) + ny * nu
-
-    def _determines(self, order: int, samples: int) -> bool:
-        """Whether so many samples determine models of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        known = bool(fitting_pasts(order, samples, nu, ny))
-        return known and SAMPLES_FOR_EACH * self._parameters(order) <= samples * ny
+        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
+        known = 0 if self.known is None else len(self.known.poles)
+        return OrderLimits(samples, nu, ny, known)
 
     def determines_arx(self, order: int) -> bool:
         """Whether the shortest part determines an ARX model of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
-        return samples - order >= SAMPLES_FOR_EACH * (1 + order * (nu + ny) + nu)
-
-    def _refused(self, order: int, samples: int) -> int:
-        """Raise `InputError`: so many samples do not determine models of an order."""
-        nu, ny = self.record.u.shape[1], self.record.y.shape[1]
-        raise InputError(
-            f"order {order} does not fit the data: its {self._parameters(order)} free parameters "
-            f"would be estimated from {samples * ny} output samples; at least "
-            f"{SAMPLES_FOR_EACH} for each parameter are needed, and an order of at most "
-            f"{largest_order(samples, nu, ny)}: choose lower orders (at least 1) or a longer record"
-        )
+        return self._limits.determines_arx(order)
 
     # --- the record ------------------------------------------------------------------------------
 
@@ -262,7 +214,7 @@ class RecordedQuestion:
         model = fit(self.used)
         if model is None:
             return np.full_like(total, -np.inf)
-        factor = final_prediction_factor(self._parameters(model.order), len(self.used))
+        factor = final_prediction_factor(self._limits.parameters(model.order), len(self.used))
         return 100 - factor * (100 - self.fits_to_choose_by(model, self.used))
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
