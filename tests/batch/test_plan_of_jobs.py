@@ -109,7 +109,10 @@ def test_what_is_fed_is_not_ready(fed):
 
 
 def test_what_is_asked_to_another_accuracy_is_another_question(fed):
-    plain, fine = JobPlan(["fed/top", "fed/base"], {}), JobPlan(["fed/top", "fed/base"], {"fresh": True})
+    plain, fine = (
+        JobPlan(["fed/top", "fed/base"], {}),
+        JobPlan(["fed/top", "fed/base"], {"fresh": True}),
+    )
     assert len(plain.calls) == 5 and len(fine.calls) == 6
 
 
