@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench.arrays import EPS, Array, ComplexArray, RealArray
 from workbench.certify.rounding import (
     UPWARD,
     Enclosure,
@@ -88,7 +88,7 @@ def static_discs(
         return nothing
     discs = nothing
     try:
-        V = np.linalg.eig(A.mid - B.mid @ back.mid @ C.mid)[1]
+        V = _eigenvectors(A.mid - B.mid @ back.mid @ C.mid)
         for _ in range(ATTEMPTS):
             W = np.linalg.inv(V)
             below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
@@ -106,6 +106,15 @@ def static_discs(
     except (np.linalg.LinAlgError, ValueError):
         pass
     return discs
+
+
+def _eigenvectors(M: Array) -> ComplexArray:
+    """Eigenvectors of a matrix, in real arithmetic where M = -j (H - j w) for real H and w."""
+    if np.iscomplexobj(M) and len(M):
+        shift = M[0, 0].real
+        if np.array_equal(M.real, shift * np.eye(len(M))):
+            return np.linalg.eig(-M.imag)[1].astype(complex)
+    return np.linalg.eig(M)[1].astype(complex)
 
 
 def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:

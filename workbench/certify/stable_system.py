@@ -8,7 +8,6 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
@@ -18,6 +17,7 @@ from workbench.certify.modes.modal_form import (
     PRECISIONS,
     Enclosures,
     FormOf,
+    quick_modal_form_of,
     real_balls,
     real_doubles,
 )
@@ -26,6 +26,7 @@ from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 from workbench.systems.frequency_response import CHUNK_ENTRIES
 from workbench.systems.interconnection import named_realisation
+from workbench.systems.modal_response import ModalResponse, modal_response
 
 SHARPNESS = 1e-6
 """Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a
@@ -35,10 +36,10 @@ WELL_DAMPED = 0.1
 """Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
 HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
-FEWEST_STATES, FEWEST_SUBSTITUTED = 60, 4
-"""Fewest states, and frequencies, for which responses are computed in Schur's coordinates."""
-LARGEST_SPREAD = 1e5
-"""Largest entry of A over its smallest pole there."""
+FEWEST_STATES, FEWEST_POINTS = 20, 4
+"""Fewest states, and frequencies, for which responses are computed from eigenvectors."""
+RESPONSE_ERROR = 1e-9
+"""Error of such responses, as a share of the largest, above which they are refined."""
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
@@ -123,44 +124,31 @@ class StableSystem:
         """Geometric mean of the sizes of the poles [rad/s]; 1 without poles."""
         return float(np.exp(np.log(np.abs(self.poles)).mean())) if len(self.poles) else 1.0
 
-    def response(self, omega: ArrayLike) -> Array:
-        """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs)."""
+    def response(self, omega: ArrayLike, error: float = RESPONSE_ERROR) -> Array:
+        """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs).
+
+        Of many states at many frequencies it may err by `error` as a share of the largest one, and
+        by the rounding of an elimination.
+        """
         points = np.atleast_1d(np.asarray(omega, dtype=float))
         result = np.tile(self.D.astype(complex), (len(points), 1, 1))
         n = len(self.A)
-        step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
         finite = np.flatnonzero(np.isfinite(points))
-        triangular = self._triangular if finite.size >= FEWEST_SUBSTITUTED else None
+        if n >= FEWEST_STATES and finite.size >= FEWEST_POINTS and self._modal is not None:
+            found = self._modal.at(1j * points[finite], error, of_largest=True)
+            if found is not None:
+                result[finite] += found
+                return result
+        step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
         for part in np.split(finite, range(step, len(finite), step)):
-            if triangular is not None:
-                T, B, C = triangular
-                result[part] += C @ _substituted(T, B, 1j * points[part])
-                continue
             resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
             result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
         return result
 
     @cached_property
-    def _triangular(self) -> tuple[Array, Array, Array] | None:
-        """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
-
-        There an elimination keeps digits of small states that an orthogonal basis would lose.
-        """
-        sizes = np.abs(self.poles)
-        if len(self.A) < FEWEST_STATES or not sizes.min() * LARGEST_SPREAD > np.abs(self.A).max():
-            return None
-        T, Q = scipy.linalg.schur(self.A.astype(complex), output="complex")
-        return T, Q.conj().T @ self.B, self.C @ Q
-
-
-def _substituted(T: Array, B: Array, s: Array) -> Array:
-    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
-    (n, r), F = B.shape, len(s)
-    X = np.empty((n, F, r), complex)
-    for i in reversed(range(n)):
-        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
-        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
-    return np.moveaxis(X, 0, 1)
+    def _modal(self) -> ModalResponse | None:
+        """The eigenvectors of A."""
+        return modal_response(self.A, self.B, self.C)
 
 
 def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
@@ -225,14 +213,15 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     scale = balancing(M, n)[0][:n]
     A, B, C = M[:n, :n] * scale[:, None] / scale, M[:n, n:] * scale[:, None], M[n:, :n] / scale
     period = float(part.dt or 0.0)
-    given = (A, B, C, M[n:, n:])
-    plain, D = _realised(given, period)
+    own = (A, B, C, M[n:, n:])
+    plain, D = _realised(own, period)
     parts, discs = plain, pole_discs(plain[0])
     best, unstable = _spread(discs), _unstable(discs)
 
     def in_modes(form_of: FormOf, bits: int) -> Enclosures | None:
         try:
-            return _scaled(form_of(realised_balls(given, period, bits)[:3], bits))
+            quick = form_of is quick_modal_form_of and not period
+            return _scaled(form_of((own if quick else realised_balls(own, period, bits))[:3], bits))
         except ZeroDivisionError:
             return None
 

@@ -8,7 +8,7 @@ Trans. Computers 66 (2017) 1281-1292), then rounded outward to doubles.
 
 Eigenvectors in doubles suffice where they are far from dependent: T^-1 A T is exact for any T, and
 with the block diagonal Lambda of the modes it is Lambda + T^-1 (A T - T Lambda), whose second term
-is small. Only A T - T Lambda is then computed in balls, and likewise what T^-1 B lacks.
+is small. Only A T - T Lambda is then computed sharply, and likewise what T^-1 B lacks.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from workbench.certify.rounding import (
     Enclosure,
     exact,
     nearest_power_of_two,
+    sharp_product,
     solution,
     stacked_enclosures,
 )
@@ -35,7 +36,7 @@ PRECISIONS = (128, 256, 512)
 
 FEWEST_QUICK = 30
 """Fewest states whose modes are taken from doubles; those of fewer take no time in balls."""
-LARGEST_CONDITION = 1e4
+LARGEST_CONDITION = 1e10
 """Largest condition of eigenvectors that are taken as they are in doubles."""
 
 LOST_IN_DOUBLES = 8
@@ -89,16 +90,14 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
 def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
 
+    Matrices may also be given as arrays. `bits` is not needed: products of doubles are sharp.
     None for few states, for entries that are not finite, and where the eigenvectors are nearly
     dependent.
     """
-    import flint
-
-    A, B, C = realised
-    n = A.nrows()
-    if n < FEWEST_QUICK:
+    if len(_firsts(realised[0])) < FEWEST_QUICK:
         return None
-    near = real_doubles(A).mid
+    (near, *A_rest), (enter, *B_rest), (out, *C_rest) = map(_in_two, realised)
+    n = len(near)
     if not np.isfinite(near).all():
         return None
     values, vectors = np.linalg.eig(near)
@@ -111,14 +110,15 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
         T[:, at] = np.stack([vectors[:, k].real, vectors[:, k].imag][: 1 + pair], axis=1)
         turn = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]])
         modes[at, at], mode[at], place = turn[: 1 + pair, : 1 + pair], k, at.stop
-    if not np.linalg.cond(T / np.linalg.norm(T, axis=0)) <= LARGEST_CONDITION:
+    if not np.linalg.cond(T / np.linalg.norm(T, axis=0), 1) <= LARGEST_CONDITION:
         return None
-    into = np.linalg.solve(T, real_doubles(B).mid)
-    with flint.ctx.workprec(bits):
-        basis = real_balls(T)
-        rest = (A * basis - basis * real_balls(modes), B - basis * real_balls(into))
-        small = solution(exact(T), stacked_enclosures([[real_doubles(part) for part in rest]]))
-        out = real_doubles(C * basis)
+    into, one = np.linalg.solve(T, enter), np.eye(n)
+    rest = [
+        _sum_of_products([(near, T), (A_rest[0], T), (T, -modes)], A_rest[1] @ np.abs(T)),
+        _sum_of_products([(one, enter), (one, B_rest[0]), (T, -into)], B_rest[1]),
+    ]
+    small = solution(exact(T), stacked_enclosures([rest]))
+    out = _sum_of_products([(out, T), (C_rest[0], T)], C_rest[1] @ np.abs(T))
     if small is None:
         return None
     found = exact(np.hstack([modes, into])) + small
@@ -126,6 +126,31 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
         Enclosure(found.mid[:, part], found.rad[:, part]) for part in (slice(n), slice(n, None))
     )
     return _normalised(states, inputs, out, mode) if _moderate((states, inputs, out)) else None
+
+
+def _firsts(matrix: Any) -> Any:
+    """A matrix of floating-point numbers, or the rows of one of balls."""
+    return matrix if isinstance(matrix, np.ndarray) else range(matrix.nrows())
+
+
+def _in_two(matrix: Any) -> tuple[RealArray, RealArray, RealArray]:
+    """Two floating-point numbers for each entry, which add up to it but for a radius."""
+    if isinstance(matrix, np.ndarray):
+        return matrix, np.zeros_like(matrix), np.zeros_like(matrix)
+    first = real_doubles(matrix).mid
+    if not np.isfinite(first).all():
+        return first, first, first
+    second = real_doubles(matrix - real_balls(first))
+    return first, second.mid, second.rad
+
+
+def _sum_of_products(
+    pairs: Sequence[tuple[RealArray, RealArray]], radius: RealArray
+) -> Enclosure:
+    """Enclosure of a sum of products, whose terms may cancel, with a radius added."""
+    pairs = [pair for pair in pairs if pair[0].any() and pair[1].any()] or pairs[:1]
+    found = sharp_product(np.hstack([X for X, _ in pairs]), np.vstack([Y for _, Y in pairs]))
+    return Enclosure(found.mid, (found.rad + radius) * UPWARD)
 
 
 def _moderate(parts: Sequence[Enclosure]) -> bool:
