@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ BITS = 512
 """Bits of the powers that are taken again where doubles show growth."""
 PRECISE_ROUNDING = 1e-15
 """What the growth over 2^SQUARINGS samples may then show: a factor of e^1000 on the way."""
+MANY_STATES, FALLEN = 100, 1e-9
+"""States from which squarings end where the power of a loop is below this size."""
 SPARED_ROUNDING = 100.0
 """Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
 
@@ -33,7 +36,10 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
     dt
         Sampling time [s]; 0 or None in continuous time.
     """
-    S = np.asarray(A) if dt else cayley(A)
+    A = np.asarray(A)
+    if A.ndim == 2 and len(A) >= MANY_STATES and np.isrealobj(A):
+        return _growth_of_many(np.ascontiguousarray(A, dtype=float).tobytes(), len(A), dt)
+    S = A if dt else cayley(A)
     n = S.shape[-1]
     if not n:
         return np.full(S.shape[:-2], -np.inf)[()], np.zeros(S.shape[:-2])[()]
@@ -56,6 +62,30 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
     if S.ndim == 2 and np.isrealobj(S) and rounding < size < math.inf:
         return _precise_growth(np.asarray(A, dtype=float), dt), PRECISE_ROUNDING
     return size[()], rounding[()]
+
+
+@lru_cache(maxsize=4)  # two checks ask for that of one loop
+def _growth_of_many(entries: bytes, n: int, dt: float | None) -> tuple[float, float]:
+    """As `growth`, at the first power that has fallen clearly: the norm of none falls below it."""
+    A = np.frombuffer(entries).reshape(n, n)
+    S = A if dt else cayley(A)
+    size, share, rounding = 0.0, 1.0, SPARED_ROUNDING * n * float(np.finfo(float).eps)
+    unit = rounding
+    for _ in range(SQUARINGS):
+        norm = float(np.linalg.norm(S))
+        if not 0.0 < norm < math.inf:
+            return (-math.inf if norm == 0.0 else math.inf), rounding
+        size += share * math.log(norm)
+        if size / share < math.log(FALLEN) and size < -SPARED_ROUNDING * rounding:
+            return size, rounding
+        S = S / norm
+        S = S @ S
+        share /= 2
+        left = max(float(np.linalg.norm(S)), float(np.finfo(float).tiny))
+        rounding += share * unit / left
+    if rounding < size:
+        return _precise_growth(A, dt), PRECISE_ROUNDING
+    return size, rounding
 
 
 def _precise_growth(A: RealArray, dt: float | None) -> float:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.linalg import matrix_balance
+from scipy.linalg import matrix_balance, schur
 
 from workbench.arrays import ComplexArray, RealArray
 
@@ -24,6 +25,11 @@ SPARED = 10.0
 """What rounding may do to a response, in units of the difference of two ways to compute it."""
 FREQUENCIES_AT_ONCE = 256
 """Frequencies whose matrices are held in memory together."""
+FEWEST_STATES = 60
+"""Fewest states of which responses are found by substitution in a triangular form."""
+TRIANGLE_ROUNDING = 1e-6
+"""Largest rounding of a triangular form, as a share of a pole's damping. This is a worst case, from
+which the difference of two forms tells what is lost."""
 
 
 def plain_response(system: Any, omega: RealArray) -> ComplexArray:
@@ -41,11 +47,45 @@ def plain_response(system: Any, omega: RealArray) -> ComplexArray:
     found = np.tile(np.asarray(system.D, dtype=complex), (len(omega), 1, 1))
     unit = np.eye(len(A))
     finite = np.flatnonzero(np.isfinite(omega))
+    triangle = None
+    if len(A) >= FEWEST_STATES and finite.size:
+        triangle = _triangle(np.ascontiguousarray(A).tobytes(), len(A), bool(system.dt))
+    if triangle is not None:
+        T, Q = triangle
+        B, C = Q.conj().T @ B, C @ Q
     for start in range(0, len(finite), FREQUENCIES_AT_ONCE):
         part = finite[start : start + FREQUENCIES_AT_ONCE]
         s = np.exp(1j * omega[part] * system.dt) if system.dt else 1j * omega[part]
+        if triangle is not None:
+            found[part] += C @ _substituted(T, B, s)
+            continue
         found[part] += C @ np.linalg.solve(s[:, None, None] * unit - A, B[None] + 0j)
     return found
+
+
+@lru_cache(maxsize=4)
+def _triangle(entries: bytes, n: int, sampled: bool) -> tuple[ComplexArray, ComplexArray] | None:
+    """The triangular form T of A = Q T Q^H; None where it may hide a lightly damped pole.
+
+    It errs by rounding of the largest entry, and the response by that over the poles' distance from
+    the boundary of stability. The one of the transposed matrix is rounded in another way.
+    """
+    A = np.frombuffer(entries).reshape(n, n)
+    T, Q = schur(A.astype(complex), output="complex")
+    poles = np.diagonal(T)
+    distance = np.abs(np.abs(poles) - 1.0 if sampled else poles.real)
+    rounding = n * np.finfo(float).eps * float(np.abs(A).max())
+    return (T, Q) if rounding <= TRIANGLE_ROUNDING * distance.min() else None
+
+
+def _substituted(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
+    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
+    (n, r), F = B.shape, len(s)
+    X = np.empty((n, F, r), complex)
+    for i in reversed(range(n)):
+        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
+        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
+    return np.moveaxis(X, 0, 1)
 
 
 def lower_closed(P: ComplexArray, K: ComplexArray) -> ComplexArray:

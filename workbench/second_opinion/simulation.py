@@ -18,8 +18,8 @@ SAMPLES = 3000
 """Samples simulated."""
 SAMPLES_PER_PERIOD = 16
 """Samples in a period of the sinusoid that drives a continuous loop."""
-BLOCK = 16
-"""Samples of a block, a power of two; the blocks are simulated together."""
+BLOCK = 32
+"""Samples of a block, a power of two; those within a block are simulated together."""
 NEIGHBOURS = 3
 """Loops that are simulated to see what rounding does."""
 SPREAD = 4.0
@@ -83,25 +83,29 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
 def _run(A: RealArray, B: RealArray, C: RealArray, D: RealArray, w: RealArray) -> RealArray:
     """Outputs (N, outputs) of the loop from rest, driven by w (N, inputs).
 
-    All blocks of samples are simulated from rest together, and then what the state at the start of
-    each block adds.
+    A block of samples is one step of a larger system: its input is all that enters in the block,
+    its output all that leaves.
     """
-    blocks, n = -(-len(w) // BLOCK), len(A)
-    entering = np.zeros((blocks * BLOCK, n))
-    entering[: len(w)] = w @ B.T
-    after = entering.reshape(blocks, BLOCK, n)  # the states after each sample of a block
-    powers = [np.eye(n)]
-    for _ in range(BLOCK):
-        powers.append(A @ powers[-1])
-    for span in (2**k for k in range(BLOCK.bit_length() - 1)):
-        after[:, span:] += after[:, :-span] @ powers[span].T  # the right side is made first
-    start = np.zeros((blocks, n))
+    (n, r), c = B.shape, len(C)
+    blocks = -(-len(w) // BLOCK)
+    entering = np.zeros((blocks, BLOCK * r))
+    entering.reshape(blocks * BLOCK, r)[: len(w)] = w
+    reached, seen = [B], [C]
+    for _ in range(BLOCK - 1):
+        reached.append(A @ reached[-1])
+        seen.append(seen[-1] @ A)
+    into, out = np.hstack(reached[::-1]), np.vstack(seen)
+    through = np.zeros((BLOCK, c, BLOCK, r))  # the outputs of a block for its own inputs
+    for k in range(BLOCK):
+        response = D if k == 0 else C @ reached[k - 1]
+        for i in range(BLOCK - k):
+            through[i + k, :, i] = response
+    states, added = np.zeros((blocks, n)), entering @ into.T
+    power = np.linalg.matrix_power(A, BLOCK)
     for k in range(1, blocks):
-        start[k] = powers[BLOCK] @ start[k - 1] + after[k - 1, -1]
-    before = np.concatenate([np.zeros((blocks, 1, n)), after[:, :-1]], axis=1)
-    before += (start @ np.stack(powers[:BLOCK]).mT).transpose(1, 0, 2)
-    states = before.reshape(blocks * BLOCK, n)[: len(w)]
-    return states @ C.T + w @ D.T
+        states[k] = power @ states[k - 1] + added[k - 1]
+    leaving = states @ out.T + entering @ through.reshape(BLOCK * c, BLOCK * r).T
+    return leaving.reshape(blocks * BLOCK, c)[: len(w)]
 
 
 def _neighbours(given: Realisation) -> list[Realisation]:

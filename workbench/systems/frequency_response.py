@@ -17,7 +17,7 @@ CHUNK_ENTRIES = 4_000_000
 
 FEWEST_STATES, FEWEST_POINTS = 60, 4
 """Fewest states, and points, for which eigenvectors take less time than elimination."""
-RESPONSE_ERROR = 1e-10
+RESPONSE_ERROR = 1e-8
 """Relative error of a response by eigenvectors above which it is refined."""
 
 
