@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench.arrays import EPS, Array, RealArray
+from workbench.certify.real_eigenvalues import real_pencil
 from workbench.certify.rounding import (
     UPWARD,
     Enclosure,
@@ -61,11 +62,26 @@ class Discs:
         return int((meets & (self.radius > sharp * np.abs(self.centre))).sum())
 
 
-def eigenvalue_discs(A: Enclosure) -> Discs:
-    """Discs that contain all eigenvalues of the matrices A (n, n)."""
-    n = len(A.mid)
-    B, C, D = (exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0)))
-    return static_discs(A, B, C, D, SHARP)
+def real_discs(
+    A: Enclosure,
+    B: Enclosure,
+    C: Enclosure,
+    D: Enclosure,
+    omega: float = 0.0,
+    sharp: float = SHARP_ENOUGH,
+) -> Discs:
+    """Discs that contain all t at which [-j A - omega - t, -j B; C, D] is singular.
+
+    In real arithmetic where all matrices are real and the discs are small; else as `static_discs`.
+    """
+    pencil = real_pencil(A, B, C, D, omega)
+    found = Discs(np.zeros(1), np.full(1, np.inf)) if pencil is None else pencil_discs(*pencil)
+    if pencil is not None and not found.doubtful(sharp):
+        return found
+    shifted = A - exact(1j * omega * np.eye(len(A.mid))) if omega else A
+    turned = (Enclosure(-1j * part.mid, part.rad) for part in (shifted, B))
+    other = static_discs(*turned, C, D, sharp)
+    return min(other, found, key=lambda discs: discs.doubtful(sharp))
 
 
 def static_discs(
@@ -88,7 +104,7 @@ def static_discs(
         return nothing
     discs = nothing
     try:
-        V = _eigenvectors(A.mid - B.mid @ back.mid @ C.mid)
+        V = np.linalg.eig(A.mid - B.mid @ back.mid @ C.mid)[1]
         for _ in range(ATTEMPTS):
             W = np.linalg.inv(V)
             below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
@@ -106,15 +122,6 @@ def static_discs(
     except (np.linalg.LinAlgError, ValueError):
         pass
     return discs
-
-
-def _eigenvectors(M: Array) -> ComplexArray:
-    """Eigenvectors of a matrix, in real arithmetic where M = -j (H - j w) for real H and w."""
-    if np.iscomplexobj(M) and len(M):
-        shift = M[0, 0].real
-        if np.array_equal(M.real, shift * np.eye(len(M))):
-            return np.linalg.eig(-M.imag)[1].astype(complex)
-    return np.linalg.eig(M)[1].astype(complex)
 
 
 def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:
@@ -201,7 +208,9 @@ def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
 
 def pole_discs(A: Enclosure) -> Discs:
     """Discs that contain all eigenvalues of the matrices A, small near the imaginary axis."""
-    discs = eigenvalue_discs(Enclosure(-1j * A.mid, A.rad))
+    n = len(A.mid)
+    B, C, D = (exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0)))
+    discs = real_discs(A, B, C, D, sharp=SHARP)
     return Discs(1j * discs.centre, discs.radius)
 
 

@@ -32,10 +32,11 @@ from workbench.arrays import EPS, Array
 from workbench.certify.eigenvalues import (
     Discs,
     linear_discs,
-    static_discs,
+    real_discs,
     touched,
 )
 from workbench.certify.hamiltonian import ball_discs
+from workbench.certify.real_eigenvalues import real_part
 from workbench.certify.rounding import (
     Enclosure,
     exact,
@@ -304,15 +305,16 @@ def _fixed_discs(form: _Form, omega: float) -> Discs:
     """
     n, r = form.B.mid.shape
     c = len(form.C.mid)
-    A = _shifted(form.A, omega if math.isfinite(omega) else 0.0)
+    A = form.A
     zero, wide, high = (exact(np.zeros((n, columns))) for columns in (n, c, r))
     minus, none = exact(-np.eye(c)), exact(np.zeros((c, c)))
-    (yy, yu), (uy, uu) = _divided(form.fixed, c)
-    return static_discs(
-        _times(-1j, stacked_enclosures([[A, zero], [zero, -A.H]])),
-        _times(-1j, stacked_enclosures([[form.B, wide, wide], [high, wide, -form.C.H]])),
+    (yy, yu), (uy, uu) = _divided(real_part(form.fixed), c)
+    return real_discs(
+        stacked_enclosures([[A, zero], [zero, -A.H]]),
+        stacked_enclosures([[form.B, wide, wide], [high, wide, -form.C.H]]),
         stacked_enclosures([[high.H, form.B.H], [form.C, wide.H], [wide.H, wide.H]]),
         stacked_enclosures([[uu, uy, form.D.H], [form.D, minus, none], [yu, yy, minus]]),
+        omega if math.isfinite(omega) else 0.0,
     )
 
 
@@ -335,11 +337,6 @@ def _eliminated(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:
     n, r = form.B.mid.shape
     N = stacked_enclosures([[form.C, form.D], [exact(np.zeros((r, n))), exact(np.eye(r))]])
     return _divided(N.H @ (weight @ N), n)
-
-
-def _times(unit: complex, matrix: Enclosure) -> Enclosure:
-    """The matrix times 1, -1, j or -j."""
-    return Enclosure(unit * matrix.mid, matrix.rad)
 
 
 def _divided(matrix: Enclosure, n: int) -> list[list[Enclosure]]:

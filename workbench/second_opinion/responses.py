@@ -25,6 +25,8 @@ SPARED = 10.0
 """What rounding may do to a response, in units of the difference of two ways to compute it."""
 FREQUENCIES_AT_ONCE = 256
 """Frequencies whose matrices are held in memory together."""
+ROWS_AT_ONCE = 16
+"""Rows of a triangular form whose common part is computed in one product."""
 FEWEST_STATES = 60
 """Fewest states of which responses are found by substitution in a triangular form."""
 TRIANGLE_ROUNDING = 1e-6
@@ -82,9 +84,12 @@ def _substituted(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexAr
     """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
     (n, r), F = B.shape, len(s)
     X = np.empty((n, F, r), complex)
-    for i in reversed(range(n)):
-        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
-        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
+    for low in reversed(range(0, n, ROWS_AT_ONCE)):  # what all rows of a block share comes first
+        high = min(low + ROWS_AT_ONCE, n)
+        shared = (T[low:high, high:] @ X[high:].reshape(n - high, F * r)).reshape(-1, F, r)
+        for i in reversed(range(low, high)):
+            own = (T[i, i + 1 : high] @ X[i + 1 : high].reshape(high - 1 - i, F * r)).reshape(F, r)
+            X[i] = (B[i] + shared[i - low] + own) / (s - T[i, i])[:, None]
     return np.moveaxis(X, 0, 1)
 
 

@@ -10,6 +10,7 @@ Comp. 35 (1980) 817-832).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -128,12 +129,34 @@ def _times(M: RealArray, X: ComplexArray) -> ComplexArray:
     return np.ascontiguousarray(M @ parts).view(complex).reshape(len(M), F, r)
 
 
+@lru_cache(maxsize=4)
+def _eigenvectors(entries: bytes, n: int) -> tuple[Array, Array]:
+    values, vectors = np.linalg.eig(np.frombuffer(entries).reshape(n, n))
+    values.flags.writeable = vectors.flags.writeable = False
+    return values, vectors
+
+
+def real_eigenvectors(A: RealArray) -> tuple[Array, Array]:
+    """As `numpy.linalg.eig` of a real A (n, n); those of the last few matrices are kept.
+
+    Raises LinAlgError as that. What is returned must not be changed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.systems.modal_response import real_eigenvectors
+    >>> real_eigenvectors(np.diag([1.0, 2.0]))[0].tolist()
+    [1.0, 2.0]
+    """
+    return _eigenvectors(np.ascontiguousarray(A, dtype=float).tobytes(), len(A))
+
+
 def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | None:
     """The realisation with its eigenvectors; None for few states, and where they are dependent."""
     if len(A) < FEWEST_STATES:
         return None
     try:
-        values, vectors = np.linalg.eig(A)
+        values, vectors = real_eigenvectors(A)
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
         return None

@@ -30,6 +30,7 @@ from workbench.certify.rounding import (
     solution,
     stacked_enclosures,
 )
+from workbench.systems.modal_response import real_eigenvectors
 
 PRECISIONS = (128, 256, 512)
 """Bits of the balls, one after the other until a proof succeeds."""
@@ -100,7 +101,7 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
     n = len(near)
     if not np.isfinite(near).all():
         return None
-    values, vectors = np.linalg.eig(near)
+    values, vectors = real_eigenvectors(near)
     vectors = vectors / np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)
     T, modes, mode = np.empty((n, n)), np.zeros((n, n)), np.empty(n, int)
     place = 0

@@ -1,0 +1,78 @@
+"""Discs for the eigenvalues of real matrices, all products of which are real.
+
+Eigenvectors of a pair of complex eigenvalues stand as real and imaginary part in a real matrix V,
+and W is an approximate inverse. With K of blocks [1 1; j -j] for the pairs, V K are the eigenvectors
+and K^-1 W their inverse; these last two products add two numbers each. So enclosures of W A V and
+W V take a fourth of the time of complex ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
+from workbench.systems.modal_response import real_eigenvectors
+
+FEWEST_REAL = 40
+"""Fewest rows of a matrix whose products are worth being real."""
+Pencil = tuple[Enclosure, Enclosure]
+"""P and E of P - s E, both nearly diagonal."""
+
+
+def real_pencil(
+    A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure, omega: float = 0.0
+) -> Pencil | None:
+    """A nearly diagonal pencil, singular at the t at which [-j A - omega - t, -j B; C, D] is.
+
+    All matrices are real; D is proven to be regular. None for few rows, and where that, or a full
+    set of eigenvectors of A - B D^-1 C, is not found.
+    """
+    if len(A.mid) < FEWEST_REAL or any(np.iscomplexobj(part.mid) for part in (A, B, C, D)):
+        return None
+    back = enclosed_inverse(D)
+    if back is None:
+        return None
+    try:
+        values, vectors = real_eigenvectors(A.mid - B.mid @ back.mid @ C.mid)
+        first = np.flatnonzero(values.imag > 0)  # of a pair, whose second one follows
+        V = vectors.real.copy()
+        V[:, first + 1] = vectors.imag[:, first]
+        W = np.linalg.inv(V)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
+    V1, V2, W1, W2 = (exact(part) for part in (V, below, W, beside))
+    upper = A @ V1
+    if len(D.mid):
+        upper, G, F = upper + B @ V2, C @ V1 + D @ V2, W1 @ B + W2 @ D
+        P = W1 @ upper + W2 @ G - F @ (back @ G)
+    else:
+        P = W1 @ upper
+    P, E = _in_pairs(P, first), _in_pairs(W1 @ V1, first)
+    turned = Enclosure(-1j * P.mid, P.rad)
+    return (turned - E.times(omega) if omega else turned), E
+
+
+def _in_pairs(matrix: Enclosure, first: Array) -> Enclosure:
+    """K^-1 M K of a real M; the pairs of K begin at the rows `first`."""
+    second = first + 1
+    mid, rad = matrix.mid.astype(complex), matrix.rad.copy()
+    mid[:, first], mid[:, second] = _sums(mid[:, first], 1j * mid[:, second])
+    rad[:, first] = rad[:, second] = (rad[:, first] + rad[:, second]) * UPWARD
+    mid[first], mid[second] = _sums(mid[first] / 2, -0.5j * mid[second])
+    both = (rad[first] + rad[second]) / 2
+    rad[first] = (both + EPS * np.abs(mid[first])) * UPWARD
+    rad[second] = (both + EPS * np.abs(mid[second])) * UPWARD
+    return Enclosure(mid, rad)
+
+
+def _sums(one: ComplexArray, two: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """The sum and the difference."""
+    return one + two, one - two
+
+
+def real_part(matrix: Enclosure) -> Enclosure:
+    """The enclosure with real midpoints, where they have no imaginary part; else itself."""
+    mid: RealArray | Array = matrix.mid
+    return matrix if np.iscomplexobj(mid) and mid.imag.any() else Enclosure(mid.real, matrix.rad)
