@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
+from workbench.certify.bilinear import bilinear_enclosures
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.modal_form import (
     MODAL_FORMS,
@@ -287,7 +288,8 @@ def _realised(given: Realised, period: float) -> tuple[Enclosures, Enclosure]:
         A, B, C, D = map(exact, given)
         return (A, B, C), D
     try:
-        A, B, C, D = map(real_doubles, realised_balls(given, period, PRECISIONS[-1]))
+        found = bilinear_enclosures(given, period) if len(given[0]) >= FEWEST_STATES else None
+        A, B, C, D = found or map(real_doubles, realised_balls(given, period, PRECISIONS[-1]))
     except ZeroDivisionError:
         raise InputError(
             "the system has a pole that cannot be told from z = -1, half the sampling rate: filter "
