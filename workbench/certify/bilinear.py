@@ -66,4 +66,4 @@ def _shifted_solution(
 def _over(matrix: Enclosure, factor: float, period: float) -> Enclosure:
     """The matrix times a power of two over the period."""
     mid = matrix.mid * factor / period
-    return Enclosure(mid, (matrix.rad * factor / period + 2 * EPS * np.abs(mid)) * UPWARD + TINY)
+    return Enclosure(mid, (matrix.rad * factor / period + 0.5 * EPS * np.abs(mid)) * UPWARD + TINY)

@@ -14,6 +14,7 @@ are enclosed, so that nothing is asked of the accuracy of V and W; they only mak
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -30,6 +31,8 @@ from workbench.certify.rounding import (
 ATTEMPTS = 3
 """Times that eigenvectors are computed, again in the coordinates of those before, which helps where
 entries differ widely."""
+FEWEST_KEPT = 40
+"""Fewest states of a matrix whose discs are kept for those who ask again."""
 SHARP = 1e-7
 """Radius of a disc on the axis, as a share of its centre, with which attempts end."""
 SHARP_ENOUGH = 1e-4
@@ -208,6 +211,17 @@ def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
 
 def pole_discs(A: Enclosure) -> Discs:
     """Discs that contain all eigenvalues of the matrices A, small near the imaginary axis."""
+    if len(A.mid) >= FEWEST_KEPT and not A.rad.any() and np.isrealobj(A.mid):
+        return _kept_pole_discs(np.ascontiguousarray(A.mid).tobytes(), len(A.mid))
+    return _pole_discs(A)
+
+
+@lru_cache(maxsize=4)  # a check of stability and a norm ask for those of one matrix
+def _kept_pole_discs(entries: bytes, n: int) -> Discs:
+    return _pole_discs(exact(np.frombuffer(entries).reshape(n, n)))
+
+
+def _pole_discs(A: Enclosure) -> Discs:
     n = len(A.mid)
     B, C, D = (exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0)))
     discs = real_discs(A, B, C, D, sharp=SHARP)

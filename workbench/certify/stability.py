@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import THIS_SYSTEM, Check
-from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
+from workbench.certify.eigenvalues import FEWEST_KEPT, Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.modal_form import MODAL_FORMS, real_balls
 from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
@@ -19,8 +19,13 @@ def stability_of(loop: StateSpace) -> Check:
     Stable poles lie left of the imaginary axis in continuous time, within the unit circle in
     discrete time. The value bounds their distance beyond it from above.
     """
-    A = np.asarray(loop.A, dtype=float)
-    value, worst = pole_bound(A, bool(loop.dt))
+    A, n = np.asarray(loop.A, dtype=float), len(loop.A)
+    if n >= FEWEST_KEPT and np.isfinite(A).all():
+        # scaled as for the loop's norm, which needs the same discs
+        scale = balancing(np.block([[A, loop.B], [loop.C, loop.D]]), n)[0][:n]
+        value, worst = _bound_of(A * scale[:, None] / scale, bool(loop.dt))
+    else:
+        value, worst = pole_bound(A, bool(loop.dt))
     where = "" if worst is None else f"at {worst:.6g}"
     statement = "distance of the worst closed-loop pole beyond the stability boundary"
     return Check("internal stability", statement, value, -TINY, where, over=THIS_SYSTEM)
@@ -34,10 +39,14 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     """
     if not np.isfinite(A).all():
         return np.nan, None
+    return _bound_of(balanced_states(A)[0], sampled)
+
+
+def _bound_of(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
+    """As `pole_bound`, of a matrix whose states are scaled."""
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
-        A, _ = balanced_states(A)
         bound, worst, decided = _worst(pole_discs(exact(A)), sampled)
-        states = [real_balls(part) for part in (A, A[:, :0], A[:0])]
+        states = [] if decided else [real_balls(part) for part in (A, A[:, :0], A[:0])]
         for form_of, bits in MODAL_FORMS:
             if decided:
                 return bound, worst

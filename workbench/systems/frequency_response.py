@@ -47,7 +47,12 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     A = M[..., :states, :states] * scale[:, None] / scale
     B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
     D = M[..., states:, states:]
-    if M.ndim == 2 and M.dtype == float and states >= FEWEST_STATES and len(points) >= FEWEST_POINTS:
+    if (
+        M.ndim == 2
+        and M.dtype == float
+        and states >= FEWEST_STATES
+        and len(points) >= FEWEST_POINTS
+    ):
         modal = _modal(np.block([[A, B], [C, D]]).tobytes(), len(M), states)
         found = modal and modal.at(points, RESPONSE_ERROR)
         if found is not None:

@@ -145,9 +145,7 @@ def _in_two(matrix: Any) -> tuple[RealArray, RealArray, RealArray]:
     return first, second.mid, second.rad
 
 
-def _sum_of_products(
-    pairs: Sequence[tuple[RealArray, RealArray]], radius: RealArray
-) -> Enclosure:
+def _sum_of_products(pairs: Sequence[tuple[RealArray, RealArray]], radius: RealArray) -> Enclosure:
     """Enclosure of a sum of products, whose terms may cancel, with a radius added."""
     pairs = [pair for pair in pairs if pair[0].any() and pair[1].any()] or pairs[:1]
     found = sharp_product(np.hstack([X for X, _ in pairs]), np.vstack([Y for _, Y in pairs]))

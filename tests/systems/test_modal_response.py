@@ -1,0 +1,55 @@
+"""Responses from eigenvectors against elimination, also where eigenvectors lose digits."""
+
+import numpy as np
+import pytest
+
+from workbench.systems.modal_response import FEWEST_STATES, modal_response
+
+
+def direct(A, B, C, s):
+    """C (s I - A)^-1 B by elimination."""
+    return C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B + 0j)
+
+
+def lightly_damped(rng, n, skewed):
+    """Modes in skewed coordinates."""
+    A = np.zeros((n, n))
+    for k, omega in enumerate(np.geomspace(1.0, 1e3, n // 2)):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = omega * np.array([[-0.01, 1.0], [-1.0, -0.01]])
+    T = np.eye(n) + skewed * np.triu(rng.normal(size=(n, n)), 1)
+    return np.linalg.solve(T, A @ T), rng.normal(size=(n, 2)), rng.normal(size=(3, n))
+
+
+@pytest.mark.parametrize("skewed", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("of_largest", [False, True])
+def test_it_is_the_response_by_elimination(skewed, of_largest):
+    A, B, C = lightly_damped(np.random.default_rng(1), 24, skewed)
+    s = 1j * np.geomspace(0.1, 1e4, 300)
+    found = modal_response(A, B, C).at(s, 1e-9, of_largest=of_largest)
+    true = direct(A, B, C, s)
+    size = np.abs(true).max(axis=(1, 2))
+    scale = size.max() if of_largest else size
+    rounding = 1e-15 * np.linalg.cond(np.linalg.eig(A)[1])  # of the elimination
+    assert (np.abs(found - true).max(axis=(1, 2)) <= (1e-8 + 100 * rounding) * scale).all()
+
+
+def test_small_responses_keep_their_digits_where_terms_cancel():
+    """C B = 0, so that the response falls as 1 / s^2 and the terms as 1 / s."""
+    A, B, C = lightly_damped(np.random.default_rng(2), 20, 0.1)
+    B = B - C.T @ np.linalg.solve(C @ C.T, C @ B)
+    s = 1j * np.geomspace(1e3, 1e9, 50)
+    found, true = modal_response(A, B, C).at(s, 1e-9), direct(A, B, C, s)
+    away, size = (np.abs(part).max(axis=(1, 2))[:30] for part in (found - true, true))
+    assert (away <= 1e-7 * size).all() and size[-1] < 1e-6 * size[0]
+
+
+def test_dependent_eigenvectors_and_few_states_have_none_or_miss():
+    n = 20
+    chain = -np.eye(n) + np.diag(np.ones(n - 1), -1)
+    parts = chain, np.eye(n, 1), np.eye(1, n, n - 1)
+    s = 1j * np.geomspace(0.1, 2.0, 30)
+    found = modal_response(*parts)
+    values = None if found is None else found.at(s, 1e-9)
+    assert values is None or np.allclose(values, direct(*parts, s), rtol=1e-5)
+    few = np.eye(FEWEST_STATES - 1)
+    assert modal_response(-few, few, few) is None
