@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flint import arb_mat, ctx
 
-from workbench.certify.bilinear import bilinear_enclosures
+from workbench.certify.modes.bilinear import bilinear_enclosures
 from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.stable_system import realised_balls
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.certify.eigenvalues import pencil_discs, pole_discs, real_discs, static_discs
-from workbench.certify.real_eigenvalues import FEWEST_REAL, real_pencil
+from workbench.certify.modes.real_eigenvalues import FEWEST_REAL, real_pencil
 from workbench.certify.rounding import Enclosure, exact
 
 

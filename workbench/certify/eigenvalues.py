@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import EPS, Array, RealArray
-from workbench.certify.real_eigenvalues import real_pencil
+from workbench.certify.modes.real_eigenvalues import real_pencil
 from workbench.certify.rounding import (
     UPWARD,
     Enclosure,

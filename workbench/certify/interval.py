@@ -36,7 +36,7 @@ from workbench.certify.eigenvalues import (
     touched,
 )
 from workbench.certify.hamiltonian import ball_discs
-from workbench.certify.real_eigenvalues import real_part
+from workbench.certify.modes.real_eigenvalues import real_part
 from workbench.certify.rounding import (
     Enclosure,
     exact,

@@ -103,10 +103,11 @@ def stacked_enclosures(rows: list[list[Enclosure]]) -> Enclosure:
 def sharp_product(X: RealArray, Y: RealArray) -> Enclosure:
     """Enclosure of X Y of real matrices (m, k), (k, n), nearly as sharp where its terms cancel.
 
-    Rows of X and columns of Y are scaled, by powers of two, to at most 1 and cut into slices of so few bits that the
-    products of two slices are sums of integers below 2^53 of one unit: no addition rounds, in
-    whatever order (Ozaki, Ogita, Oishi, Rump, Error-free transformations of matrix multiplication
-    by using fast routines of matrix multiplication, Numer. Algorithms 59 (2012) 95-118).
+    Rows of X and columns of Y are scaled by powers of two to at most 1, and cut into slices of so
+    few bits that products of two slices are sums of integers below 2^53 of one unit: no addition
+    rounds, in whatever order (Ozaki, Ogita, Oishi, Rump, Error-free transformations of matrix
+    multiplication by using fast routines of matrix multiplication, Numer. Algorithms 59 (2012)
+    95-118).
     """
     inner = X.shape[1]
     # Small rows of Y go with large columns of X.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
-from workbench.certify.bilinear import bilinear_enclosures
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
+from workbench.certify.modes.bilinear import bilinear_enclosures
 from workbench.certify.modes.modal_form import (
     MODAL_FORMS,
     PRECISIONS,

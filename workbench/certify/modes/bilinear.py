@@ -24,7 +24,7 @@ Realised = tuple[RealArray, RealArray, RealArray, RealArray]
 def bilinear_enclosures(
     given: Realised, period: float
 ) -> tuple[Enclosure, Enclosure, Enclosure, Enclosure] | None:
-    """The matrices (n, n), (n, r), (c, n), (c, r) of s for a realisation sampled every `period` [s].
+    """A, B, C and D of s, enclosed, for a realisation that is sampled every `period` [s].
 
     None where A + 1 may be singular up to rounding, or is too close to it for doubles.
     """

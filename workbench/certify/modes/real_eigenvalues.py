@@ -1,9 +1,9 @@
 """Discs for the eigenvalues of real matrices, all products of which are real.
 
 Eigenvectors of a pair of complex eigenvalues stand as real and imaginary part in a real matrix V,
-and W is an approximate inverse. With K of blocks [1 1; j -j] for the pairs, V K are the eigenvectors
-and K^-1 W their inverse; these last two products add two numbers each. So enclosures of W A V and
-W V take a fourth of the time of complex ones.
+and W is an approximate inverse. With K of blocks [1 1; j -j] for the pairs, V K are the
+eigenvectors and K^-1 W their inverse; these last two products add two numbers each. So enclosures
+of W A V and W V take a fourth of the time of complex ones.
 """
 
 from __future__ import annotations
