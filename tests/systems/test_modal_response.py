@@ -43,13 +43,10 @@ def test_small_responses_keep_their_digits_where_terms_cancel():
     assert (away <= 1e-7 * size).all() and size[-1] < 1e-6 * size[0]
 
 
-def test_dependent_eigenvectors_and_few_states_have_none_or_miss():
+def test_dependent_eigenvectors_and_few_states_have_none():
+    """A chain of equal lags, whose eigenvectors in doubles would give any response at all."""
     n = 20
     chain = -np.eye(n) + np.diag(np.ones(n - 1), -1)
-    parts = chain, np.eye(n, 1), np.eye(1, n, n - 1)
-    s = 1j * np.geomspace(0.1, 2.0, 30)
-    found = modal_response(*parts)
-    values = None if found is None else found.at(s, 1e-9)
-    assert values is None or np.allclose(values, direct(*parts, s), rtol=1e-5)
+    assert modal_response(chain, np.eye(n, 1), np.eye(1, n, n - 1)) is None
     few = np.eye(FEWEST_STATES - 1)
     assert modal_response(-few, few, few) is None

@@ -18,6 +18,8 @@ from workbench.arrays import EPS, Array, ComplexArray, RealArray
 
 FEWEST_STATES = 12
 """Fewest states of which a decomposition takes less time than elimination at every point."""
+LARGEST_CONDITION = 1e10
+"""Largest condition of eigenvectors that are used: a step of refinement then gains digits."""
 TRIED = 4
 """Points spread over those given at which a step of refinement is tried, besides the doubtful."""
 SPARED = 10.0
@@ -159,5 +161,8 @@ def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | 
         values, vectors = real_eigenvectors(A)
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
+        return None
+    # Refinement converges only where an inverse of the eigenvectors is one.
+    if not np.linalg.norm(vectors, 1) * np.linalg.norm(inverse, 1) <= LARGEST_CONDITION:
         return None
     return ModalResponse(A, B, C, values.astype(complex), vectors.astype(complex), inverse)
