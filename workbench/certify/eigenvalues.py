@@ -82,8 +82,8 @@ def real_discs(
     if pencil is not None and not found.doubtful(sharp):
         return found
     shifted = A - exact(1j * omega * np.eye(len(A.mid))) if omega else A
-    turned = (Enclosure(-1j * part.mid, part.rad) for part in (shifted, B))
-    other = static_discs(*turned, C, D, sharp)
+    A, B = (Enclosure(-1j * part.mid, part.rad) for part in (shifted, B))
+    other = static_discs(A, B, C, D, sharp)
     return min(other, found, key=lambda discs: discs.doubtful(sharp))
 
 

@@ -55,7 +55,7 @@ def _shifted_solution(
     shifted, one = A + np.eye(n), np.eye(n)
     near = Enclosure(shifted, EPS * np.abs(shifted) * UPWARD)  # the sum is rounded
     try:
-        X = np.linalg.solve(shifted, sum(right))
+        X: RealArray = np.asarray(np.linalg.solve(shifted, sum(right)), dtype=float)
     except np.linalg.LinAlgError:
         return None
     left = np.hstack([*(one for _ in right), A, one])

@@ -113,20 +113,22 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
         modes[at, at], mode[at], place = turn[: 1 + pair, : 1 + pair], k, at.stop
     if not np.linalg.cond(T / np.linalg.norm(T, axis=0), 1) <= LARGEST_CONDITION:
         return None
-    into, one = np.linalg.solve(T, enter), np.eye(n)
+    one: RealArray = np.eye(n)
+    into: RealArray = np.asarray(np.linalg.solve(T, enter), dtype=float)
     rest = [
         _sum_of_products([(near, T), (A_rest[0], T), (T, -modes)], A_rest[1] @ np.abs(T)),
         _sum_of_products([(one, enter), (one, B_rest[0]), (T, -into)], B_rest[1]),
     ]
     small = solution(exact(T), stacked_enclosures([rest]))
-    out = _sum_of_products([(out, T), (C_rest[0], T)], C_rest[1] @ np.abs(T))
+    leaving = _sum_of_products([(out, T), (C_rest[0], T)], C_rest[1] @ np.abs(T))
     if small is None:
         return None
     found = exact(np.hstack([modes, into])) + small
     states, inputs = (
         Enclosure(found.mid[:, part], found.rad[:, part]) for part in (slice(n), slice(n, None))
     )
-    return _normalised(states, inputs, out, mode) if _moderate((states, inputs, out)) else None
+    moderate = _moderate((states, inputs, leaving))
+    return _normalised(states, inputs, leaving, mode) if moderate else None
 
 
 def _firsts(matrix: Any) -> Any:
