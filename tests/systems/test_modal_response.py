@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.systems.modal_response import FEWEST_STATES, modal_response
+from workbench.systems.frequency_response import FEWEST_DECOMPOSED, modal_response
 
 
 def direct(A, B, C, s):
@@ -48,5 +48,5 @@ def test_dependent_eigenvectors_and_few_states_have_none():
     n = 20
     chain = -np.eye(n) + np.diag(np.ones(n - 1), -1)
     assert modal_response(chain, np.eye(n, 1), np.eye(1, n, n - 1)) is None
-    few = np.eye(FEWEST_STATES - 1)
+    few = np.eye(FEWEST_DECOMPOSED - 1)
     assert modal_response(-few, few, few) is None

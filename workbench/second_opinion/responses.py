@@ -80,7 +80,7 @@ def _triangle(entries: bytes, n: int, sampled: bool) -> tuple[ComplexArray, Comp
     return (T, Q) if rounding <= TRIANGLE_ROUNDING * distance.min() else None
 
 
-def _substituted(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
+def _substituted(T: ComplexArray, B: Any, s: Any) -> ComplexArray:
     """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
     (n, r), F = B.shape, len(s)
     X = np.empty((n, F, r), complex)

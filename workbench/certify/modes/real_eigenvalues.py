@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench.arrays import EPS, Array, RealArray
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
-from workbench.systems.modal_response import real_eigenvectors
+from workbench.systems.frequency_response import real_eigenvectors
 
 FEWEST_REAL = 40
 """Fewest rows of a matrix whose products are worth being real."""
@@ -67,7 +67,7 @@ def _in_pairs(matrix: Enclosure, first: Array) -> Enclosure:
     return Enclosure(mid, rad)
 
 
-def _sums(one: ComplexArray, two: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _sums(one: Array, two: Array) -> tuple[Array, Array]:
     """The sum and the difference."""
     return one + two, one - two
 
