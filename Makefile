@@ -18,7 +18,7 @@ reproduce: $(READY)
 	@status=0; $(WORKBENCH) run '*' --jobs 2 || status=$$?; \
 	$(WORKBENCH) report $(SHOW) || status=$$?; exit $$status
 
-# The same, with the problems marked slow: those of more than half a minute on one core.
+# The same, with the problems marked slow, which takes some hours.
 reproduce-all: $(READY)
 	@status=0; $(WORKBENCH) run '*' --slow --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 

@@ -1,9 +1,11 @@
 """Responses from eigenvectors against elimination, also where eigenvectors lose digits."""
 
+import control
 import numpy as np
 import pytest
 
-from workbench.systems.frequency_response import FEWEST_DECOMPOSED, modal_response
+from workbench.certify.stable_system import stable_system
+from workbench.systems.modal_response import FEWEST_DECOMPOSED, modal_response
 
 
 def direct(A, B, C, s):
@@ -50,3 +52,15 @@ def test_dependent_eigenvectors_and_few_states_have_none():
     assert modal_response(chain, np.eye(n, 1), np.eye(1, n, n - 1)) is None
     few = np.eye(FEWEST_DECOMPOSED - 1)
     assert modal_response(-few, few, few) is None
+
+
+def test_small_entries_count_for_mu_and_are_kept_where_no_error_is_allowed():
+    """Channels of sizes 1e6 and 1e-6: their product is what mu sees."""
+    A, B, C = lightly_damped(np.random.default_rng(3), 24, 0.3)
+    B, C = B * [1e6, 1e-6], C[:2] * np.array([[1e6], [1e-6]])
+    system = stable_system(control.ss(A, B, C, np.zeros((2, 2))))
+    omega = np.geomspace(0.1, 1e4, 50)
+    true = direct(A, B, C, 1j * omega)
+    np.testing.assert_allclose(system.response(omega), true, rtol=1e-8)
+    rough = np.abs(system.response(omega, 1e-9) - true).max()
+    assert rough <= 1e-8 * np.abs(true).max()

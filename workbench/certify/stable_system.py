@@ -8,6 +8,7 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
@@ -25,8 +26,9 @@ from workbench.certify.modes.modal_form import (
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
-from workbench.systems.frequency_response import CHUNK_ENTRIES, ModalResponse, modal_response
+from workbench.systems.frequency_response import CHUNK_ENTRIES
 from workbench.systems.interconnection import named_realisation
+from workbench.systems.modal_response import ModalResponse, modal_response
 
 SHARPNESS = 1e-6
 """Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a
@@ -38,8 +40,10 @@ HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
 FEWEST_STATES, FEWEST_POINTS = 20, 4
 """Fewest states, and frequencies, for which responses are computed from eigenvectors."""
-RESPONSE_ERROR = 1e-9
-"""Error of such responses, as a share of the largest, above which they are refined."""
+MANY_STATES = 60
+"""Fewest states for which responses are computed in Schur's coordinates."""
+LARGEST_SPREAD = 1e5
+"""Largest entry of A over its smallest pole there."""
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
@@ -124,23 +128,30 @@ class StableSystem:
         """Geometric mean of the sizes of the poles [rad/s]; 1 without poles."""
         return float(np.exp(np.log(np.abs(self.poles)).mean())) if len(self.poles) else 1.0
 
-    def response(self, omega: ArrayLike, error: float = RESPONSE_ERROR) -> Array:
+    def response(self, omega: ArrayLike, error: float | None = None) -> Array:
         """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs).
 
-        Of many states at many frequencies it may err by `error` as a share of the largest one, and
-        by the rounding of an elimination.
+        Of many states at many frequencies it may err by `error` as a share of the largest entry of
+        all, and by the rounding of an elimination: that is enough for norms. None: by rounding
+        alone, as mu needs it, to which small entries may count as much.
         """
         points = np.atleast_1d(np.asarray(omega, dtype=float))
         result = np.tile(self.D.astype(complex), (len(points), 1, 1))
         n = len(self.A)
         finite = np.flatnonzero(np.isfinite(points))
-        if n >= FEWEST_STATES and finite.size >= FEWEST_POINTS and self._modal is not None:
+        many = finite.size >= FEWEST_POINTS
+        if error is not None and many and n >= FEWEST_STATES and self._modal is not None:
             found = self._modal.at(1j * points[finite], error, of_largest=True)
             if found is not None:
                 result[finite] += found
                 return result
         step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
+        triangular = self._triangular if many else None
         for part in np.split(finite, range(step, len(finite), step)):
+            if triangular is not None:
+                T, B, C = triangular
+                result[part] += C @ _substituted(T, B, 1j * points[part])
+                continue
             resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
             result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
         return result
@@ -149,6 +160,28 @@ class StableSystem:
     def _modal(self) -> ModalResponse | None:
         """The eigenvectors of A."""
         return modal_response(self.A, self.B, self.C)
+
+    @cached_property
+    def _triangular(self) -> tuple[Array, Array, Array] | None:
+        """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
+
+        There an elimination keeps digits of small states that an orthogonal basis would lose.
+        """
+        sizes = np.abs(self.poles)
+        if len(self.A) < MANY_STATES or not sizes.min() * LARGEST_SPREAD > np.abs(self.A).max():
+            return None
+        T, Q = scipy.linalg.schur(self.A.astype(complex), output="complex")
+        return T, Q.conj().T @ self.B, self.C @ Q
+
+
+def _substituted(T: Array, B: Array, s: Array) -> Array:
+    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
+    (n, r), F = B.shape, len(s)
+    X = np.empty((n, F, r), complex)
+    for i in reversed(range(n)):
+        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
+        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
+    return np.moveaxis(X, 0, 1)
 
 
 def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:

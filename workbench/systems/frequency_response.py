@@ -1,32 +1,18 @@
-"""Frequency responses of realisations [A B; C D].
-
-Of many states at many points they come from the eigenvectors of A, refined where these lose digits.
-With A V = V L, the states (s I - A)^-1 B are near V (s I - L)^-1 V^-1 B, which takes n operations
-for each point and entry instead of n^3. A step of iterative refinement, with the residual
-B - (s I - A) X of the given A, shows how many digits are lost, and gives them back (Skeel,
-Iterative refinement implies numerical stability for Gaussian elimination, Math. Comp. 35 (1980)
-817-832).
-"""
+"""Frequency responses of realisations [A B; C D]."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 
 CHUNK_ENTRIES = 4_000_000
 """Total entries of the matrices that are solved in one call: 64 MB."""
-
-FEWEST_STATES, FEWEST_POINTS = 60, 4
-"""Fewest states, and points, for which eigenvectors take less time than elimination."""
-RESPONSE_ERROR = 1e-8
-"""Relative error of a response by eigenvectors above which it is refined."""
 
 
 @lru_cache(maxsize=64)
@@ -34,13 +20,6 @@ def _scale(size: bytes, shape: tuple[int, int], states: int) -> RealArray:
     """Factors of the states; kept, for searches ask one system for one frequency at a time."""
     rows, _ = balancing(np.frombuffer(size).reshape(shape), states)
     return rows[:states]
-
-
-@lru_cache(maxsize=8)
-def _modal(entries: bytes, rows: int, states: int) -> ModalResponse | None:
-    """The eigenvectors of a realisation; kept as `_scale`."""
-    M = np.frombuffer(entries).reshape(rows, -1)
-    return modal_response(M[:states, :states], M[:states, states:], M[states:, :states])
 
 
 def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
@@ -55,16 +34,6 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     A = M[..., :states, :states] * scale[:, None] / scale
     B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
     D = M[..., states:, states:]
-    if (
-        M.ndim == 2
-        and M.dtype == float
-        and states >= FEWEST_STATES
-        and len(points) >= FEWEST_POINTS
-    ):
-        modal = _modal(np.block([[A, B], [C, D]]).tobytes(), len(M), states)
-        found = modal and modal.at(points, RESPONSE_ERROR)
-        if found is not None:
-            return found + D
     result = np.empty((*M.shape[:-2], len(points), *D.shape[-2:]), complex)
     step = max(CHUNK_ENTRIES // max(A.size, 1), 1)
     for start in range(0, len(points), step):
@@ -79,157 +48,3 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
             ) from None
         result[..., part, :, :] = C[..., None, :, :] @ state + D[..., None, :, :]
     return result
-
-
-FEWEST_DECOMPOSED = 12
-"""Fewest states of which a decomposition takes less time than elimination at every point."""
-LARGEST_CONDITION = 1e10
-"""Largest condition of eigenvectors that are used: a step of refinement then gains digits."""
-TRIED = 4
-"""Points spread over those given at which a step of refinement is tried, besides the doubtful."""
-SPARED = 10.0
-"""What rounding may do to a response, in units of its estimate."""
-UNSETTLED = 1e-3
-"""Change of a response by the last step, as a share of it, that shows no convergence."""
-STEPS = 4
-"""Most steps of refinement."""
-ENTRIES_AT_ONCE = 500_000
-"""Entries of the states that are refined together."""
-
-
-@dataclass(frozen=True, eq=False)
-class ModalResponse:
-    """A realisation A (n, n), B (n, r), C (c, n) with the eigenvalues and eigenvectors of A."""
-
-    A: RealArray
-    B: RealArray
-    C: RealArray
-    values: ComplexArray
-    vectors: ComplexArray
-    inverse: ComplexArray
-
-    def at(self, s: ComplexArray, error: float, *, of_largest: bool = False) -> ComplexArray | None:
-        """C (s I - A)^-1 B at points s (F,), shape (F, c, r).
-
-        Errors are at most about `error` as a share of the response at the same point, or of the
-        largest one, or else what elimination in doubles leaves too. None where refinement does not
-        converge.
-        """
-        found = self._plain(s)
-        size = _size(found)
-        scale = np.full(len(s), size.max(initial=0.0)) if of_largest else size
-        with np.errstate(all="ignore"):
-            lost = EPS * self._terms(s) / scale
-        suspect = ~(lost <= error / SPARED)  # also where that is not a number
-        tried = suspect.copy()
-        tried[np.linspace(0, len(s) - 1, TRIED).astype(int)] = True
-        tried[np.argsort(lost)[-TRIED:]] = True
-        refined, change = self._refined(s[tried], error, scale[tried])
-        wrong = _size(refined - found[tried]) > np.maximum(error * scale[tried], SPARED * change)
-        found[tried] = refined
-        if (wrong & ~suspect[tried]).any():
-            found, change = self._refined(s, error, scale)
-            tried = np.ones(len(s), bool)
-        settled = change <= max(error, UNSETTLED) * scale[tried]
-        return found if settled.all() else None
-
-    def _plain(self, s: ComplexArray) -> ComplexArray:
-        """The response as a sum over the eigenvalues."""
-        (c, n), r = self.C.shape, self.B.shape[1]
-        into, out = self.inverse @ self.B, self.C @ self.vectors
-        residues = (out.T[:, :, None] * into[:, None, :]).reshape(n, c * r)
-        return ((1.0 / (s[:, None] - self.values)) @ residues).reshape(len(s), c, r)
-
-    def _terms(self, s: ComplexArray) -> RealArray:
-        """Sum of the sizes of the terms of `_plain` (F,)."""
-        size = np.linalg.norm(self.C @ self.vectors, axis=0)
-        size = size * np.linalg.norm(self.inverse @ self.B, axis=1)
-        terms: RealArray = (1.0 / np.abs(s[:, None] - self.values)) @ size
-        return terms
-
-    def _refined(
-        self, s: ComplexArray, error: float, scale: RealArray
-    ) -> tuple[ComplexArray, RealArray]:
-        """The response with refined states, and its last change at each point (F,)."""
-        r = self.B.shape[1]
-        step = max(ENTRIES_AT_ONCE // max(self.B.size, 1), 1)
-        parts, changes = [np.empty((0, len(self.C), r), complex)], [np.empty(0)]
-        for start in range(0, len(s), step):
-            some, wanted = s[start : start + step], error * scale[start : start + step]
-            over = 1.0 / (some - self.values[:, None])
-            states = self._solved(np.repeat(self.B[:, None], len(some), axis=1), over)
-            found, before = self._output(states), np.full(len(some), np.inf)
-            for _ in range(STEPS):
-                rest = self.B[:, None] - (some[:, None] * states - _times(self.A, states))
-                by = self._solved(rest, over)
-                moved = self._output(by)
-                change = _size(moved)
-                if not (change < before).any():
-                    break
-                states, found, before = states + by, found + moved, change
-                if (change <= wanted).all():
-                    break
-            parts.append(found)
-            changes.append(before)
-        return np.concatenate(parts), np.concatenate(changes)
-
-    def _solved(self, right: Array, over: ComplexArray) -> ComplexArray:
-        """(s I - A)^-1 B (n, F, r) by the eigenvectors, for right sides (n, F, r)."""
-        n, F, r = right.shape
-        turned = (self.inverse @ right.reshape(n, F * r)).reshape(n, F, r) * over[:, :, None]
-        return (self.vectors @ turned.reshape(n, F * r)).reshape(n, F, r)
-
-    def _output(self, states: ComplexArray) -> ComplexArray:
-        """C X (F, c, r) of states X (n, F, r)."""
-        return np.moveaxis(_times(self.C, states), 0, 1)
-
-
-def _size(M: Array) -> RealArray:
-    """Largest entry of each matrix (F,)."""
-    return np.abs(M).max(axis=(1, 2), initial=0.0)
-
-
-def _times(M: RealArray, X: ComplexArray) -> ComplexArray:
-    """M X (m, F, r) of a real M (m, n), in real arithmetic."""
-    n, F, r = X.shape
-    parts = np.ascontiguousarray(X).view(float).reshape(n, 2 * F * r)
-    return np.ascontiguousarray(M @ parts).view(complex).reshape(len(M), F, r)
-
-
-@lru_cache(maxsize=4)
-def _eigenvectors(entries: bytes, n: int) -> tuple[Array, Array]:
-    values, vectors = np.linalg.eig(np.frombuffer(entries).reshape(n, n))
-    values.flags.writeable = vectors.flags.writeable = False
-    return values, vectors
-
-
-def real_eigenvectors(A: RealArray) -> tuple[Array, Array]:
-    """As `numpy.linalg.eig` of a real A (n, n); those of the last few matrices are kept.
-
-    Raises LinAlgError as that. What is returned must not be changed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from workbench.systems.frequency_response import real_eigenvectors
-    >>> real_eigenvectors(np.diag([1.0, 2.0]))[0].tolist()
-    [1.0, 2.0]
-    """
-    return _eigenvectors(np.ascontiguousarray(A, dtype=float).tobytes(), len(A))
-
-
-def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | None:
-    """The realisation with its eigenvectors; None for few states, and where they are dependent."""
-    if len(A) < FEWEST_DECOMPOSED:
-        return None
-    try:
-        values, vectors = real_eigenvectors(A)
-        inverse = np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return None
-    # Refinement converges only where an inverse of the eigenvectors is one.
-    if not np.linalg.norm(vectors, 1) * np.linalg.norm(inverse, 1) <= LARGEST_CONDITION:
-        return None
-    return ModalResponse(
-        A, B, C, values.astype(complex), vectors.astype(complex), inverse.astype(complex)
-    )

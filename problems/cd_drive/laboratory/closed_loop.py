@@ -64,6 +64,7 @@ def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict
 
 @problem(
     "cd/{axis}/closed-loop",
+    slow=True,
     axis=("focus", "radial"),
     needs=experiment,
     data=(*TABLES, "data/red_book.csv"),

@@ -52,7 +52,7 @@ ASSUMPTIONS = ("circular", "normal", "independent")
 """Assumptions of the intervals about the noise, each tested with a p-value."""
 
 
-@problem("cd/{axis}/open-loop", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/open-loop", slow=True, axis=("focus", "radial"), data=TABLES)
 def open_loop(
     axis: Axis,
     drive: str = "CD1",

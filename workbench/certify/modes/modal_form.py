@@ -30,7 +30,7 @@ from workbench.certify.rounding import (
     solution,
     stacked_enclosures,
 )
-from workbench.systems.frequency_response import real_eigenvectors
+from workbench.systems.modal_response import real_eigenvectors
 
 PRECISIONS = (128, 256, 512)
 """Bits of the balls, one after the other until a proof succeeds."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
-from workbench.systems.frequency_response import real_eigenvectors
+from workbench.systems.modal_response import real_eigenvectors
 
 FEWEST_REAL = 40
 """Fewest rows of a matrix whose products are worth being real."""

@@ -54,7 +54,12 @@ GRID = np.geomspace(300.0, 2000.0, 400)
 """Frequencies [Hz] between which a crossover is found."""
 
 
-@problem("cd/{axis}/gain-control", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/gain-control",
+    slow=True,
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
 def gain_control(axis: Axis, draws: Annotated[int, Field(ge=1, le=1000)] = 12) -> GainControl:
     """Automatic gain control of the twelve drives by a wobble at crossover (section 4.4).
 

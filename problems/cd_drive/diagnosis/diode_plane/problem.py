@@ -64,7 +64,12 @@ counts once."""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
-@problem("cd/{axis}/diode-plane", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/diode-plane",
+    slow=True,
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
 def diode_plane(
     axis: Axis,
     defects: Annotated[int, Field(ge=4, le=100)] = 6,

@@ -32,7 +32,7 @@ SLOWER = {str(axis): ref(f"cd/{axis}/lower-bandwidth") for axis in AXES}
 """Problems that design K' of both axes."""
 
 
-@problem("cd/playability", needs=SLOWER, data=(*TABLES, "data/red_book.csv"))
+@problem("cd/playability", slow=True, needs=SLOWER, data=(*TABLES, "data/red_book.csv"))
 def playability(
     focus: Run,
     radial: Run,

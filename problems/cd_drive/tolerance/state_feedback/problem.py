@@ -74,7 +74,12 @@ SAME_CROSSOVER = 1e-3
 """Largest relative difference of the crossover with known states from the reference loop's."""
 
 
-@problem("cd/{axis}/state-feedback", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/state-feedback",
+    slow=True,
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
 def state_feedback(
     axis: Axis,
     drive_count: Annotated[int, Field(ge=0, le=12)] = 12,
