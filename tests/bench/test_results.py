@@ -108,6 +108,7 @@ def test_a_run_shows_itself(run):
     assert "optimality gap" in page and "reach" in page and run.key in page
     assert run.show()._repr_png_().startswith(b"\x89PNG")
     assert run.show("roots") == run.show()
+    assert len(repr(run.show())) < 80  # not the bytes
     assert run.tables == {}
 
 

@@ -37,6 +37,9 @@ class Picture:
     png: bytes
     svg: bytes
 
+    def __repr__(self) -> str:
+        return f"<Picture of {len(self.png) // 1000} kB; .save(folder, name) writes it>"
+
     def _repr_png_(self) -> bytes:
         return self.png
 
