@@ -315,6 +315,12 @@ def method(
     return register
 
 
+def is_registered(program: str, name: str) -> bool:
+    """Whether a Program of this class name, or a base of it, has a method of this name here."""
+    bases = {base for kind in _METHODS if kind.__name__ == program for base in kind.__mro__}
+    return any(name in entries for kind, entries in _METHODS.items() if kind in bases)
+
+
 def _is_replaced(old: Callable[..., Any], new: Callable[..., Any]) -> bool:
     """Whether a function is an older version of another, or its module was imported anew since."""
     module = sys.modules.get(getattr(old, "__module__", ""))

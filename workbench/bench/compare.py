@@ -32,6 +32,7 @@ from workbench.bench.store import Store
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
 from workbench.heavy_types import Dataset
+from workbench.program import is_registered
 from workbench.solvers import ACCURACY, Options, Outcome
 
 
@@ -182,6 +183,12 @@ def _why_not(planned: Plan, method: str) -> Record | None:
     if planned.failure:
         return Record(Outcome.FAILED, message=planned.failure)
     known = planned.methods.get(method)
+    if known is None and is_registered(planned.program, method):
+        raise InputError(
+            f"method {method!r} of {planned.program} is registered in this process alone, and the "
+            "cells run in others: put it in a Python file of a problems folder or behind an entry "
+            "point of workbench.solvers, or compare with executor=InProcess() of workbench.executor"
+        )
     reason = f"{planned.program} has no method {method!r}" if known is None else known.unfit
     return Record(UNFIT, message=reason) if reason else None
 

@@ -113,6 +113,7 @@ def write_study(
         "period": every,
         "delay": delay,
         "chosen": chosen,
+        "limits": _input_range(paths, u, y, t, sample_rate),
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
         "read": responses.read,
@@ -135,6 +136,19 @@ def _period(
 
     instants = read_record(path, [input], [output], sample_rate, time)["time"].values
     return float(f"{np.mean(np.diff(instants)):.9g}")
+
+
+def _input_range(
+    paths: list[Path], input: str, output: str, time: str | None, sample_rate: float | None
+) -> tuple[float, float]:
+    """Least and largest value of the input in all records."""
+    from workbench.identification import read_record
+
+    records = (read_record(path, [input], [output], sample_rate, time) for path in paths)
+    ends = [(float(u.min()), float(u.max())) for u in (one["u"].values for one in records)]
+    return float(f"{min(low for low, _ in ends):.6g}"), float(
+        f"{max(high for _, high in ends):.6g}"
+    )
 
 
 def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:

@@ -30,7 +30,8 @@ _FRAME = """\
  *
  * {inputs} inputs, {outputs} outputs, {states} states, sample time {time} s.
  * Call {name}_init once, then {name}_step each sample: it reads y[{inputs}] and writes
- * u[{outputs}], which must not overlap.
+ * u[{outputs}], which must not overlap. y are the inputs of the controller as it was designed:
+ * in a loop with e = r - y the errors e, not the measurements.
  * {limited}
  */
 #ifndef {guard}_H
