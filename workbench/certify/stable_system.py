@@ -23,12 +23,12 @@ from workbench.certify.modes.modal_form import (
     real_balls,
     real_doubles,
 )
+from workbench.certify.modes.modal_response import ModalResponse, modal_response
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 from workbench.systems.frequency_response import CHUNK_ENTRIES
 from workbench.systems.interconnection import named_realisation
-from workbench.systems.modal_response import ModalResponse, modal_response
 
 SHARPNESS = 1e-6
 """Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a

@@ -20,6 +20,7 @@ import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certify.modes.eigenpairs import CLUSTER, eigenpairs
+from workbench.certify.modes.modal_response import real_eigenvectors
 from workbench.certify.rounding import (
     TINY,
     UPWARD,
@@ -30,7 +31,6 @@ from workbench.certify.rounding import (
     solution,
     stacked_enclosures,
 )
-from workbench.systems.modal_response import real_eigenvectors
 
 PRECISIONS = (128, 256, 512)
 """Bits of the balls, one after the other until a proof succeeds."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
+from workbench.certify.modes.modal_response import real_eigenvectors
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
-from workbench.systems.modal_response import real_eigenvectors
 
 FEWEST_REAL = 40
 """Fewest rows of a matrix whose products are worth being real."""

@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
+from workbench.certify.modes.modal_response import FEWEST_DECOMPOSED, modal_response
 from workbench.certify.stable_system import stable_system
-from workbench.systems.modal_response import FEWEST_DECOMPOSED, modal_response
 
 
 def direct(A, B, C, s):

@@ -147,7 +147,7 @@ def real_eigenvectors(A: RealArray) -> tuple[Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.systems.modal_response import real_eigenvectors
+    >>> from workbench.certify.modes.modal_response import real_eigenvectors
     >>> real_eigenvectors(np.diag([1.0, 2.0]))[0].tolist()
     [1.0, 2.0]
     """
