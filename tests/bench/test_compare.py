@@ -19,7 +19,20 @@ from workbench.bench.compare import asked_for, described
 from workbench.bench.store import damage, seal
 from workbench.errors import InputError, ResultError, UnknownNameError
 from workbench.executor import InProcess, Workers
+from workbench.geometry import SmallestCircle
 
+POINTS = '''
+"""Three points."""
+
+from workbench import problem
+from workbench.geometry import SmallestCircle
+
+
+@problem("mine/points")
+def points() -> SmallestCircle:
+    """The least circle about three points."""
+    return SmallestCircle([[0, 2, 1 + 1j]])
+'''
 EXECUTORS = {
     "in process": InProcess,
     "workers": Workers,
@@ -433,6 +446,21 @@ def test_a_plan_runs_nothing(project):
 def test_a_comparison_that_cannot_be_made_is_a_clear_error(arguments, error, words):
     with pytest.raises(error, match=words):
         wb.compare(**{"pattern": "toy/root", "methods": ["exact"], **arguments})
+
+
+def test_a_method_of_this_process_alone_is_no_unfit_method(project):
+    """Workers do not know it; where cells run in this process it takes part."""
+    project.write("mine/points.py", POINTS)
+    wb.add_problems("mine")
+
+    @wb.method(SmallestCircle, "of here", optimal=False)
+    def of_here(program, context):
+        return wb.solve(program, "exact").answer, wb.Outcome.SOLVED, ""
+
+    with pytest.raises(InputError, match="'of here' of SmallestCircle is registered in this proc"):
+        wb.compare("mine/points", ["exact", "of here"], accuracies=["low"])
+    here = wb.compare("mine/points", ["of here"], accuracies=["low"], executor=InProcess())
+    assert here.holds and here.metrics["certified_share"] == 1.0
 
 
 def test_progress_counts_cells(one):
