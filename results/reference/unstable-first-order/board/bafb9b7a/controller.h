@@ -2,7 +2,8 @@
  *
  * 1 inputs, 1 outputs, 4 states, sample time 0.02 s.
  * Call controller_init once, then controller_step each sample: it reads y[1] and writes
- * u[1], which must not overlap.
+ * u[1], which must not overlap. y are the inputs of the controller as it was designed:
+ * in a loop with e = r - y the errors e, not the measurements.
  * Outputs are not limited.
  */
 #ifndef CONTROLLER_H
@@ -33,21 +34,21 @@ static inline void controller_step(controller_state *state, const controller_rea
     const controller_real x1 = state->x[1];
     const controller_real x2 = state->x[2];
     const controller_real x3 = state->x[3];
-    u[0] = -428.79254f * x0 - 196.64127f * x1 + 217.47092f * x2 - 0.593696f * x3 + 10.209892f * y[0];
-    state->x[0] = 1.0772216e-32f * x0 - 0.0064114495f * y[0];
-    state->x[1] = 1.3354195e-19f * x1 + 0.006199849f * y[0];
-    state->x[2] = 5.0742264e-09f * x2 - 0.034972616f * y[0];
-    state->x[3] = 0.9998937f * x3 - 0.0481965f * y[0];
+    u[0] = -414.90466f * x0 - 233.42776f * x1 + 198.31068f * x2 - 0.57601035f * x3 + 10.208039f * y[0];
+    state->x[0] = 4.8583178e-30f * x0 - 0.008643797f * y[0];
+    state->x[1] = 7.3377723e-16f * x1 + 0.01513344f * y[0];
+    state->x[2] = 7.551937e-09f * x2 - 0.030969812f * y[0];
+    state->x[3] = 0.9998731f * x3 - 0.05011277f * y[0];
 }
 
 /* The state from which a step answers the measurements y with the controls u: no bump. */
 static inline void controller_start(controller_state *state, const controller_real y[1],
                                 const controller_real u[1])
 {
-    state->x[0] = -0.002687452f * y[0] - 1.362207e-05f * u[0];
-    state->x[1] = 0.007907649f * y[0] - 6.2469862e-06f * u[0];
-    state->x[2] = -0.03686132f * y[0] + 6.908712e-06f * u[0];
-    state->x[3] = 3.0167243f * y[0] - 1.6699256f * u[0];
+    state->x[0] = -0.004039661f * y[0] - 1.9880585e-05f * u[0];
+    state->x[1] = 0.017723752f * y[0] - 1.1184931e-05f * u[0];
+    state->x[2] = -0.033170436f * y[0] + 9.502261e-06f * u[0];
+    state->x[3] = 2.0292094f * y[0] - 1.7139556f * u[0];
 }
 
 #endif
