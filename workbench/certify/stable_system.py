@@ -23,7 +23,11 @@ from workbench.certify.modes.modal_form import (
     real_balls,
     real_doubles,
 )
-from workbench.certify.modes.modal_response import ModalResponse, modal_response
+from workbench.certify.modes.modal_response import (
+    ModalResponse,
+    modal_response,
+    real_eigenvectors,
+)
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
@@ -402,7 +406,7 @@ def _unstable(discs: Discs) -> bool:
 
 def _condition(A: RealArray) -> float:
     """Condition number of the eigenvectors."""
-    return float(np.linalg.cond(np.linalg.eig(A)[1])) if len(A) else 1.0
+    return float(np.linalg.cond(real_eigenvectors(A)[1])) if len(A) else 1.0
 
 
 def _refusal(discs: Discs, A: RealArray, unstable: bool, period: float) -> InputError:
