@@ -272,6 +272,7 @@ def test_a_folder_of_problems_on_the_command_line(project, cli):
     project.write("mine/targets.csv", "9")
     assert "mine/root" in cli("--problems", "mine", "list", "mine/*")[1]
     assert cli("--problems", "mine", "run", "mine/total")[0] == 0
+    assert "mine/root" in cli("list", "mine/*", "--problems=mine", "--results", "elsewhere")[1]
 
 
 def test_a_folder_of_results_on_the_command_line(project, cli):

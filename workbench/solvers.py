@@ -161,7 +161,7 @@ class ConicSolver:
     Parameters
     ----------
     name
-        CVXPY's name for it, in lower case.
+        Its name as a method.
     module
         The module without which it is not installed.
     settings
@@ -172,6 +172,9 @@ class ConicSolver:
         The distribution whose version can change its answers; "": it is called as the module is.
     widest
         The widest of `CONES` that it takes.
+    of_cvxpy
+        CVXPY's name for it; "": the same as its own. Two solvers of one such name differ in their
+        settings.
 
     Examples
     --------
@@ -187,6 +190,7 @@ class ConicSolver:
     finest: float = 0.0
     package: str = ""
     widest: str = "semidefinite"
+    of_cvxpy: str = ""
 
     def unfit(self, cones: str) -> str:
         """Why it cannot take a program with these of `CONES`; empty where it can."""
@@ -316,7 +320,7 @@ def solve_conic(
     try:
         with stopwatch.stating():
             data, chain, inverse = problem.get_problem_data(
-                solver.name.upper(), solver_opts=settings
+                (solver.of_cvxpy or solver.name).upper(), solver_opts=settings
             )
         with warnings.catch_warnings():  # what a solver warns of, the certificate judges
             warnings.simplefilter("ignore")

@@ -17,7 +17,7 @@ import workbench as wb
 from workbench.bench.cells.stored import Journal
 from workbench.bench.compare import asked_for, described
 from workbench.bench.store import damage, seal
-from workbench.errors import InputError, ResultError, UnknownNameError
+from workbench.errors import InputError, RegistryError, ResultError, UnknownNameError
 from workbench.executor import InProcess, Workers
 from workbench.geometry import SmallestCircle
 
@@ -294,6 +294,22 @@ def test_light_records_are_verified_with_their_comparison(project, one):
     assert not found.holds and "its solve is" in " ".join(found.problems)
 
 
+@pytest.mark.parametrize("light", [True, False])
+def test_cells_that_other_code_has_answered_since_are_no_defect_of_a_comparison(
+    project, one, light
+):
+    run = one("exact", "lying", light=light)
+    project.edit("OFFSET = 0.0", "OFFSET = 1.0")
+    one("lying", light=light)
+    found = wb.verify(run.path)
+    assert found.holds, found
+    assert any("1 of 2 cells were answered again since" in note for note in found.notes)
+
+
+def test_a_comparison_says_how_many_of_its_cells_are_certified(one):
+    assert "certified 0 of 1" in repr(one("lying").certificate)
+
+
 def test_light_cells_leave_records_and_no_folders(project, one):
     run = one("exact", "lying", "raising", light=True)
     assert cell_folders(project) == []
@@ -461,6 +477,38 @@ def test_a_method_of_this_process_alone_is_no_unfit_method(project):
         wb.compare("mine/points", ["exact", "of here"], accuracies=["low"])
     here = wb.compare("mine/points", ["of here"], accuracies=["low"], executor=InProcess())
     assert here.holds and here.metrics["certified_share"] == 1.0
+
+
+OWN_METHOD = """
+import workbench as wb
+from workbench.geometry import SmallestCircle
+
+
+@wb.method(SmallestCircle, "own", optimal=False)
+def own(program, context):
+    return wb.solve(program, "exact").answer, wb.Outcome.SOLVED, ""
+"""
+
+
+def test_a_file_of_a_problems_folder_adds_a_method_to_a_problem_of_another(project):
+    """Workers know it too; it has no problem of its own."""
+    project.write("mine/points.py", POINTS)
+    project.write("methods/own.py", OWN_METHOD)
+    wb.add_problems("mine")
+    wb.add_problems("methods")
+    run = wb.compare("mine/points", ["exact", "own"], accuracies=["low"])
+    assert run.metrics["certified_share"] == 1.0
+    assert wb.run("mine/points", method="own").holds
+
+
+def test_a_file_of_methods_that_cannot_be_imported_costs_its_own_methods_only(project):
+    project.write("mine/points.py", POINTS)
+    project.write("methods/own.py", OWN_METHOD.replace("SmallestCircle", "NoProgram"))
+    wb.add_problems("mine")
+    wb.add_problems("methods")
+    assert wb.run("mine/points").holds
+    with pytest.raises(RegistryError, match=r"'own'; .*own\.py cannot be imported: ImportError"):
+        wb.compare("mine/points", ["own"], accuracies=["low"])
 
 
 def test_progress_counts_cells(one):

@@ -15,7 +15,7 @@ from workbench.conic.named_solvers import _SETTINGS, conic_solver
 from workbench.errors import InputError, UnknownNameError
 from workbench.geometry import SmallestCircle
 from workbench.program import methods
-from workbench.solvers import Options, add_conic_solver
+from workbench.solvers import ConicSolver, Options, add_conic_solver
 
 FREE = {
     "highs": "linear", "osqp": "linear", "piqp": "linear",
@@ -78,6 +78,16 @@ def test_a_name_is_registered_once():
     assert conic_solver("clarabel").name == "clarabel"
     with pytest.raises(InputError, match="'highs' is there already"):
         add_conic_solver(conic_solver("highs"))
+
+
+def test_a_solver_with_other_settings_is_another_one():
+    def hasty(options):
+        return {"eps_abs": 1e-2, "eps_rel": 1e-2, "max_iters": 1}
+
+    add_conic_solver(ConicSolver("scs-hasty", "scs", hasty, of_cvxpy="scs"))
+    solution = wb.solve(SmallestCircle(POINTS), "scs-hasty")
+    assert solution.outcome == "inaccurate" and not solution.certificate.holds
+    assert wb.solve(SmallestCircle(POINTS), "scs").certificate.holds
 
 
 def test_a_solver_that_is_not_there_says_what_to_install():

@@ -50,6 +50,8 @@ def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatc
     said = CliRunner().invoke(main, asked)
     assert said.exit_code == 0, said.output
     assert "bandwidth" in said.output and "next: cd" in said.output
+    assert "read: input 'torque [N m]', output 'speed [rad/s]', time 't [s]'" in said.output
+    assert "\n!" not in said.output
     folder = tmp_path / "my-servo"
     there = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
     assert {
@@ -111,6 +113,22 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
         with pytest.raises(InputError, match=message):
             write_study(tmp_path / folder, str(data), **given)
     assert not list(tmp_path.iterdir())
+
+
+def test_one_record_in_two_files_is_refused(tmp_path):
+    write_records(tmp_path / "records", count=2)
+    (tmp_path / "records/copy.csv").write_bytes((tmp_path / "records/drive1.csv").read_bytes())
+    with pytest.raises(InputError, match=r"drive1\.csv and .*copy\.csv hold the same record"):
+        write_study(tmp_path / "servo", str(tmp_path / "records/*.csv"))
+
+
+def test_input_and_output_in_each_others_place_are_noticed(records, tmp_path):
+    exchanged = {"input": "speed", "output": "torque"}
+    try:
+        notes = " ".join(write_study(tmp_path / "servo", str(records), **exchanged).notes)
+    except InputError as error:
+        notes = str(error)
+    assert "are input and output exchanged?" in notes
 
 
 def test_a_column_is_named_without_its_unit(records, tmp_path):

@@ -70,6 +70,8 @@ def _several(
             for label in plan.ready(most - len(under_way), idle=not under_way):
                 call = executor.submit(_run, *plan.calls[label], added_problems())
                 under_way[call] = label
+            now = ", ".join(plan.calls[label][0] for label in under_way.values())
+            progress(now, ended, len(names))
             for call in wait(under_way, return_when=FIRST_COMPLETED).done:
                 label = under_way.pop(call)
                 plan.over.add(label)
@@ -78,7 +80,6 @@ def _several(
                     raise error
                 if label in plan.named:  # of the others those that are fed with them tell
                     ended += 1
-                    progress("problems", ended, len(names))
                     yield plan.named[label], error or call.result()
 
 

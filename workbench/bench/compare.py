@@ -29,7 +29,7 @@ from workbench.bench.question import Question, asked, canonical
 from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
 from workbench.bench.store import Store
-from workbench.errors import InputError, UnknownNameError
+from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
 from workbench.heavy_types import Dataset
 from workbench.program import is_registered
@@ -66,7 +66,7 @@ class Asked:
             cells = self._known(executor, journal, progress)
             self._answer(cells, executor, journal, progress)
         entries = {
-            labels: Filled(one.record, one.key, one.served, one.optimal)
+            labels: Filled(one.record, one.key, one.code, one.served, one.optimal)
             for labels, one in cells.places.items()
             if one.record is not None
         }
@@ -222,6 +222,10 @@ class Placed:
     optimal: bool
     record: Record | None
 
+    @property
+    def code(self) -> str:
+        return self.cell.code if self.cell else ""
+
 
 @dataclass
 class Cells:
@@ -302,7 +306,9 @@ def asked_for(
     if all(known):  # a problem without a return annotation shows its methods only when loaded
         for name in methods or ():
             if not any(name in one for one in known):
-                raise UnknownNameError("method", name, set().union(*known))
+                error = UnknownNameError("method", name, set().union(*known))
+                wrong = registry().unfit
+                raise RegistryError("; ".join([str(error), *wrong])) if wrong else error
     for name in names:  # a wrong parameter is an error, not a table of failures
         registry().find(name).bind(parameters)
     chosen = None if methods is None else tuple(dict.fromkeys(methods))

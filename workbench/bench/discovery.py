@@ -24,6 +24,7 @@ SETTINGS = frozenset({"needs", "data", "slow", "method"})
 RESERVED = ("cells", "compare", "reference", "report", "sweep")
 """First parts of names that the results folder keeps for itself."""
 _PART = re.compile(r"\w(?:[\w.-]*[\w-])?")
+_ADDS_METHODS = re.compile(rb"^@(?:\w+\.)*(?:conic_)?method\(", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,18 @@ def scan(root: Path, call: Call) -> Iterator[Entry | RegistryError]:
             yield error
         except OSError as error:
             yield RegistryError(f"problem file {file} cannot be read: {error.strerror}")
+
+
+def method_files(root: Path) -> list[Path]:
+    """The Python files below a folder that register methods where they are imported."""
+    return [file for file in sorted(root.rglob("*.py")) if _adds_methods(file)]
+
+
+def _adds_methods(file: Path) -> bool:
+    try:
+        return _ADDS_METHODS.search(file.read_bytes()) is not None
+    except OSError:  # `scan` says of it what is wrong
+        return False
 
 
 @lru_cache(maxsize=256)

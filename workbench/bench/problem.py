@@ -30,7 +30,7 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
-        self.function = getattr(_import(entry.root, entry.file), entry.function)
+        self.function = getattr(import_file(entry.root, entry.file), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)
         missing = entry.axes.keys() - self.signature.parameters.keys()
@@ -225,7 +225,7 @@ def _fill(needs: Needs, entry: Entry) -> Needs:
 
 def axis_values(function: AxisFunction) -> Any:
     """What the function of an axis returns. Raises RegistryError where it fails."""
-    module = _import(function.root, function.file)
+    module = import_file(function.root, function.file)
     try:
         return getattr(module, function.name)()
     except Exception as error:
@@ -234,7 +234,7 @@ def axis_values(function: AxisFunction) -> Any:
         ) from error
 
 
-def _import(root: Path, file: Path) -> types.ModuleType:
+def import_file(root: Path, file: Path) -> types.ModuleType:
     """Import a problem file, anew with all of its root where one of them was edited since."""
     package = _package(root)
     state = {file: file.stat().st_mtime_ns for file in root.rglob("*.py")}

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
-from workbench.bench.discovery import Entry, scan
-from workbench.bench.problem import Problem, axis_values
+from workbench.bench.discovery import Entry, method_files, scan
+from workbench.bench.problem import Problem, axis_values, import_file
 from workbench.errors import RegistryError, UnknownNameError, WorkbenchError
 
 
@@ -17,18 +17,21 @@ class Registry:
 
     A file that cannot be read, and a name that two functions claim, cost their own names only:
     ``unfit`` has a sentence for each, and those about packages and solvers that are given.
+    Files of the folders that register methods are imported before the first problem is, whoever's
+    Program the methods are for.
     """
 
     def __init__(self, roots: list[Path], wrong: Sequence[str] = ()) -> None:
         self.roots = roots
         self._wrong = list(wrong)
         self._problems: dict[str, Problem] = {}
+        self._methods_imported = False
 
     @cached_property
     def _found(self) -> tuple[dict[str, list[Entry]], list[str]]:
         """Entries by the name that they claim, and what is wrong with files."""
         claims: dict[str, list[Entry]] = {}
-        wrong = list(self._wrong)
+        wrong: list[str] = []
         for root in self.roots:
             for one in scan(root, axis_values):
                 if isinstance(one, RegistryError):
@@ -55,7 +58,17 @@ class Registry:
     @property
     def unfit(self) -> list[str]:
         """What costs names: files that cannot be read, and clashes."""
-        return [*self._found[1], *self.clashes.values()]
+        return [*self._wrong, *self._found[1], *self.clashes.values()]
+
+    def _import_methods(self) -> None:
+        """Import the files that register methods; one that cannot be costs its own methods only."""
+        self._methods_imported = True
+        for root in self.roots:
+            for file in method_files(root):
+                try:
+                    import_file(root, file)
+                except RegistryError as error:
+                    self._wrong.append(str(error))
 
     def match(self, pattern: str) -> list[Entry]:
         """Entries whose name fits a shell pattern.
@@ -74,6 +87,8 @@ class Registry:
         """The problem of that name, imported. Raises as `match`."""
         if name not in self.entries:
             raise self._unknown(name, [name] if name in self.clashes else [])
+        if not self._methods_imported:
+            self._import_methods()
         if name not in self._problems:
             self._problems[name] = Problem(self.entries[name])
         return self._problems[name]
@@ -81,5 +96,6 @@ class Registry:
     def _unknown(self, name: str, clashing: list[str]) -> WorkbenchError:
         if clashing:
             return RegistryError("; ".join(self.clashes[one] for one in clashing))
-        unknown, wrong = UnknownNameError("problem", name, self.entries), self._found[1]
+        unknown = UnknownNameError("problem", name, self.entries)
+        wrong = [*self._wrong, *self._found[1]]
         return RegistryError("; ".join([str(unknown), *wrong])) if wrong else unknown

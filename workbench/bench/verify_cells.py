@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bench.cells.record import CELL, Record
+from workbench.bench.cells.record import CELL, Record, certified_gap
 from workbench.bench.cells.stored import light_records
 from workbench.bench.compare import asked_for
 from workbench.bench.comparison.layout import cell_labels
 from workbench.bench.results import Run, root_of
 from workbench.bench.store import Store
-from workbench.certificate import Certificate
 from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
@@ -27,14 +26,10 @@ def cell_of(run: Run) -> list[str]:
     """Where the record of a cell's folder disagrees with its certificate."""
     if CELL not in run.info:
         return []
-    record, certificate = Record.stored(run), run.certificate
-    if certificate is None:
+    record, gap = Record.stored(run), certified_gap(run.certificate)
+    if np.isnan(gap):
         return [] if np.isnan(record.gap) else [f"run.json says gap {record.gap}, and has none"]
-    return [] if _same(record.gap, _gap(certificate)) else ["run.json: another gap than certified"]
-
-
-def _gap(certificate: Certificate) -> float:
-    return np.nan if certificate.gap is None else certificate.gap.value
+    return [] if _same(record.gap, gap) else ["run.json: another gap than certified"]
 
 
 def _same(a: float, b: float) -> bool:
@@ -42,19 +37,32 @@ def _same(a: float, b: float) -> bool:
 
 
 def stored_cells(run: Run) -> tuple[list[str], list[str]]:
-    """Where a comparison disagrees with those of its cells that are stored beside it; and notes."""
+    """Where a comparison disagrees with those of its cells that are stored beside it; and notes.
+
+    A cell that other code has answered since, such as an edited method, is another one.
+    """
     data, store, light = run.data, Store(root_of(run)), light_records(root_of(run))
-    asked, wrong, missing = _asked(data), [], 0
+    asked, wrong, missing, replaced = _asked(data), [], 0, 0
     for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
-        folders = [folder for folder in store.places(problem, key) if folder.exists()]
-        records = [Record.stored(Run(folder)) for folder in folders]
-        records += [light[key]] if key in light else []
-        missing += not records
+        folders = [Run(one) for one in store.places(problem, key) if one.exists()]
+        found = [(str(one.info["code"]), Record.stored(one)) for one in folders]
+        found += [light[key]] if key in light else []
+        own = str(data["code"].values[place]) if "code" in data else None
+        records = [record for code, record in found if own in (code, None)]
+        missing += not found
+        replaced += bool(found) and not records
         for record in records:
             wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
-    notes = [f"{missing} of {len(asked)} cells are not here; --rerun answers them anew"]
-    return wrong, notes if missing else []
+    notes = [
+        f"{count} of {len(asked)} cells {what}; --rerun answers them anew"
+        for count, what in (
+            (missing, "are not here"),
+            (replaced, "were answered again since, by other code"),
+        )
+        if count
+    ]
+    return wrong, notes
 
 
 def _asked(data: Dataset) -> list[tuple[int, ...]]:

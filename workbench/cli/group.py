@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
@@ -23,6 +24,10 @@ SCHEDULER = click.option(
 )
 
 
+GROUP_OPTIONS = ("--problems", "--results")
+"""Options of the group, none of any command."""
+
+
 def cluster(scheduler: str | None, jobs: int) -> AbstractContextManager[Executor | None]:
     """The executor on a scheduler, which is left at the end; None without one."""
     if scheduler is None:
@@ -33,7 +38,23 @@ def cluster(scheduler: str | None, jobs: int) -> AbstractContextManager[Executor
 
 
 class Commands(click.Group):
-    """Errors of the workbench end with their message, not with a traceback."""
+    """Errors of the workbench end with their message, not with a traceback.
+
+    Options of the group may stand behind the command too.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        own: list[str] = []
+        rest: list[str] = []
+        words = iter(args)
+        for word in words:
+            if word == "--":
+                rest += [word, *words]
+            elif word.partition("=")[0] in GROUP_OPTIONS:
+                own += [word] if "=" in word else [word, *itertools.islice(words, 1)]
+            else:
+                rest.append(word)
+        return super().parse_args(ctx, own + rest)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -29,11 +29,14 @@ def init(folder: Path, data: str, **given: Any) -> None:
     from workbench.starter import write_study
 
     chosen = write_study(folder, data, **given)
+    click.echo(f"read: {chosen.columns}")
     width = max(map(len, chosen.reasons))
     for name, reason in chosen.reasons.items():
         value = getattr(chosen, name)
         told = " to ".join(f"{one:.4g}" for one in (value if name == "band" else [value]))
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
+    for note in chosen.notes:
+        click.echo(f"! {note}")
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 

@@ -57,7 +57,8 @@ class FirstChoices:
 
     ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
     nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
-    at low frequencies. ``reasons``: by name of the number.
+    at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
+    records; ``notes``: what is odd about them.
 
     Examples
     --------
@@ -78,6 +79,8 @@ class FirstChoices:
     bandwidth: float
     effort: float
     reasons: dict[str, str]
+    columns: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def first_choices(responses: Responses, period: float, delay: float = 1.0) -> FirstChoices:

@@ -6,14 +6,14 @@ import json
 import re
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from workbench.errors import InputError
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
+from workbench.starter.first_look import first_look, oddities
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
 
@@ -94,13 +94,18 @@ def write_study(
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
     u, y, t = record_columns(paths[0], input, output, time, sample_rate)
-    own = _period(paths[0], u, y, t, sample_rate)
-    every = own if period is None else period
+    look = first_look(paths, u, y, t, sample_rate)
+    every = look.period if period is None else period
     responses = Responses.from_files(
         paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
     )
-    responses = responses.within(0.0, UNDISTORTED / own)
-    chosen = first_choices(responses, every, delay)
+    responses = responses.within(0.0, UNDISTORTED / look.period)
+    notes = oddities(responses)
+    try:
+        chosen = first_choices(responses, every, delay)
+    except InputError as error:
+        raise InputError("; ".join([str(error), *notes])) from None
+    chosen = replace(chosen, columns=look.columns, notes=notes)
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     told: dict[str, Any] = {
         "plant": plant,
@@ -113,7 +118,7 @@ def write_study(
         "period": every,
         "delay": delay,
         "chosen": chosen,
-        "limits": _input_range(paths, u, y, t, sample_rate),
+        "limits": look.limits,
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
         "read": responses.read,
@@ -126,29 +131,6 @@ def write_study(
         _write(made, paths, told)
         made.rename(target)
     return chosen
-
-
-def _period(
-    path: Path, input: str, output: str, time: str | None, sample_rate: float | None
-) -> float:
-    """Sampling time [s] of a record."""
-    from workbench.identification import read_record
-
-    instants = read_record(path, [input], [output], sample_rate, time)["time"].values
-    return float(f"{np.mean(np.diff(instants)):.9g}")
-
-
-def _input_range(
-    paths: list[Path], input: str, output: str, time: str | None, sample_rate: float | None
-) -> tuple[float, float]:
-    """Least and largest value of the input in all records."""
-    from workbench.identification import read_record
-
-    records = (read_record(path, [input], [output], sample_rate, time) for path in paths)
-    ends = [(float(u.min()), float(u.max())) for u in (one["u"].values for one in records)]
-    return float(f"{min(low for low, _ in ends):.6g}"), float(
-        f"{max(high for _, high in ends):.6g}"
-    )
 
 
 def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from workbench.bench.results import Run
+from workbench.certificate import Certificate
 from workbench.errors import CrashedError, MemoryLimitError, ResultError, TimeLimitError
 from workbench.program import Program
 from workbench.solution import Solution
@@ -23,8 +24,9 @@ class Record:
 
     ``objective`` is that of a valid answer, to be minimised; ``scale`` what differences of it are
     relative to, ``rounding`` what rounding may change of it; ``gap`` its certified relative
-    distance from the best. Wall times of statement, solve and check, CPU time of the first two [s];
-    the largest resident memory of the process meanwhile [byte]. NaN stands for what there is not.
+    distance from the best (`certified_gap`). Wall times of statement, solve and check, CPU time of
+    the first two [s]; the largest resident memory of the process meanwhile [byte]. NaN stands for
+    what there is not.
     """
 
     outcome: str
@@ -46,7 +48,6 @@ class Record:
         """The record of a judged answer."""
         certificate = solution.certificate
         own = certificate is not None and solution.proof is None
-        gap = certificate.gap if certificate is not None and own else None
         objective, scale, rounding = math.nan, math.nan, math.nan
         if own and certificate is not None and certificate.valid:
             value = task.objective(solution.answer)
@@ -65,7 +66,7 @@ class Record:
             objective,
             scale,
             rounding,
-            gap.value if gap else math.nan,
+            certified_gap(certificate) if own else math.nan,
             statement,
             solve,
             check,
@@ -103,6 +104,13 @@ class Record:
         except (KeyError, TypeError, ValueError) as error:
             raise ResultError(f"{place} holds no cell: {type(error).__name__} {error}") from None
         return cls(**values)
+
+
+def certified_gap(certificate: Certificate | None) -> float:
+    """The relative gap of a valid answer; NaN without one. Of another answer it says nothing."""
+    if certificate is None or certificate.gap is None or not certificate.valid:
+        return math.nan
+    return certificate.gap.value
 
 
 def _said(info: Mapping[str, Any]) -> dict[str, Any]:

@@ -81,8 +81,8 @@ class Journal(AbstractContextManager["Journal"]):
             raise ResultError(f"{self.file} cannot be written: {error}") from None
 
 
-def light_records(root: Path) -> dict[str, Record]:
-    """Every light record below a results root by its key, whatever code answered it; only read.
+def light_records(root: Path) -> dict[str, tuple[str, Record]]:
+    """The code and the light record of every cell below a results root, by its key; only read.
 
     Raises
     ------
@@ -95,9 +95,12 @@ def light_records(root: Path) -> dict[str, Record]:
     try:
         rows = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
         try:
-            found = rows.execute("select key, record from cells").fetchall()
+            found = rows.execute("select key, code, record from cells").fetchall()
         finally:
             rows.close()
-        return {key: Record.from_json(json.loads(text), str(file)) for key, text in found}
+        return {
+            key: (str(code), Record.from_json(json.loads(text), str(file)))
+            for key, code, text in found
+        }
     except (sqlite3.Error, ValueError) as error:
         raise ResultError(f"{file} cannot be read: {error}") from None

@@ -19,13 +19,14 @@ from workbench.solvers import ACCURACY
 
 @dataclass(frozen=True)
 class Filled:
-    """A cell in its place: how it ended, its key, the tolerance that it served.
+    """A cell in its place: how it ended, its key, its code, the tolerance that it served.
 
     ``optimal``: its method claims the best answer.
     """
 
     record: Record
     key: str = ""
+    code: str = ""
     served: float = np.nan
     optimal: bool = False
 
@@ -76,6 +77,7 @@ def cell_table(
             "optimal": filled(0, "int8", lambda entry: int(entry.optimal)),
             "served": filled(np.nan, float, lambda entry: entry.served),
             "key": filled("", object, lambda entry: entry.key),
+            "code": filled("", object, lambda entry: entry.code),
         },
         coords={
             **dict(zip(DIMS, axes, strict=True)),

@@ -17,7 +17,7 @@ from workbench.heavy_types import Axes, Dataset, Figure
 LINEAR = 1e-12
 """Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
 EDGE = 10.0
-"""Gap at which larger ones, and missing bounds, are drawn: the edge of the axis."""
+"""Gap at which larger ones, missing bounds and wrong answers are drawn: the edge of the axis."""
 MOST_PANELS = 6
 """Most problems that get a panel each; more share one."""
 SIZES = (3.5, 5.5, 8.0, 10.0)
@@ -65,13 +65,15 @@ def _method(
     low, time, high = quartiles(np.asarray(wall_seconds(data).values[place], dtype=float))
     gaps = np.asarray(data["gap"].values[place], dtype=float)
     gap = np.array([largest_gap(row) for row in gaps])
+    verdicts = data["verdict"].values[place]
+    gap[np.isnan(gap) & (verdicts == WRONG).any(axis=-1)] = EDGE  # an invalid answer has no gap
     known = np.isfinite(time) & ~np.isnan(gap)
     drawn = np.clip(gap, -EDGE, EDGE)
     if joined:
         panel.plot(
             time[known], drawn[known], linestyle=look.line, linewidth=0.8, alpha=0.7, **look.drawn
         )
-    every, verdicts = certified(data)[place].all(axis=-1), data["verdict"].values[place]
+    every = certified(data)[place].all(axis=-1)
     for k in map(int, np.flatnonzero(known)):
         if high[k] > low[k]:
             panel.plot([low[k], high[k]], [drawn[k]] * 2, linewidth=1.0, **look.drawn)

@@ -31,6 +31,8 @@ NUMBERS = (
     "certified", "optimal", "objective", "scale", "rounding", "gap", "served",
     "statement", "solve", "check", "cpu", "memory",
 )  # fmt: skip
+LATER = ("code",)
+"""Variables that older comparisons do not have."""
 COORDINATES = (*DIMS, "tolerance", "program", "size")
 
 
@@ -55,7 +57,8 @@ def need_comparison(data: Dataset) -> Dataset:
     missing += [name for name in COORDINATES if name not in data.coords]
     if missing:
         raise ResultError(f"this comparison lacks {', '.join(missing)}; {again}")
-    other = [name for name in (*TEXTS, *NUMBERS) if data[name].dims != DIMS]
+    given = [name for name in (*TEXTS, *NUMBERS, *LATER) if name in data]
+    other = [name for name in given if data[name].dims != DIMS]
     if other:
         raise ResultError(f"{', '.join(other)} must have dimensions {', '.join(DIMS)}; {again}")
     unknown = set(outcome.values.ravel().tolist()) - KNOWN

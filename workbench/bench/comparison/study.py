@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.layout import asked_cells
-from workbench.bench.comparison.numbers import counts
+from workbench.bench.comparison.numbers import badge, counts
 from workbench.bench.comparison.tables import tables
 from workbench.bench.comparison.verdicts import judged
 from workbench.certificate import Check
@@ -59,6 +59,10 @@ class Comparison(Study):
         found = counts(judged(answer))
         share = found["certified"] / found["cells"] if found["cells"] else float("nan")
         return {"certified_share": share, **found}
+
+    def facts(self, answer: Dataset) -> list[str]:
+        """That a comparison holds says that its cells agree, not that any of them is certified."""
+        return [badge(judged(answer))]
 
     def tables(self, answer: Dataset) -> dict[str, str]:
         return tables(judged(answer))

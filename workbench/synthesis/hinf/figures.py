@@ -72,7 +72,7 @@ def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None
     """Draw the singular values of a system's response."""
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     for k, row in enumerate(values.T):
-        panel.loglog(omega, np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
+        panel.loglog(omega / (2 * np.pi), np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
     largest = max(float(values.max()), 1e-290)
     panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
-    figures.label(panel, "angular frequency [rad/s]")
+    figures.label(panel, "frequency [Hz]")

@@ -23,15 +23,16 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     `peak` is the certified upper bound over all frequencies.
     """
     omega = grid(loop)
+    hertz = omega / (2 * np.pi)
     mixed = frequency_sweep(loop, structure, omega)
     complex_ = frequency_sweep(loop, structure.complexified(), omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
-    panel.semilogx(omega, complex_.upper, ":", color=figures.ORANGE, label="all blocks complex")
-    panel.semilogx(omega, mixed.upper, color=figures.BLUE, label="upper bound")
-    panel.semilogx(omega, mixed.lower, "--", color=figures.SKY, label="lower bound")
+    panel.semilogx(hertz, complex_.upper, ":", color=figures.ORANGE, label="all blocks complex")
+    panel.semilogx(hertz, mixed.upper, color=figures.BLUE, label="upper bound")
+    panel.semilogx(hertz, mixed.lower, "--", color=figures.SKY, label="lower bound")
     panel.axhline(peak, color="0.4", linewidth=0.8, label="certified peak")
     panel.set_ylim(0.0, 1.1 * max(peak, float(np.max(complex_.upper))))
-    figures.label(panel, "angular frequency [rad/s]", r"$\mu$ [1]", "robust performance")
+    figures.label(panel, "frequency [Hz]", r"$\mu$ [1]", "robust performance")
     figures.legend_below(figure, panel)
     return figure
 

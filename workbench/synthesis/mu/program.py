@@ -25,6 +25,7 @@ from workbench.synthesis.hinf.figures import DrawnController, controller
 from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
+from workbench.synthesis.mu.member_figures import members, performance_figure, steps_figure
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.synthesis.mu.shippable import Shippable
@@ -404,10 +405,12 @@ class MuSynthesis(Program):
         return MuController(K, lower, upper, omega, history, found)
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
-        loop = self.plant.close(answer.K)
+        loop, loops = self.plant.close(answer.K), members(self.plant, answer.K)
         found = {
             "mu": bounds_figure(loop, self.closed, answer.upper),
             "controller": controller(answer.K, loop),
+            "performance": performance_figure(loops, answer.upper),
+            "steps": steps_figure(loops),
         }
         return found | (
             {"rounds": rounds_figure(answer.history, answer.upper)} if answer.history else {}

@@ -1,0 +1,77 @@
+"""A first look at the records of a study: how they are sampled, and what is odd about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.identification.experiments.records import read_record
+from workbench.uncertainty import Responses
+
+RISING = 0.5
+"""Slope of the gain over frequency, in logarithms, that a plant with mass, lag or delay has not."""
+END = 3.0
+"""Part of the frequencies that count as the end: from the last one, divided by this, on."""
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What the records of a study have in common.
+
+    ``columns``: which of them is what, in words. ``period``: sampling time [s] of the first record.
+    ``limits``: least and largest value of the input in all records.
+    """
+
+    columns: str
+    period: float
+    limits: tuple[float, float]
+
+
+def first_look(
+    paths: Sequence[Path], input: str, output: str, time: str | None, sample_rate: float | None
+) -> FirstLook:
+    """Read every record.
+
+    Raises
+    ------
+    InputError
+        Two files hold the same record: one plant that counts twice makes the spread too small. Or
+        as `workbench.identification.read_record`.
+    """
+    read = [read_record(path, [input], [output], sample_rate, time) for path in paths]
+    records = [(one["u"].values, one["y"].values) for one in read]
+    for k, (path, record) in enumerate(zip(paths, records, strict=True)):
+        for other, earlier in zip(paths[:k], records, strict=False):
+            if all(map(np.array_equal, record, earlier)):
+                raise InputError(
+                    f"{path} and {other} hold the same record: one plant would count twice; leave "
+                    "one out"
+                )
+    period = float(f"{np.mean(np.diff(read[0]['time'].values)):.9g}")
+    low = float(f"{min(u.min() for u, _ in records):.6g}")
+    high = float(f"{max(u.max() for u, _ in records):.6g}")
+    instants = f"at {1 / period:.6g} Hz" if time is None else f"time {time!r}"
+    columns = f"input {input!r}, output {output!r}, {instants}"
+    return FirstLook(columns, period, (low, high))
+
+
+def oddities(responses: Responses) -> tuple[str, ...]:
+    """Sentences about responses that a plant with its input and its output in place has not."""
+    omega, gain = responses.omega, np.abs(responses.values)
+    last = omega >= omega[-1] / END
+    if last.sum() < 3:
+        return ()
+    middle = np.log(
+        [np.median(row[there]) for row, there in zip(gain, responses.present, strict=True)]
+    )
+    slope = np.polyfit(np.log(omega[last]), middle[last], 1)[0]
+    if slope <= RISING:
+        return ()
+    return (
+        f"the gain rises with frequency at the end, as its power {slope:.1f}: are input and output "
+        "exchanged?",
+    )
