@@ -7,7 +7,7 @@ import numpy as np
 from workbench import figures
 from workbench.bench.comparison.layout import METHOD
 from workbench.bench.comparison.numbers import disagreements
-from workbench.bench.comparison.styles import GID
+from workbench.bench.comparison.styles import GID, WIDTH
 from workbench.heavy_types import Dataset, Figure
 
 LEAST, MOST = 1e-12, 1.0
@@ -28,7 +28,7 @@ def agreement_matrix(data: Dataset) -> Figure:
     finest = int(np.argmin(data["tolerance"].values))
     apart = disagreements(data.isel(accuracy=[finest]))
     side = 1.6 + 0.52 * len(names)
-    figure, (panel,) = figures.axes(size=(max(side + 1.2, 4.4), max(side, 3.4)))
+    figure, (panel,) = figures.axes(size=(max(side + 1.2, WIDTH), max(side, 3.4)))  # as wide as the others beside it
     clipped = np.ma.masked_invalid(np.clip(apart, LEAST, MOST))
     shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis")
     for i, j in np.ndindex(*apart.shape):

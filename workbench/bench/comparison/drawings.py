@@ -27,15 +27,19 @@ def drawings(data: Dataset) -> dict[str, Figure]:
 
 
 def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
-    """The figures of one Program for which it has data."""
+    """The figures of one Program for which it has data, what one looks at first in front.
+
+    Profiles are about many problems; of one the accuracy against time tells all that they do.
+    """
     found = {}
-    if certified(data).any():
-        found["performance-profile"] = performance_profile(data, looks)
-        found["cactus"] = cactus(data, looks)
-        if has_sizes(data):
-            found["scaling"] = scaling_figure(data, looks)
     if not np.isnan(data["gap"].values).all():
         found["accuracy-against-time"] = accuracy_against_time(data, looks)
+    if certified(data).any():
+        if data.sizes["problem"] > 1 or not found:
+            found["performance-profile"] = performance_profile(data, looks)
+            found["cactus"] = cactus(data, looks)
+        if has_sizes(data):
+            found["scaling"] = scaling_figure(data, looks)
     if data.sizes[METHOD] > 1 and np.isfinite(data["objective"].values).any():
         found["agreement"] = agreement_matrix(data)
     return found
