@@ -28,7 +28,8 @@ def agreement_matrix(data: Dataset) -> Figure:
     finest = int(np.argmin(data["tolerance"].values))
     apart = disagreements(data.isel(accuracy=[finest]))
     side = 1.6 + 0.52 * len(names)
-    figure, (panel,) = figures.axes(size=(max(side + 1.2, WIDTH), max(side, 3.4)))  # as wide as the others beside it
+    # As wide as the figures beside it, or letters would be larger than theirs.
+    figure, (panel,) = figures.axes(size=(max(side + 1.2, WIDTH), max(side, 3.4)))
     clipped = np.ma.masked_invalid(np.clip(apart, LEAST, MOST))
     shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis")
     for i, j in np.ndindex(*apart.shape):
