@@ -22,8 +22,9 @@ reproduce: $(READY)
 reproduce-all: $(READY)
 	@status=0; $(WORKBENCH) run '*' --slow --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
-# Two workers, each with one thread for its small matrices: more get in each other's way.
-PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+# Two workers, each with one thread for its small matrices: more get in each other's way. Byte code is
+# kept, whatever the environment says: many tests start processes, which would compile it each time.
+PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test: lint
 	$(PYTEST) -m "not slow"

@@ -68,6 +68,7 @@ def test_wheel_runs_a_named_problem_from_another_folder(elsewhere, installed, tm
     assert where.startswith(str(installed))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of the notebook client's own event loop
 def test_the_course_is_copied_from_a_wheel_and_runs_there(
     elsewhere, installed, tmp_path, monkeypatch

@@ -3,8 +3,9 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from lanes import examples
 
 from workbench.certify import sampled_sets
 from workbench.certify.sampled_sets import mu_at, sampled_set_peak
@@ -48,7 +49,7 @@ def dense(T, W_c, W_r, count=40_001):
     return best.max()
 
 
-@settings(max_examples=25, deadline=None)
+@examples(8, 25)
 @given(st.integers(0, 10_000), st.integers(1, 4), st.sampled_from([1e-4, 1e-2, 1.0]), st.booleans())
 def test_bounds_enclose_what_a_dense_grid_finds(seed, states, period, mixed):
     T, W_c = loop(seed, states, period), weight(seed + 1)

@@ -46,7 +46,9 @@ def family(c, percent, scale=1.0):
     return tf([1], [1, *uncertain])
 
 
-@pytest.mark.parametrize(("order", "seed"), [(3, 1), (4, 2), (6, 4)])
+@pytest.mark.parametrize(
+    ("order", "seed"), [(3, 1), (4, 2), pytest.param(6, 4, marks=pytest.mark.slow)]
+)
 def test_margins_of_interval_polynomials_are_exact(order, seed):
     """Up to six real parameters, to 1 %."""
     c, percent = interval_polynomial(order, seed)

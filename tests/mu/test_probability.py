@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from lanes import thinned
 from scipy import stats
 
 from workbench.errors import InputError, UnknownNameError
@@ -24,6 +25,7 @@ def test_a_probability_known_in_closed_form():
     assert "stable; " in repr(found)
 
 
+@pytest.mark.slow
 def test_a_curved_boundary():
     """s^3 + x s^2 + y s + z of positive coefficients is stable where x y > z: an integral."""
     x, y = real("x", 1, plus_minus=1), real("y", 1, plus_minus=1)
@@ -37,7 +39,7 @@ def gains(x, y):
     return np.where(x * x < 2 * y, 1 / (x * np.sqrt(inner)), 1 / y)
 
 
-@pytest.mark.parametrize("named", [{}, {"x": stats.norm(0.5, 0.2)}])
+@pytest.mark.parametrize("named", thinned([{}, {"x": stats.norm(0.5, 0.2)}], 2))
 def test_the_probability_of_a_gain(named):
     x, y = real("x", 0.6, plus_minus=0.4), real("y", 1, plus_minus=0.5)
     found = guaranteed_probability(tf([1], [1, x, y]), 2.0, distributions=named, tolerance=0.08)

@@ -39,6 +39,7 @@ def agree(found, exact):
     assert found.delay_lost <= delay * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_two_parameters_and_a_resonance():
     k, d = real("k", 10, percent=30), real("d", 1.8, percent=40)
     plant = tf([18], [1, d, k]) * control.ss(control.tf([1], [0.05, 1]))
@@ -54,6 +55,7 @@ def test_two_parameters_and_a_resonance():
     assert classical_margins(at_border).gain[1] == pytest.approx(found.gain_lost[1], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_lost_by_a_fall_of_its_gain():
     a = real("a", 1, percent=50)
     plant = ss([[a]], [[1]], [[1]], 0) * control.ss(control.tf([1], [0.1, 1]))
@@ -74,6 +76,7 @@ def test_disk_margins_are_within():
     assert found.phase >= disk.phase * 0.98
 
 
+@pytest.mark.slow
 def test_with_dynamics_the_proven_side_holds():
     k = real("k", 10, percent=20)
     plant = tf([18], [1, 1.8, k]) * (1 + 0.2 * dynamics("d", 1, 1))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from lanes import thinned
 from workbench.plants.textbook.first_order import unstable_first_order
 
 from workbench.certificate import Certificate
@@ -52,6 +53,7 @@ def small():
     return solve(MuSynthesis(PLANT, order=2), "fixed")
 
 
+@pytest.mark.slow
 def test_it_finds_its_own_start_and_is_as_good_as_the_iteration(full, small):
     assert small.outcome is Outcome.SOLVED, small.message
     assert small.answer.K.nstates == 2 < full.answer.K.nstates
@@ -117,6 +119,7 @@ def test_stable_and_slow_is_carried_and_certified(small):
     assert any(text.startswith("fastest pole") for text in failures)
 
 
+@pytest.mark.slow
 def test_iterations_hand_over_what_they_do_not_meet(full):
     found = solve(MuSynthesis(PLANT, order=2, fastest_pole=1e3), "dk")
     assert full.answer.K.nstates > 2
@@ -315,7 +318,7 @@ def test_nothing_asked_is_nothing_checked():
     assert not Shippable(stable=True).admits(K)
 
 
-@pytest.mark.parametrize("method", ["dk", "mu-dk", "dgk", "fixed"])
+@pytest.mark.parametrize("method", thinned(["dgk", "dk", "mu-dk", "fixed"], 4))
 def test_sampled_plants_as_they_are(method):
     """The plant by the bilinear transformation: the least peaks of both are the same."""
     plant = unstable_first_order()

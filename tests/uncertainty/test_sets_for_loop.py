@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from lanes import thinned
 
 import workbench as wb
 from workbench.errors import InputError
@@ -168,7 +169,7 @@ def cover(form="additive", performance=True, **changes):
 
 
 @pytest.mark.parametrize("form", ["additive", "input", "output"])
-@pytest.mark.parametrize("performance", [True, False])
+@pytest.mark.parametrize("performance", thinned([True, False], 2))
 def test_covers_cost_about_as_little_as_sets_of_any_weights(form, performance):
     program = cover(form, performance)
     solution = wb.solve(program)
@@ -179,6 +180,7 @@ def test_covers_cost_about_as_little_as_sets_of_any_weights(form, performance):
     assert program.objective(solution.answer) <= program.objective(small) + 1e-6
 
 
+@pytest.mark.slow
 def test_full_weights_leave_the_loop_much_more_robust_than_diagonal_ones():
     """The column is ill-conditioned: what its outputs do together is what its inputs can do."""
     diagonal = wb.solve(cover(performance=False)).metrics["mu_peak"]

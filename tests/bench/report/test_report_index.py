@@ -111,6 +111,7 @@ def test_a_thumbnail_is_small(root: Path, make: Make, shown: Callable[..., None]
     assert int(small["width"]) <= 120 and int(small["height"]) <= 90
 
 
+@pytest.mark.slow
 def test_two_hundred_runs_stay_below_half_a_megabyte(root: Path, make: Make) -> None:
     for number in range(200):
         make(f"laboratory/{number:03d}/a-problem", f"{number:08x}", parameters={"n": number})

@@ -12,11 +12,13 @@ def solution():
     return wb.solve(wb.load("two-by-two/matrix-cover", plants=6, frequencies=40))
 
 
+@pytest.mark.slow
 def test_the_certificate_holds_at_every_frequency(solution):
     assert solution.certificate.holds, solution.certificate
     assert any("every frequency" in check.over for check in solution.certificate.checks)
 
 
+@pytest.mark.slow
 def test_the_weights_come_near_the_smallest_sets_of_any_order(solution):
     metrics = solution.task.metrics(solution.answer)
     assert 1.0 <= metrics["inflation_mean"] <= 1.15

@@ -6,7 +6,9 @@ from workbench.plants.textbook.rational_model import rational_model
 import workbench as wb
 
 
-@pytest.mark.parametrize(("plant", "order"), [("delay", 1), ("two-masses", 4)])
+@pytest.mark.parametrize(
+    ("plant", "order"), [pytest.param("delay", 1, marks=pytest.mark.slow), ("two-masses", 4)]
+)
 def test_the_order_of_a_rational_model_is_found(plant, order):
     for draw in range(2):
         program = rational_model(plant, draw=draw)

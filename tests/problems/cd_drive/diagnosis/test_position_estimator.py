@@ -57,7 +57,7 @@ def runs():
     return run
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_model_is_the_laboratory_without_delay(axis):
     """u -> f_en of the model is minus that of the exact sampled drive."""
     bench, frequency = Laboratory(axis, "nominal", delay=0.0), np.array([5.5, 40.0, 600.0, 3e3])
@@ -70,7 +70,7 @@ def test_model_is_the_laboratory_without_delay(axis):
     np.testing.assert_allclose(response[:, 1], -response[:, 0], rtol=1e-9)
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_colour_has_the_size_and_band_of_the_noise(axis):
     system = colour(axis)
     z = np.exp(2j * np.pi * np.linspace(-0.5, 0.5, 40_001))
@@ -105,7 +105,7 @@ def test_equation_7_35_a_sample_settles_and_with_the_other_sign_does_not():
     assert abs(np.linalg.eigvals(A - np.outer(L, C))).max() > 1.0 + 1e-4
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_estimators_have_the_poles_that_were_asked_for(axis):
     found = np.log(itae(axis, ROTATION, 300.0).poles()) / PERIOD
     wanted = [*prototype_poles("itae", 5, 2 * np.pi * 300.0), -60 + 11j * np.pi, -60 - 11j * np.pi]
@@ -209,7 +209,7 @@ def test_other_seeds_and_scratches_hold(runs):
     assert solution.outcome is Outcome.SOLVED, solution.certificate.failures
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_figures_and_tables(runs, axis):
     task, solution = runs(axis)
     drawn = task.figures(solution.answer)

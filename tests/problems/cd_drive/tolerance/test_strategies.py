@@ -125,7 +125,7 @@ def test_checks_can_fail(studies):
     assert failed == {*names, "half the step"}
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_figures(studies, axis):
     task, solution = studies(axis)
     made = task.figures(solution.answer)
@@ -168,7 +168,7 @@ def test_repetitive_loops_are_stable_on_all_drives(axis):
         assert level == pytest.approx(grid, rel=1e-3)
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_estimated_loops_are_stable_on_all_drives(axis):
     believed = Strategies(axis, 1.0, 5.5)
     decay = [estimated_decay(believed, Laboratory(axis, name)) for name in TWELVE]
@@ -195,7 +195,7 @@ def test_removing_nothing_is_the_controller_alone():
     assert (record.signals["w_Q"] < 1.0).any()
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_bumpless_transfer_helps(axis, slower):
     """Radially the track is lost without it; in focus it costs nothing."""
     experiment, sizes = Experiment(axis), {}

@@ -17,6 +17,7 @@ def test_a_right_rotation_is_the_experiment_of_the_strategies():
     assert task.outcome("B", 0.2, scratch) != task.outcome("B", 0.0, scratch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["focus", pytest.param("radial", marks=pytest.mark.slow)])
 def test_another_seed_changes_no_verdict(axis):
     task = wrong_rotation(axis, draws=4)
