@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis bench report docs notebooks clean
+.PHONY: reproduce reproduce-all test test-all test-only test-all-only mutants quick lint reference study thesis bench report docs notebooks clean
 
 # Run every named problem that is not marked slow, print the table, write the HTML index, and open it
 # where somebody looks.
@@ -26,10 +26,14 @@ reproduce-all: $(READY)
 # kept, whatever the environment says: many tests start processes, which would compile it each time.
 PYTEST := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
-test: lint
+# Lint beside the tests: it keeps one core busy only.
+test test-all: $(READY)
+	@$(MAKE) --no-print-directory --jobs 2 lint $@-only
+
+test-only: $(READY)
 	$(PYTEST) -m "not slow"
 
-test-all: lint
+test-all-only: $(READY)
 	$(PYTEST)
 
 # Broken code and planted wrong answers: does every certificate notice?

@@ -70,7 +70,7 @@ def agrees(M, structure, level):
 @pytest.mark.parametrize("kind", KINDS)
 def test_answers_agree_with_the_least_bounds(name, kind):
     structure = STRUCTURES[name]
-    M = drawn(structure, kind, 60)
+    M = drawn(structure, kind, 20)
     value = upper_bound(M, structure).value
     for level in (2 * value.max(), 1.001 * value.max(), np.median(value), 0.3 * value.max()):
         if level > 0:
