@@ -72,6 +72,7 @@ from workbench.identification.responses.spectral import SpectralResponse, spectr
 from workbench.identification.responses.step import step_response
 from workbench.identification.state_space import methods as state_space_methods
 from workbench.identification.state_space import moesp as state_space_moesp
+from workbench.identification.state_space.physical import PhysicalModel
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
 from workbench.identification.transfer_functions.record import SampledRecord
@@ -104,6 +105,7 @@ __all__ = [
     "PeriodicLocalResponse",
     "PeriodicResponse",
     "PeriodicStream",
+    "PhysicalModel",
     "RationalModelEstimate",
     "RationalModelFit",
     "RationalModels",

@@ -29,6 +29,7 @@ from workbench.identification.polynomials.methods import (
 from workbench.identification.polynomials.structures import PolynomialKind
 from workbench.identification.state_space.candidates import (
     MEMBER_LOSS,
+    PHYSICS,
     Candidates,
     block_means,
     compared_candidates,
@@ -40,6 +41,7 @@ from workbench.identification.state_space.folds import final_prediction_factor
 from workbench.identification.state_space.identified import USES, IdentifiedModels
 from workbench.identification.state_space.methods import SubspaceStarts, refined_fits
 from workbench.identification.state_space.moesp import projection_fits
+from workbench.identification.state_space.physical import PhysicalModel
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
 from workbench.program import Claim, method
@@ -144,9 +146,12 @@ class _Trial:
     def kept(self, use: int, number: int) -> list[InnovationsModel]:
         """Models of the whole estimation part by the fitting functions that validated best."""
         found: list[InnovationsModel] = []
-        scores = self.candidates.fits[use] if self.candidates else np.array([])
+        if self.candidates is None:
+            return found
+        scores = self.candidates.fits[use].copy()
+        scores[self.candidates.best(use)] = np.inf
         for place in map(int, np.argsort(-scores, kind="stable")):
-            model = self._model(place) if np.isfinite(scores[place]) else None
+            model = self._model(place) if scores[place] > -np.inf else None
             found += [] if model is None else [model]
             if len(found) == number:
                 break
@@ -203,6 +208,9 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
     for kind, way in ways.items():
         for order in orders:
             yield f"{kind} {order}", way(order)
+    for name, physical in program.physical.items():
+        states = physical.states(program.record)
+        yield f"{name} {PHYSICS} {states}", _physical_fits(program, physical)
     several = program.record.y.shape[1] > 1
     for order in sorted({*orders, *LONG_ORDERS}):
         if program.determines_arx(order):
@@ -217,6 +225,21 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
             yield f"sparse ARX of each output {lags}", sparse_arx_fits(program, apart=True)(lags)
     yield "regularised ARX 1", regularised_arx_fits(program)(1)
     yield "impulse response 1", impulse_response_fits(program)(1)
+
+
+def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
+    """Fitting function of a model from physics; without a model where it is not what is known."""
+
+    def fit(record: Experiments) -> InnovationsModel | None:
+        found = physical.fitted(
+            record,
+            program.delays,
+            direct=program.direct,
+            largest_radius=program.largest_radius,
+        )
+        return found if found is not None and program.holds_known(found) else None
+
+    return fit
 
 
 def _by_order(program: StateSpaceFit, candidates: Candidates) -> RealArray:

@@ -16,6 +16,8 @@ BLOCKS = 10
 """Blocks of validation samples, of each fold, whose mean errors give the standard error."""
 MEMBER_LOSS = 10.0
 """Points of fit below the best candidate beyond which no other is averaged with it."""
+PHYSICS = "(physics)"
+"""How kinds of models from physics end."""
 MEMBERS = 10
 """Candidates whose predictions are averaged: few enough that all of them are good ones."""
 
@@ -45,8 +47,20 @@ class Candidates:
     averaged: RealArray | None = None
 
     def best(self, use: int) -> int:
-        """The candidate that fits best in a use."""
-        return int(np.argmax(self.fits[use]))
+        """The candidate that fits best in a use.
+
+        A model from physics is taken where it lost by no more than a standard error: the record
+        does not speak against it, and it has fewer parameters than the others. Source of the rule:
+        L. Breiman and others, Classification and Regression Trees, 1984, section 3.4.3.
+        """
+        first = int(np.argmax(self.fits[use]))
+        as_good = np.isfinite(self.fits[use]) & (self.lost[use] <= self.deviation[use])
+        physical = [
+            k
+            for k, label in enumerate(self.labels)
+            if _kind(label).endswith(PHYSICS) and as_good[k]
+        ]
+        return max(physical, key=lambda k: float(self.fits[use, k]), default=first)
 
     def members(self, use: int) -> list[int]:
         """The candidates of the best fits of a use that an average has, best first."""
@@ -75,6 +89,13 @@ class Candidates:
             )
         if second is None:
             return f"to {task}: {chosen}; no other kind gave a model"
+        behind = self.best(use)
+        if self.lost[use, behind] > 0:
+            return (
+                f"to {task}: {chosen}; {self.labels[second]} validates "
+                f"{self.lost[use, behind]:.2g} +- {self.deviation[use, behind]:.1g} points better, "
+                "which may be chance"
+            )
         lost, deviation = self.lost[use, second], self.deviation[use, second]
         told = "" if lost > 2 * deviation else ", which may be chance"
         return (

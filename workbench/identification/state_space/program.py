@@ -9,6 +9,7 @@ rest.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
+from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
@@ -25,6 +27,7 @@ from workbench.identification.state_space.control_weight import control_fit, nee
 from workbench.identification.state_space.facts import facts_of
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
 from workbench.identification.state_space.known import known_checks
+from workbench.identification.state_space.physical import PhysicalModel
 from workbench.identification.state_space.question import RecordedQuestion
 from workbench.identification.state_space.validation import nrmse_fit, share_outside
 from workbench.program import Program
@@ -95,6 +98,9 @@ class StateSpaceFit(RecordedQuestion, Program):
         Bandwidth [Hz] of a loop that is to be designed on the simulator, or None. Its order and
         kind are then chosen by the errors of free runs as such a loop feels them: weighted by
         S T = (s / omega_b) / (1 + s / omega_b)^2, which is largest at the bandwidth.
+    physical
+        Models from physics by name, each a `PhysicalModel`: further candidates of the methods
+        "best" and "averaged". They predict what they simulate.
 
     Raises
     ------
@@ -125,6 +131,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     """
 
     bandwidth: float | None = field(default=None, kw_only=True)
+    physical: Mapping[str, PhysicalModel] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
     headline: ClassVar[str] = "fit_free_run_y1"
@@ -133,6 +140,12 @@ class StateSpaceFit(RecordedQuestion, Program):
         super().__post_init__()
         if self.bandwidth is not None:
             need_bandwidth(self.bandwidth, self.record.sample_time)
+        for name, model in self.physical.items():
+            if not isinstance(model, PhysicalModel):
+                raise InputError(
+                    f"physical[{name!r}] must be a PhysicalModel, not {type(model).__name__}"
+                )
+            model.states(self.record)  # refuses one of other channels than the record's
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
         found = super().fits_to_choose_by(model, record)
