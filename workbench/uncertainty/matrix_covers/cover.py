@@ -318,7 +318,8 @@ class MatrixCover(Program):
         ]
         if self.everywhere:
             found.append(tried_everywhere(responses, self.known_deltas(model)))
-        return found
+        least = self.sets.second_opinion(answer.least)[0]
+        return [*found, replace(least, name="smallest sets by eigenvalues")]
 
     def metrics(self, answer: FoundCover) -> dict[str, float]:
         radii, least = self.radii(answer.model), answer.least.radius
