@@ -69,3 +69,14 @@ def test_what_is_not_real_or_has_no_eigenvectors_is_left_to_complex_products():
     chain = exact(-np.eye(n) + np.diag(np.ones(n - 1), -1))
     found = real_discs(chain, *empty)  # an eigenvalue n times
     assert found.doubtful() or np.isinf(found.radius).any() or found.radius.max() > 1e-3
+
+
+def test_of_few_rows_several_doubtful_discs_say_more_than_one_that_is_everything():
+    """Two pairs of equal eigenvalues, each with one vector: one real, one at 1000."""
+    chain = np.array([[0.0, 1.0], [0.0, 0.0]])
+    A = np.kron(np.eye(2), chain) + np.diag([0.0, 0.0, 1e3, 1e3])
+    turned = np.kron(np.array([[0.0, 1.0], [-1.0, 0.0]]), A)  # on the imaginary axis
+    none = (exact(np.zeros(shape)) for shape in ((8, 0), (0, 8), (0, 0)))
+    found = real_discs(exact(turned), *none)
+    assert found.doubtful() >= 2
+    assert np.isfinite(found.radius).all()

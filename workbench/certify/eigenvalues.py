@@ -78,12 +78,15 @@ def real_discs(
     In real arithmetic where all matrices are real and the discs are small; else as `static_discs`.
     """
     pencil = real_pencil(A, B, C, D, omega)
-    found = Discs(np.zeros(1), np.full(1, np.inf)) if pencil is None else pencil_discs(*pencil)
-    if pencil is not None and not found.doubtful(sharp):
+    found = None if pencil is None else pencil_discs(*pencil)
+    if found is not None and not found.doubtful(sharp):
         return found
     shifted = A - exact(1j * omega * np.eye(len(A.mid))) if omega else A
     A, B = (Enclosure(-1j * part.mid, part.rad) for part in (shifted, B))
     other = static_discs(A, B, C, D, sharp)
+    # One disc that is everything counts as one doubtful disc, and says less than several.
+    if found is None or not np.isfinite(found.radius).all():
+        return other
     return min(other, found, key=lambda discs: discs.doubtful(sharp))
 
 
