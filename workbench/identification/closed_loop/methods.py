@@ -2,24 +2,27 @@
 
 Sources: P. Van den Hof, R. Schrama, "An indirect method for transfer function estimation from
 closed loop data", Automatica 29(6), 1993 (two stages); L. Ljung, System Identification, 2nd ed.,
-1999, sections 13.5 (direct and indirect) and 7.6 (instrumental variables).
+1999, sections 13.5 (direct and indirect) and 7.6 (instrumental variables); P. Young, Recursive
+Estimation and Time-Series Analysis, 2nd ed., 2011, chapter 7 (refined instruments).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
-from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.identification.closed_loop.explained import excitation_of
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refine
-from workbench.identification.polynomials.regressions import arx_from_lags, impulse_response
+from workbench.identification.polynomials.regressions import arx_from_lags
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
     SubspaceStarts,
@@ -28,9 +31,13 @@ from workbench.identification.state_space.methods import (
     refined_fits,
 )
 from workbench.identification.state_space.question import Fitter
-from workbench.identification.state_space.selection import allowed
+from workbench.identification.state_space.selection import allowed, least_of, misfit
 from workbench.identification.state_space.subspace import best_subspace_of
 from workbench.program import Claim, method
+from workbench.systems.sampling import respond
+
+REFINEMENTS = 8
+"""Times that instruments are filtered by the poles of the model before."""
 
 
 @method(ClosedLoopFit, "direct", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -55,17 +62,7 @@ def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
 )
 def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
     """What r explains of u, then its output error; assumes a linear loop and a stable plant."""
-
-    def way(order: int) -> Fitter:
-        def fit(record: Experiments) -> InnovationsModel | None:
-            explained = _explained(record)
-            if explained is None:
-                return None
-            clean = replace(record, u=explained[0], starts=(0,))
-            return _simulator(program, clean, order)
-
-        return fit
-
+    way = _simulators(program, lambda record, clean: clean.u)
     return claim(identify(program, way, way, context))
 
 
@@ -81,11 +78,12 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            explained = _explained(record)
-            if explained is None:
+            clean = program.explained(record)
+            if clean is None:
                 return None
-            model = instrumental_arx(record, *explained, order, program.direct)
-            return allowed(model, record, program.direct, program.largest_radius)
+            models = refined_instruments(record, clean, order, program.direct)
+            stable = (allowed(m, clean, program.direct, program.largest_radius) for m in models)
+            return least_of(stable, lambda model: misfit(model, clean))
 
         return fit
 
@@ -100,88 +98,51 @@ def _no_controller(program: ClosedLoopFit) -> str | None:
 
 @method(ClosedLoopFit, "indirect", optimal=False, unfit=_no_controller, accuracy=ANY_ACCURACY_ALIKE)
 def _indirect(program: ClosedLoopFit, context: Context) -> Claim:
-    """The loop from r to y, opened by the controller; assumes that it is known and r is added."""
-    way = _opened(program)
+    """What r explains of y, and u by the controller; assumes that it is known and r is added."""
+
+    def reconstructed(record: Experiments, clean: Experiments) -> RealArray:
+        # A lead of one period: the controller has seen the excitation before the record.
+        y = clean.y - clean.y.mean(axis=0)
+        lead = y[: program.period or 0]
+        found = respond(program.controller, np.vstack([lead, y]))[len(lead) :]
+        return np.asarray(excitation_of(record) - found)
+
+    way = _simulators(program, reconstructed)
     return claim(identify(program, way, way, context))
 
 
-def _opened(program: ClosedLoopFit) -> FitterOfOrder:
+def _simulators(
+    program: ClosedLoopFit, clean_input: Callable[[Experiments, Experiments], RealArray]
+) -> FitterOfOrder:
+    """Fitting functions of free-run errors, for an input (N, nu) that no noise has entered.
+
+    ``clean_input`` takes a record and what its excitation explains.
+    """
+
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            driven = replace(record, u=_excitation(record))
-            own = 0 if program.controller is None else program.controller.nstates
-            loop = _simulator(program, driven, order + own)
-            if loop is None:
+            clean = program.explained(record)
+            if clean is None:
                 return None
-            plant = opened_loop(loop, program)
-            return allowed(plant, record, program.direct, program.largest_radius)
+            u = clean_input(record, clean)
+            start = replace(clean, u=u), order
+            return _simulator(program, *start, replace(record, u=u, starts=(0,)))
 
         return fit
 
     return way
 
 
-def opened_loop(loop: InnovationsModel, program: ClosedLoopFit) -> InnovationsModel:
-    """The plant G = T (1 - C T)^-1 of a loop T from r to y; raises InputError without controller.
+def _simulator(
+    program: ClosedLoopFit, clean: Experiments, order: int, record: Experiments
+) -> InnovationsModel | None:
+    """State-space model whose free run has the least errors, without a model of the noise.
 
-    Its states are those of the loop and of the controller; those of the loop hold the controller's
-    too, which cancel but for the errors of the loop.
+    The search starts where the clean record leads: noise that is larger than what the input does
+    would hide it.
     """
-    if program.controller is None:
-        raise InputError("the controller is missing; give it, or take method two-stage")
-    A, B, C, D = loop.A, loop.B, loop.C, loop.D
-    own = [np.asarray(getattr(program.controller, name), dtype=float) for name in "ABCD"]
-    # r = u + C_c y: the loop is fed by the plant's input and by the controller's output.
-    inverse = np.linalg.inv(np.eye(len(C)) - D @ own[3])
-    seen = inverse @ np.hstack([C, D @ own[2]])
-    through = inverse @ D
-    fed = np.hstack([np.zeros((len(own[3]), len(A))), own[2]]) + own[3] @ seen
-    direct = np.eye(B.shape[1]) + own[3] @ through
-    states = np.block(
-        [[A, np.zeros((len(A), len(own[0])))], [np.zeros((len(own[0]), len(A))), own[0]]]
-    )
-    A_open = states + np.vstack([B @ fed, own[1] @ seen])
-    B_open = np.vstack([B @ direct, own[1] @ through])
-    return replace(
-        loop,
-        A=A_open,
-        B=B_open,
-        C=seen,
-        D=through,
-        K=np.zeros((len(A_open), len(C))),
-        u_offset=loop.u_offset - _static_gain(own) @ loop.y_offset,
-    )
-
-
-def _static_gain(controller: list[RealArray]) -> RealArray:
-    """Static gain of a controller, by its offset of y; zero where it integrates."""
-    A, B, C, D = controller
-    rest = np.eye(len(A)) - A
-    if len(A) and np.linalg.cond(rest) > 1 / np.finfo(float).eps:
-        return np.zeros_like(D)
-    return np.asarray(C @ np.linalg.solve(rest, B) + D)
-
-
-def _excitation(record: Experiments) -> RealArray:
-    if record.excitation is None:
-        raise InputError("the record has no excitation; make it by ClosedLoopFit")
-    return record.excitation
-
-
-def _explained(record: Experiments) -> tuple[RealArray, RealArray] | None:
-    """What the excitation explains of u (N, nu) and of y (N, ny); None of too short a record."""
-    r, joint = _excitation(record), np.hstack([record.u, record.y])
-    model = impulse_response(Experiments(r, joint))
-    if model is None:
-        return None
-    found = model.free_run(r, joint, model.order)
-    return found[:, : record.u.shape[1]], found[:, record.u.shape[1] :]
-
-
-def _simulator(program: ClosedLoopFit, record: Experiments, order: int) -> InnovationsModel | None:
-    """State-space model whose free run has the least errors, without a model of the noise."""
     largest = min(program.largest_radius, 1.0)
-    start = best_subspace_of(record, order, direct=program.direct, largest_radius=largest)
+    start = best_subspace_of(clean, order, direct=program.direct, largest_radius=largest)
     if start is None:
         return None
     still = replace(start, K=np.zeros_like(start.K))
@@ -194,10 +155,40 @@ def _simulator(program: ClosedLoopFit, record: Experiments, order: int) -> Innov
     )[0]
 
 
+def refined_instruments(
+    record: Experiments, clean: Experiments, order: int, direct: bool
+) -> Iterator[InnovationsModel]:
+    """ARX models by instruments, each after the first by signals filtered by the poles before.
+
+    The equation errors of the first are the noise times the denominator. Where samples are dense
+    the denominator is small but at the highest frequencies, and they would count alone.
+    """
+    model = instrumental_arx(record, clean, order, direct)
+    yield model
+    for _ in range(REFINEMENTS):
+        poles = np.linalg.eigvals(model.A)
+        outside = np.abs(poles) >= 1
+        poles[outside] = 1 / poles[outside].conj()
+        denominator = np.poly(poles).real
+        filtered = [_filtered(one, denominator) for one in (record, clean)]
+        model = instrumental_arx(filtered[0], filtered[1], order, direct)
+        means = record.u.mean(axis=0), record.y.mean(axis=0)
+        model = replace(model, u_offset=means[0], y_offset=means[1])
+        yield model
+
+
+def _filtered(record: Experiments, denominator: RealArray) -> Experiments:
+    """The record without means, its signals filtered by one over a polynomial."""
+    u, y = (
+        lfilter([1.0], denominator, one - one.mean(axis=0), axis=0) for one in (record.u, record.y)
+    )
+    return replace(record, u=u, y=y)
+
+
 def instrumental_arx(
-    record: Experiments, u_clean: RealArray, y_clean: RealArray, order: int, direct: bool
+    record: Experiments, clean: Experiments, order: int, direct: bool
 ) -> InnovationsModel:
-    """ARX model of a record by instruments: its u (N, nu) and y (N, ny) without their noise."""
+    """ARX model of a record by instruments: the record without its noise."""
     means = record.u.mean(axis=0), record.y.mean(axis=0)
     u, y = record.u - means[0], record.y - means[1]
     lags = range(1, order + 1)
@@ -207,7 +198,7 @@ def instrumental_arx(
         return np.hstack([*parts, inputs[order:]]) if direct else np.hstack(parts)
 
     regressors = rows(u, y)
-    instruments = rows(u_clean - means[0], y_clean - means[1])
+    instruments = rows(clean.u - means[0], clean.y - means[1])
     moments = instruments.T @ regressors
     scale = np.sqrt(np.sum(regressors**2, axis=0))
     scale[scale == 0] = 1.0

@@ -8,10 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.identification.closed_loop.explained import explained_part, refuse_other_period
 from workbench.identification.experiments.several import Experiments, as_experiments
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.state_space.folds import scored_fit
 from workbench.identification.state_space.program import StateSpaceFit
+from workbench.input_checks import need_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +24,9 @@ class ClosedLoopFit(StateSpaceFit):
     """Models of a plant in a loop u = r - C y, from a record of r, u and y.
 
     Feedback carries the noise of y into u, so that methods for open loops are biased. Those of this
-    Program are not, each under an assumption of its own, which its help says.
+    Program are not, each under an assumption of its own, which its help says. Orders are chosen,
+    and free runs judged, with the part of u that the excitation explains: a run of the measured u
+    against the measured y is best for a model that is pulled towards -1/C.
 
     Parameters
     ----------
@@ -28,6 +35,10 @@ class ClosedLoopFit(StateSpaceFit):
         an array with as many samples as u and y. It must not depend on the noise.
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
+    period
+        Samples of a period of the excitation, where it repeats itself throughout the record. What
+        it explains is then found without a model, line by line. Without a period it is found by
+        impulse responses of at most 70 samples: sample no faster than they can follow the loop.
 
     The others are those of `StateSpaceFit`.
 
@@ -35,7 +46,8 @@ class ClosedLoopFit(StateSpaceFit):
     ------
     InputError
         As for `StateSpaceFit`, of the excitation too; several experiments; a controller in
-        continuous time, or with other channels than the record.
+        continuous time, or with other channels than the record; an excitation that does not repeat
+        itself with the period.
 
     Examples
     --------
@@ -54,9 +66,13 @@ class ClosedLoopFit(StateSpaceFit):
 
     excitation: Any = field(default=None, kw_only=True)
     controller: StateSpace | None = field(default=None, kw_only=True)
+    period: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.period is not None:
+            need_count("period", self.period)
+            refuse_other_period(np.asarray(self.record.excitation), self.period)
         controller = self.controller
         if controller is None:
             return
@@ -84,3 +100,22 @@ class ClosedLoopFit(StateSpaceFit):
                 "one experiment without gaps in u and in the excitation is needed; cut the record"
             )
         return replace(plain, excitation=np.asarray(driven.u))
+
+    @cached_property
+    def _explained(self) -> dict[int, tuple[Experiments, Experiments | None]]:
+        return {}
+
+    def explained(self, record: Experiments) -> Experiments | None:
+        """A part of the record as its excitation explains it; None where the part is too short."""
+        if id(record) not in self._explained:  # the part is kept, so that its id stays its own
+            self._explained[id(record)] = record, explained_part(record, self.period)
+        return self._explained[id(record)][1]
+
+    def _fits_of(
+        self, predictor: InnovationsModel, simulator: InnovationsModel, record: Experiments
+    ) -> RealArray:
+        clean = None if record.excitation is None else self.explained(record)
+        if clean is None:
+            return super()._fits_of(predictor, simulator, record)
+        simulated = scored_fit(simulator.free_run, replace(record, u=clean.u), self.washed)
+        return np.array([scored_fit(predictor.one_step, record, self.washed), simulated])

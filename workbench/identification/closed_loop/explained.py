@@ -1,0 +1,80 @@
+"""What an excitation from outside explains of the signals of a loop: they without the noise.
+
+Source: P. Van den Hof, R. Schrama, "An indirect method for transfer function estimation from
+closed loop data", Automatica 29(6), 1993 (the first of two stages).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.polynomials.regressions import impulse_response
+
+SILENT = 1e-6
+"""Amplitude of a line, relative to the largest one, below which it is not excited."""
+REPEATS = 1e-6
+"""Largest difference between periods of an excitation, relative to its spread."""
+
+
+def explained_part(record: Experiments, period: int | None) -> Experiments | None:
+    """The record with u and y as its excitation explains them; None where it is too short.
+
+    With a period it is their mean over the periods, at the lines of the excitation: no model is
+    needed, and no noise is left but that at these lines. Without one it is what impulse responses
+    of the excitation make, at most 70 samples long.
+    """
+    r, joint = excitation_of(record), np.hstack([record.u, record.y])
+    if period is not None:
+        found = _mean_period(r, joint, period)
+    else:
+        model = impulse_response(Experiments(r, joint))
+        if model is None:
+            return None
+        found = model.free_run(r, joint, model.order)
+    nu = record.u.shape[1]
+    return replace(record, u=found[:, :nu], y=found[:, nu:], starts=(0,))
+
+
+def excitation_of(record: Experiments) -> RealArray:
+    """The excitation (N, nr) of a record; raises InputError where it was not recorded."""
+    if record.excitation is None:
+        raise InputError("the record has no excitation; make it by ClosedLoopFit")
+    return record.excitation
+
+
+def refuse_other_period(r: RealArray, period: int) -> None:
+    """Raise InputError unless an excitation (N, nr) repeats itself with a period."""
+    if not 2 <= period <= len(r) // 2:
+        raise InputError(
+            f"period is {period}; it must be 2 or more, and {len(r)} samples must hold it twice"
+        )
+    apart = np.abs(r[period:] - r[:-period]).max() / np.ptp(r)
+    if apart > REPEATS:
+        raise InputError(
+            f"periods of {period} samples of the excitation differ by {apart:.2g} of its range; "
+            "leave out what came before it settled, or give no period"
+        )
+
+
+def _mean_period(r: RealArray, signals: RealArray, period: int) -> RealArray:
+    """Signals (N, channels) by the mean of their whole periods, at the lines of r alone."""
+    count = len(r) // period
+    if count == 0:
+        raise InputError(
+            f"a part of {len(r)} samples holds no period of {period}; take a longer record"
+        )
+    driven, lines = (
+        np.fft.rfft(np.nanmean(one[: count * period].reshape(count, period, -1), axis=0), axis=0)
+        for one in (r, signals)
+    )
+    size = np.abs(driven).max(axis=1)
+    silent = size <= SILENT * size[1:].max()
+    silent[0] = False  # the levels of u and y
+    lines[silent] = 0.0
+    mean = np.fft.irfft(lines, period, axis=0)
+    return np.tile(mean, (count + 1, 1))[: len(r)]
