@@ -6,14 +6,17 @@ closed loop data", Automatica 29(6), 1993 (the first of two stages).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.regressions import impulse_response
+from workbench.identification.state_space.validation import nrmse_fit
 
 SILENT = 1e-6
 """Amplitude of a line, relative to the largest one, below which it is not excited."""
@@ -78,3 +81,23 @@ def _mean_period(r: RealArray, signals: RealArray, period: int) -> RealArray:
     lines[silent] = 0.0
     mean = np.fft.irfft(lines, period, axis=0)
     return np.tile(mean, (count + 1, 1))[: len(r)]
+
+
+def steady_fit(model: InnovationsModel, clean: Experiments, period: int) -> RealArray:
+    """Fit [%] of each output (ny,) in the steady state, on signals that repeat themselves.
+
+    So slow modes, whose initial state a few samples do not tell, do not count.
+    """
+    made = steady_response(model.response, clean.u[:period])
+    return nrmse_fit(clean.y[:period] - clean.y[:period].mean(axis=0), made)
+
+
+def steady_response(response: Callable[[RealArray], ComplexArray], inputs: RealArray) -> RealArray:
+    """Outputs (N, ny), of mean zero, to one period of inputs (N, nu) that repeat themselves.
+
+    ``response`` gives responses (F, ny, nu) at frequencies (F,) [cycles/sample].
+    """
+    found = response(np.arange(1, len(inputs) // 2 + 1) / len(inputs))
+    lines = np.einsum("fij,fj->fi", found, np.fft.rfft(inputs, axis=0)[1:])
+    level = np.zeros((1, lines.shape[1]))
+    return np.asarray(np.fft.irfft(np.vstack([level, lines]), len(inputs), axis=0))

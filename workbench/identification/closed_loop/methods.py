@@ -12,17 +12,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import RealArray
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.identification.closed_loop.explained import excitation_of
+from workbench.identification.closed_loop.explained import excitation_of, steady_response
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.gains import innovation_gain
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import refine
 from workbench.identification.polynomials.regressions import arx_from_lags
+from workbench.identification.state_space.folds import scored_fit
 from workbench.identification.state_space.methods import (
     FitterOfOrder,
     SubspaceStarts,
@@ -31,11 +35,13 @@ from workbench.identification.state_space.methods import (
     refined_fits,
 )
 from workbench.identification.state_space.question import Fitter
-from workbench.identification.state_space.selection import allowed, least_of, misfit
+from workbench.identification.state_space.selection import allowed, least_of
 from workbench.identification.state_space.subspace import best_subspace_of
 from workbench.program import Claim, method
 from workbench.systems.sampling import respond
 
+NOISE_SHARES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
+"""Power of the noise at the inputs, over theirs, among which that of the predictor is chosen."""
 REFINEMENTS = 8
 """Times that instruments are filtered by the poles of the model before."""
 
@@ -81,9 +87,9 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
             clean = program.explained(record)
             if clean is None:
                 return None
-            models = refined_instruments(record, clean, order, program.direct)
-            stable = (allowed(m, clean, program.direct, program.largest_radius) for m in models)
-            return least_of(stable, lambda model: misfit(model, clean))
+            models = _allowed_instruments(program, record, clean, order, program.largest_radius)
+            best = least_of(models, lambda model: program.misfit(model, clean))
+            return best and _with_gain(program, best, record)
 
         return fit
 
@@ -101,14 +107,28 @@ def _indirect(program: ClosedLoopFit, context: Context) -> Claim:
     """What r explains of y, and u by the controller; assumes that it is known and r is added."""
 
     def reconstructed(record: Experiments, clean: Experiments) -> RealArray:
-        # A lead of one period: the controller has seen the excitation before the record.
-        y = clean.y - clean.y.mean(axis=0)
-        lead = y[: program.period or 0]
-        found = respond(program.controller, np.vstack([lead, y]))[len(lead) :]
-        return np.asarray(excitation_of(record) - found)
+        fed = _fed_back(program, clean.y - clean.y.mean(axis=0))
+        u = excitation_of(record) - fed
+        return np.asarray(u - u.mean(axis=0) + clean.u.mean(axis=0))  # integrators tell no level
 
     way = _simulators(program, reconstructed)
     return claim(identify(program, way, way, context))
+
+
+def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
+    """Outputs (N, nu) of the controller for y (N, ny); from rest where y does not repeat itself."""
+    controller, period = program.controller, program.period
+    if controller is None:
+        raise InputError("the controller is missing; give it, or take method two-stage")
+    if period is None:
+        return respond(controller, y)
+
+    def response(frequency: RealArray) -> ComplexArray:
+        z = np.exp(2j * np.pi * frequency)
+        return np.moveaxis(np.asarray(controller(z, squeeze=False)), -1, 0)
+
+    steady = steady_response(response, y[:period])
+    return np.tile(steady, (len(y) // period + 1, 1))[: len(y)]
 
 
 def _simulators(
@@ -125,8 +145,9 @@ def _simulators(
             if clean is None:
                 return None
             u = clean_input(record, clean)
-            start = replace(clean, u=u), order
-            return _simulator(program, *start, replace(record, u=u, starts=(0,)))
+            simulated = replace(record, u=u, starts=(0,))
+            model = _simulator(program, replace(clean, u=u), order, simulated)
+            return model and _with_gain(program, model, record)
 
         return fit
 
@@ -142,17 +163,45 @@ def _simulator(
     would hide it.
     """
     largest = min(program.largest_radius, 1.0)
-    start = best_subspace_of(clean, order, direct=program.direct, largest_radius=largest)
+    models = [
+        best_subspace_of(clean, order, direct=program.direct, largest_radius=largest),
+        *_allowed_instruments(program, clean, clean, order, largest),
+    ]
+    still = [replace(m, K=np.zeros_like(m.K)) for m in models if m is not None and m.radius < 1]
+    start = least_of(still, lambda model: program.misfit(model, clean))
     if start is None:
         return None
-    still = replace(start, K=np.zeros_like(start.K))
-    if still.radius >= 1:
-        return None
-    sizes = [getattr(still, name).size for name in "ABCDK"]
+    sizes = [getattr(start, name).size for name in "ABCDK"]
     entries = np.arange(sum(sizes)) < sum(sizes[:4])
     return refine(
-        still, record, 0.0, direct=program.direct, largest_radius=largest, entries=entries
+        start, record, 0.0, direct=program.direct, largest_radius=largest, entries=entries
     )[0]
+
+
+def _allowed_instruments(
+    program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
+) -> list[InnovationsModel | None]:
+    """Models by refined instruments with poles within the largest radius."""
+    models = refined_instruments(record, clean, order, program.direct)
+    return [allowed(model, clean, program.direct, largest) for model in models]
+
+
+def _with_gain(
+    program: ClosedLoopFit, model: InnovationsModel, record: Experiments
+) -> InnovationsModel:
+    """The model with the gain K that predicts best, of those for noise at inputs and outputs."""
+    inputs = model.B @ np.diag(record.u.var(axis=0)) @ model.B.T
+    outputs = np.diag(np.nanvar(record.y, axis=0))
+    gains = [
+        innovation_gain(model.A, model.C, block_diag(share * inputs, outputs))
+        for share in NOISE_SHARES
+    ]
+    models = [model, *(replace(model, K=gain) for gain in gains if gain is not None)]
+
+    def errors(one: InnovationsModel) -> float:
+        return float(-scored_fit(one.one_step, record, program.washed).sum())
+
+    return least_of(models, errors) or model
 
 
 def refined_instruments(
@@ -169,7 +218,7 @@ def refined_instruments(
         poles = np.linalg.eigvals(model.A)
         outside = np.abs(poles) >= 1
         poles[outside] = 1 / poles[outside].conj()
-        denominator = np.poly(poles).real
+        denominator = np.asarray(np.poly(poles).real, dtype=float)
         filtered = [_filtered(one, denominator) for one in (record, clean)]
         model = instrumental_arx(filtered[0], filtered[1], order, direct)
         means = record.u.mean(axis=0), record.y.mean(axis=0)

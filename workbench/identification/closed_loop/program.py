@@ -11,7 +11,11 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.identification.closed_loop.explained import explained_part, refuse_other_period
+from workbench.identification.closed_loop.explained import (
+    explained_part,
+    refuse_other_period,
+    steady_fit,
+)
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.folds import scored_fit
@@ -25,8 +29,8 @@ class ClosedLoopFit(StateSpaceFit):
 
     Feedback carries the noise of y into u, so that methods for open loops are biased. Those of this
     Program are not, each under an assumption of its own, which its help says. Orders are chosen,
-    and free runs judged, with the part of u that the excitation explains: a run of the measured u
-    against the measured y is best for a model that is pulled towards -1/C.
+    and free runs judged, by what the excitation explains of u and y: from the measured u to the
+    measured y the least errors are those of a model that is pulled towards -1/C.
 
     Parameters
     ----------
@@ -117,5 +121,20 @@ class ClosedLoopFit(StateSpaceFit):
         clean = None if record.excitation is None else self.explained(record)
         if clean is None:
             return super()._fits_of(predictor, simulator, record)
-        simulated = scored_fit(simulator.free_run, replace(record, u=clean.u), self.washed)
-        return np.array([scored_fit(predictor.one_step, record, self.washed), simulated])
+        return np.array(
+            [scored_fit(predictor.one_step, record, self.washed), self._run_fit(simulator, clean)]
+        )
+
+    def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
+        """Fits (ny,) [%] of a free run to what an excitation explains of u and y."""
+        if self.period is None:
+            return scored_fit(model.free_run, clean, self.washed)
+        return steady_fit(model, clean, self.period)
+
+    def misfit(self, model: InnovationsModel, clean: Experiments) -> float:
+        """Relative error of a free run on what an excitation explains, by which starts are chosen.
+
+        Infinite for one that overflows.
+        """
+        found = float(100 * len(clean.y.T) - self._run_fit(model, clean).sum())
+        return found if np.isfinite(found) else np.inf
