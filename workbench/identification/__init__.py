@@ -28,6 +28,7 @@ from workbench.identification.experiments.several import Experiments, as_experim
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.uncertainty import response_deviations
 from workbench.identification.parameters import evolution as parameter_evolution
 from workbench.identification.parameters import methods as parameter_methods
 from workbench.identification.parameters.least_squares import FittedParameter
@@ -148,6 +149,7 @@ __all__ = [
     "read_response",
     "read_variables",
     "refined_instruments",
+    "response_deviations",
     "saturation",
     "schroeder_phases",
     "sine_fit",

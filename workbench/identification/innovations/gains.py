@@ -96,9 +96,10 @@ def with_inputs(
         # The initial state of an experiment has columns of its own, which are eliminated first.
         factor = triangle_of_blocks(blocks(*signals), count + 1)
         found = np.asarray(np.linalg.qr(np.vstack([found, factor[n:, n:]]), mode="r"))
-    if not np.isfinite(found).all():
+    with np.errstate(over="ignore"):
+        scale = np.linalg.norm(found[:, :-1], axis=0)
+    if not np.isfinite(found).all() or not np.isfinite(scale).all():
         return None
-    scale = np.linalg.norm(found[:, :-1], axis=0)
     scale[scale == 0] = 1.0
     theta = -np.linalg.lstsq(found[:, :-1] / scale, found[:, -1], rcond=None)[0] / scale
     B = theta[: n * nu].reshape(n, nu)

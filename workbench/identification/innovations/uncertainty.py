@@ -1,4 +1,4 @@
-"""What a record leaves uncertain of a model: standard deviations of poles and static gains.
+"""What a record leaves uncertain of a model: deviations of poles, static gains and responses.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 9.4 and 9.5 (the covariance of
 parameters, and Gauss's approximation for what is computed from them).
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
@@ -70,6 +71,39 @@ def model_deviations(
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
+
+
+def response_deviations(
+    model: InnovationsModel, record: Experiments, frequency: ArrayLike, direct: bool = True
+) -> RealArray:
+    """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
+
+    They are those of the curvature of the prediction errors, so they hold where these are white:
+    the model must have the order of the plant and of the noise. ``direct`` says whether D is free.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import arx, as_experiments, response_deviations
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> record = as_experiments(u, y + 0.1 * rng.standard_normal(1000))
+    >>> found = response_deviations(arx(record, order=1), record, [0.1, 0.2])
+    >>> found.shape, bool((found < 0.02).all())
+    ((2, 1, 1), True)
+    """
+    criterion = Criterion(model, record, 0.0, direct)
+    theta = criterion.start(model)
+    root = _root_of_inverse(criterion.expand(theta)[2])
+    small = 1e-4
+    total = np.zeros((np.size(frequency), *model.D.shape))
+    for step in root.T:
+        ahead, behind = (criterion.model(theta + sign * small * step) for sign in (1, -1))
+        slope = (ahead.response(frequency) - behind.response(frequency)) / (2 * small)
+        total += np.abs(slope) ** 2
+    return np.sqrt(total)
 
 
 def static_gain(model: InnovationsModel) -> RealArray:

@@ -54,24 +54,33 @@ def identify(
     means = scores.mean(axis=-1)
     if program.poles == "any":  # the free run of an unstable plant tells nothing
         means = means[[0, 0]]
+    fitted: dict[tuple[FitterOfOrder, int], InnovationsModel | None] = {}
     predictor, simulator = (
-        _best(program, way, score) for way, score in zip(ways, means, strict=True)
+        _best(program, way, score, fitted) for way, score in zip(ways, means, strict=True)
     )
     if predictor is None or simulator is None:
         return None
     return IdentifiedModels(predictor, simulator, scores, program.record.sample_time)
 
 
-def _best(program: StateSpaceFit, way: FitterOfOrder, means: RealArray) -> InnovationsModel | None:
+def _best(
+    program: StateSpaceFit,
+    way: FitterOfOrder,
+    means: RealArray,
+    fitted: dict[tuple[FitterOfOrder, int], InnovationsModel | None],
+) -> InnovationsModel | None:
     """Model of the whole estimation part, of the order that validated best.
 
-    If there is none, the next best order is taken; ``means`` are the orders' mean fits.
+    If there is none, the next best order is taken; ``means`` are the orders' mean fits. Models that
+    the other use has ``fitted`` are not fitted again.
     """
     for place in np.argsort(-means, kind="stable"):
         if np.isfinite(means[place]):
-            model = way(tuple(program.orders or ())[place])(program.used)
-            if model is not None:
-                return model
+            order = tuple(program.orders or ())[place]
+            if (way, order) not in fitted:
+                fitted[way, order] = way(order)(program.used)
+            if fitted[way, order] is not None:
+                return fitted[way, order]
     return None
 
 

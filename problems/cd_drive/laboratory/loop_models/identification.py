@@ -1,0 +1,89 @@
+"""The methods for closed loops, and one for open loops, on the record of a drive's loop."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workbench import Options, solve
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import SolverError
+from workbench.heavy_types import StateSpace
+from workbench.identification import ClosedLoopFit, StateSpaceFit, response_deviations
+
+from .excitation import LoopSignals
+
+ASSUMED = {
+    "direct": "model of the noise as rich as the noise",
+    "two-stage": "linear loop, known excitation",
+    "instrumental-variables": "linear loop, known excitation",
+    "indirect": "linear loop, known excitation, known linear controller",
+    "open-loop": "input without feedback: not so here",
+}
+"""The methods, and what each assumes."""
+CLOSED = tuple(name for name in ASSUMED if name != "open-loop")
+ORDERS = {"direct": 10} | dict.fromkeys(("two-stage", "instrumental-variables", "indirect"), 6)
+"""Orders of the models: four states of the mechanics and two of filter and hold; the direct method
+needs more, for the noise that ends at 1750 Hz."""
+EVERY = {"direct": 3}
+"""Samples of the record for each one that a method takes, where it is not USUAL: the denser the
+samples, the longer a model of the noise must be."""
+USUAL = 2
+
+
+class LoopModel(NamedTuple):
+    """A model of one method: response and its standard deviation (F,), order and failed checks.
+
+    The deviation is NaN where the method states none.
+    """
+
+    response: ComplexArray
+    deviation: RealArray
+    order: int
+    failures: int
+
+
+def every_of(method: str) -> int:
+    """Samples of the record for each one that a method takes."""
+    return EVERY.get(method, USUAL)
+
+
+def loop_model(
+    method: str,
+    signals: LoopSignals,
+    controller: StateSpace | None,
+    frequency: RealArray,
+    options: Options,
+) -> LoopModel:
+    """The model of a method at frequencies [Hz] (F,). Raises SolverError where there is none.
+
+    controller: from y to -u, sampled as the signals are; method indirect needs it.
+    """
+    orders = (ORDERS.get(method, ORDERS["two-stage"]),)
+    common: dict[str, Any] = {"orders": orders, "direct": False, "sample_time": signals.step}
+    if method == "open-loop":
+        program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, **common)
+        solution = solve(program, "output-error", options)
+    else:
+        program = ClosedLoopFit(
+            signals.u,
+            signals.y,
+            excitation=signals.r,
+            controller=controller,
+            period=signals.period,
+            # The direct method may pass unstable models on its way from a poor start.
+            poles="any" if method == "direct" else "marginal",
+            **common,
+        )
+        solution = solve(program, method, options)
+    if solution.answer is None or solution.certificate is None:
+        raise SolverError(f"method {method} gave no model: {solution.message}")
+    direct, found = method == "direct", solution.answer
+    model = found.predictor if direct else found.simulator
+    at = frequency * signals.step
+    deviation = np.full(len(frequency), np.nan)
+    if direct:  # the others have no model of the noise that would tell it
+        deviation = response_deviations(model, program.used, at, False)[:, 0, 0]
+    failures = len(solution.certificate.failures)
+    return LoopModel(model.response(at)[:, 0, 0], deviation, model.order, failures)

@@ -1,0 +1,185 @@
+"""The plant of a drive's loop by each method for closed loops, on one record.
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, problem
+from workbench.arrays import ComplexArray, RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.tables import markdown
+
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.shared_parameters import TABLES
+from ...drive.tables import Values
+from ..experiment import Laboratory
+from ..in_the_loop import RECORDED, controller_response
+from .excitation import MultisineExperiment, sampled_controller, signals
+from .figures import models_bode
+from .identification import ASSUMED, CLOSED, LoopModel, every_of, loop_model
+
+JUDGED = np.geomspace(100.0, 3000.0, 200)
+"""Frequencies [Hz] at which models are judged, evenly spread over their logarithm."""
+LIMIT = 0.10
+"""Largest rms relative error of a model from a method for closed loops."""
+LEAST_BIAS = 3.0
+"""Least error by the method for open loops, over LIMIT: feedback carries noise into its input."""
+
+
+@problem("cd/{axis}/loop-models", slow=True, axis=("focus",), data=(*TABLES, "data/red_book.csv"))
+def loop_models(
+    axis: Literal["focus"],
+    drive: str = "CD1",
+    periods: Annotated[int, Field(ge=20, le=1000)] = 50,
+    values: Values = "printed",
+) -> LoopModels:
+    """The plant u -> f_en of the running loop by the direct, two-stage, instrumental-variable and
+    indirect methods.
+
+    A multisine of 40 lines from 100 to 3500 Hz is added to the controller's output while the disc
+    turns. The noise of the measured position moves the plant's input as much as the multisine does.
+    The methods see excitation, input and output, high-passed and at every second or third sample; a
+    method for open loops on the same record shows what feedback does to it. Models are judged by
+    their rms error relative to the exact sampled response, from 100 Hz to 3 kHz.
+
+    drive: "CD1" to "CD12", or "nominal". periods: of the multisine, 0.12 s each. values: tables
+    "printed" or "corrected".
+    """
+    return LoopModels(MultisineExperiment(Laboratory(axis, drive, values), periods))
+
+
+@dataclass(frozen=True, eq=False)
+class LoopModels(Study):
+    """Models of the plant in a loop, one for each method, from one record."""
+
+    experiment: MultisineExperiment
+
+    headline: ClassVar[str] = "worst_error"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for one simulated record of {self.experiment.bench.drive}"
+
+    frequency = dim(lambda: JUDGED, unit="Hz", meaning="frequency")
+    estimator, signal = dim(tuple(ASSUMED)), dim(RECORDED)
+
+    record = part(lambda self, context: self.experiment.played(int(context.rng.integers(2**31))))
+
+    @part
+    def models(self, record: Any, context: Context) -> list[LoopModel]:
+        axis, found = self.experiment.bench.axis, []
+        excitation, played = record
+        for method in context.track(list(ASSUMED), "methods"):
+            every = every_of(method)
+            law = sampled_controller(axis, every) if method == "indirect" else None
+            given = signals(excitation, played, every), law
+            found.append(loop_model(method, *given, JUDGED, context.options))
+        return found
+
+    @array(frequency, "1/V", "exact sampled response of the plant")
+    def truth(self) -> ComplexArray:
+        return self.experiment.bench.response(JUDGED)["f_en"]
+
+    @array(frequency, "1/V", "one over the controller from f_en to u")
+    def inverse(self) -> ComplexArray:
+        return 1 / controller_response(self.experiment.bench.axis, JUDGED)
+
+    model = array((estimator, frequency), "1/V", "response of the model")(
+        lambda models: [one.response for one in models]
+    )
+    deviation = array((estimator, frequency), "1/V", "its standard deviation, where one is stated")(
+        lambda models: [one.deviation for one in models]
+    )
+    numbers = arrays(
+        estimator,
+        lambda models: {
+            "order": [one.order for one in models],
+            "unproven": [one.failures for one in models],
+        },
+        order="", unproven="",
+    )  # fmt: skip
+
+    @array(estimator, "1", "rms error relative to the exact response")
+    def error(self, model: DataArray, truth: DataArray) -> DataArray:
+        return (abs(model / truth - 1) ** 2).mean("frequency") ** 0.5
+
+    @array(estimator, "1", "rms error over its stated standard deviation")
+    def error_over_deviation(
+        self, model: DataArray, truth: DataArray, deviation: DataArray
+    ) -> DataArray:
+        return ((abs(model - truth) / deviation) ** 2).mean("frequency", skipna=False) ** 0.5
+
+    @array(estimator, "1", "part of the error towards minus one over the controller")
+    def pulled(self, model: DataArray, truth: DataArray, inverse: DataArray) -> DataArray:
+        way = inverse - truth
+        return ((model - truth) / way).real.mean("frequency")
+
+    events = array(value=lambda record: len(record[1].events))
+    largest_error = array((), "m", "", lambda record: abs(record[1].x_cd - record[1].x).max())
+
+    @array(signal, "", "share of samples")
+    def saturated(self, record: Any) -> RealArray:
+        return np.array([record[1].saturation[name] for name in RECORDED])
+
+    # --- checks -------------------------------------------------------------------------------
+
+    @check()
+    def experiments(self, answer: Dataset) -> list[Check]:
+        """The loop held, in the linear range of diodes and converters, and models are proven."""
+        unproven = answer["unproven"].sel(estimator=list(CLOSED))
+        allowed = ACCEPTABLE_ERROR[self.experiment.bench.axis]
+        far = float(answer["largest_error"]) / allowed
+        lost, most = float(answer["events"]), float(answer["saturated"].max())
+        return [
+            Check("loop", "times that it was lost or regained", lost, 0.0),
+            Check("saturation", "largest share of saturated samples", most, 0.0),
+            Check("linear range", "largest error over the acceptable one", far, 1.0),
+            Check("models", "checks of their own that fail", float(unproven.sum()), 0.0),
+        ]
+
+    @check("{estimator}", each="estimator", at_most=LIMIT)
+    def close(self, error: DataArray) -> DataArray:
+        """rms relative error of the model, 100 Hz to 3 kHz"""
+        return error.sel(estimator=list(CLOSED))
+
+    @check("open loop", at_most=1.0)
+    def biased(self, error: DataArray) -> DataArray:
+        """least bias over the rms relative error by a method for open loops"""
+        return LEAST_BIAS * LIMIT / error.sel(estimator="open-loop")
+
+    # --- what is told -------------------------------------------------------------------------
+
+    errors = metric("error_{estimator}", lambda error: error)
+    worst_error = metric(lambda error: error.sel(estimator=list(CLOSED)).max())
+    deviations = metric(
+        "error_over_deviation_direct",
+        lambda error_over_deviation: error_over_deviation.sel(estimator="direct"),
+    )
+    pulls = metric("pulled_{estimator}", lambda pulled: pulled)
+
+    @table
+    def methods(self, answer: Dataset) -> str:
+        """What each method assumes, and how far its model is from the truth."""
+        heads = ["method", "assumes", "order", "rms error [%]", "over its deviation"]
+        rows = []
+        for name, assumed in ASSUMED.items():
+            one = answer.sel(estimator=name)
+            ratio = float(one["error_over_deviation"])
+            told = f"{ratio:.2f}" if np.isfinite(ratio) else "none stated"
+            error = f"{100 * float(one['error']):.2f}"
+            rows.append([name, assumed, str(int(one["order"])), error, told])
+        return markdown(heads, rows)
+
+    @figure
+    def bode(self, answer: Dataset) -> Figure:
+        bench = self.experiment.bench
+        return models_bode(answer, f"{bench.drive}, {bench.axis}, one record", LIMIT)
