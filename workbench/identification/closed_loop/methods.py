@@ -182,7 +182,7 @@ def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
     """Models by refined instruments with poles within the largest radius."""
-    models = refined_instruments(record, clean, order, program.direct)
+    models = _refined_instruments(record, clean, order, program.direct)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
 
@@ -204,7 +204,7 @@ def _with_gain(
     return least_of(models, errors) or model
 
 
-def refined_instruments(
+def _refined_instruments(
     record: Experiments, clean: Experiments, order: int, direct: bool
 ) -> Iterator[InnovationsModel]:
     """ARX models by instruments, each after the first by signals filtered by the poles before.
