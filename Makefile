@@ -77,6 +77,20 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/methods' 'cd/*/controllers'
 	$(REFERENCE) cd/focus/identified cd/radial/identified
 	$(REFERENCE) cd/claims
+	$(REFERENCE) 'textbook/*/rational-model' 'textbook/*/record-feedback' 'textbook/*/estimate-to-mu' --slow
+	$(REFERENCE) textbook/experiment-design '*/reduction' --slow
+	$(REFERENCE) textbook/estimate-regions --set estimates=20
+	$(REFERENCE) textbook/experiment-times --set draws=10
+	$(REFERENCE) two-by-two/matrix-cover --set plants=5 --set frequencies=40 --set order=2
+	$(REFERENCE) mass-spring/demands --set orders='[1,2]'
+	$(REFERENCE) unstable-first-order/demands
+	$(REFERENCE) 'cd/*/two-controllers' --slow --set designs=2 --set frequencies=100
+	$(REFERENCE) cd/focus/loop-models
+	$(REFERENCE) cd/playability-full --set scenarios=20 --set workers=1
+	$(REFERENCE) bench/cd-arm
+	$(REFERENCE) bench/mu-lower-yardstick --set rounds=1
+	$(REFERENCE) bench/mu --set frequencies=50 --set peers=5 --set most=1000 --set largest=6
+	$(REFERENCE) bench/synthesis --set largest=10 --set plants=1 --set distillation=false --set drives=false
 	rm -rf results/reference/.partial
 
 # The page about the thesis, from the reference results.

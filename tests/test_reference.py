@@ -29,9 +29,14 @@ def test_reference_result_is_verified(folder):
     assert wb.verify(folder).holds, wb.verify(folder)
 
 
+TIMES = {"bench/cold-start", "bench/mu-yardstick", "bench/norms"}
+"""Times of a machine against limits that not every machine keeps."""
+
+
 def test_every_problem_has_a_reference_result():
+    """The slow ones a small one, so that the gallery shows them."""
     named = {wb.open_run(folder).problem for folder in FOLDERS}
-    assert named >= {entry.name for entry in wb.problems() if not entry.slow}
+    assert named >= {entry.name for entry in wb.problems()} - TIMES
 
 
 KEPT = {
@@ -51,7 +56,7 @@ def test_reference_results_are_what_proves_them_and_small():
         assert {file.name for file in folder.iterdir()} - {"controller.h"} == KEPT, folder
     sizes = {file: file.stat().st_size for folder in FOLDERS for file in folder.iterdir()}
     assert max(sizes.values()) < 1_000_000
-    assert sum(sizes.values()) < 20_000_000
+    assert sum(sizes.values()) < 25_000_000
 
 
 FREQUENCIES = re.compile(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from scipy.optimize import minimize
@@ -25,33 +26,35 @@ REDUCED_STARTS, ALIKE = 2, 0.02
 """Number of reductions that descent starts from, and the relative distance of their peaks."""
 REAL_POLES_APART = 0.8
 """Ratio of the sizes of real poles that are slowed to what is asked."""
-SEARCHES, SEARCH_STEPS = 12, 200
-"""Random starts of the search for the rightmost pole, and steps of each."""
+SEARCHES, SEARCH_STEPS, MOST_SEARCHED = 12, 200, 4
+"""Random starts of the search for the rightmost pole, steps of each, and how many are compared."""
 
 
 def found_starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpace], str]:
     """Controllers of the wanted order that stabilise and meet the demands, and how they were found.
 
     They are the best approximations of a D-K controller and, where the plant is stable, one that
-    does nothing; only where none of them will do, one from a search for the rightmost pole. Descent
-    ends at other places from each.
+    does nothing; where no approximation will do, one from a search for the rightmost pole too.
+    Descent ends at other places from each.
 
     Raises SolverError where none was found.
     """
     tried = list(_reduced(program, context))
     admitted = [K for K in tried if _holds(program, K)]
-    found, said = [], []
+    found: list[StateSpace] = []
+    said: list[str] = []
     if admitted:
         found += _best(program, admitted)
         said.append("a D-K controller, reduced")
+    else:  # from there descent reaches what it does not reach from zero
+        search = (K for K in _searched(program, tried, context) if _holds(program, K))
+        found += _best(program, list(islice(search, MOST_SEARCHED)))
+        said += ["a search for the rightmost pole"] * bool(found)
     idle = _idle(program)
     if _holds(program, idle):
         found.append(idle)
         said.append("zero")
     if not found:
-        for K in _searched(program, tried, context):
-            if _holds(program, K):
-                return [K], "started from a search for the rightmost pole"
         met = " and meets the demands" if program.stable or program.fastest_pole else ""
         raise SolverError(
             f"no controller of order {program.order} that stabilises{met} was found in {SEARCHES} "
