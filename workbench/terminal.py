@@ -91,6 +91,8 @@ def print_details(one: Run) -> None:
         if gap is not None:
             wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
             click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
+        for fact in one.certificate.facts:
+            click.echo(f"  {fact}")
     if one.certificate is None or one.outcome is not Outcome.SOLVED:
         click.echo(f"  {one.info['message']}")
     if one.outcome is not Outcome.SOLVED:

@@ -294,6 +294,13 @@ def test_light_records_are_verified_with_their_comparison(project, one):
     assert not found.holds and "its solve is" in " ".join(found.problems)
 
 
+def test_a_comparison_with_a_crashed_and_a_stopped_cell_is_verified(hostile, one, workers):
+    run = one("hanging", "dying", "exact", executor=workers, time_limit=1.0)
+    assert {"time limit", "crashed"} <= set(run.data["outcome"].values.ravel().tolist())
+    found = wb.verify(run.path)
+    assert found.holds, found
+
+
 @pytest.mark.parametrize("light", [True, False])
 def test_cells_that_other_code_has_answered_since_are_no_defect_of_a_comparison(
     project, one, light

@@ -115,6 +115,12 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_another_sampling_frequency_than_the_column_of_time_tells_is_refused(records, tmp_path):
+    with pytest.raises(InputError, match=r"'t \[s\]' rises by 0.005 a sample, 200 Hz"):
+        write_study(tmp_path / "servo", str(records), sample_rate=150.0)
+    assert not (tmp_path / "servo").exists()
+
+
 def test_one_record_in_two_files_is_refused(tmp_path):
     write_records(tmp_path / "records", count=2)
     (tmp_path / "records/copy.csv").write_bytes((tmp_path / "records/drive1.csv").read_bytes())

@@ -24,7 +24,9 @@ SETTINGS = frozenset({"needs", "data", "slow", "method"})
 RESERVED = ("cells", "compare", "reference", "report", "sweep")
 """First parts of names that the results folder keeps for itself."""
 _PART = re.compile(r"\w(?:[\w.-]*[\w-])?")
-_ADDS_METHODS = re.compile(rb"^@(?:\w+\.)*(?:conic_)?method\(", re.MULTILINE)
+_ADDS_METHODS = re.compile(
+    rb"^(?:@(?:\w+\.)*(?:conic_)?method|(?:\w+\.)*(?:add_)?conic_solver)\(", re.MULTILINE
+)
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def scan(root: Path, call: Call) -> Iterator[Entry | RegistryError]:
 
 
 def method_files(root: Path) -> list[Path]:
-    """The Python files below a folder that register methods where they are imported."""
+    """The Python files below a folder that register methods or solvers where they are imported."""
     return [file for file in sorted(root.rglob("*.py")) if _adds_methods(file)]
 
 

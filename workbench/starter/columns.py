@@ -45,6 +45,8 @@ def record_columns(
             raise InputError(f"{told}: none is called {name!r}; name the {kind}, --{kind} NAME")
     if time is None and sample_rate is None:
         time = _one(_instants(table, names), told, "time", "or give --sample-rate HZ")
+    if time is None and sample_rate is not None:
+        _need_rate(table, _called(_instants(table, names), TIME), sample_rate, told)
     left = [name for name in names if name not in (input, output, time)]
     if input is None:
         fit = _called(left, INPUT)
@@ -55,6 +57,20 @@ def record_columns(
     if output is None:
         output = _one(_called(left, OUTPUT) or (left if len(left) == 1 else []), told, "output")
     return input, output, time
+
+
+def _need_rate(
+    table: dict[str, np.ndarray], called: Sequence[str], sample_rate: float, told: str
+) -> None:
+    """Raise InputError where a column of time tells another sampling frequency."""
+    for name in called:
+        rate = 1.0 / float(np.diff(table[name]).mean())
+        if abs(rate / sample_rate - 1) > EVEN:
+            raise InputError(
+                f"{told}; {name!r} rises by {1 / rate:.4g} a sample, {rate:.6g} Hz if it is in "
+                f"seconds, and --sample-rate says {sample_rate:g} Hz: leave it out, or rename the "
+                "column"
+            )
 
 
 def _one(found: Sequence[str], told: str, kind: str, also: str = "") -> str:

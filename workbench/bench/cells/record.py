@@ -76,14 +76,17 @@ class Record:
 
     @classmethod
     def lost(cls, error: BaseException) -> Record:
-        """The record of a cell whose worker, or whose task, did not come to an end."""
+        """The record of a cell whose worker, or whose task, did not come to an end.
+
+        Its outcome stands as its claim too, as in the folder that `store_lost` leaves.
+        """
         if isinstance(error, TimeLimitError):
-            return cls(Outcome.TIME_LIMIT, message=str(error))
+            return cls(Outcome.TIME_LIMIT, Outcome.TIME_LIMIT, str(error))
         if isinstance(error, MemoryLimitError):
-            return cls(Outcome.MEMORY_LIMIT, message=str(error))
+            return cls(Outcome.MEMORY_LIMIT, Outcome.MEMORY_LIMIT, str(error))
         if isinstance(error, CrashedError):
-            return cls(Outcome.CRASHED, message=str(error))
-        return cls(Outcome.FAILED, message=f"{type(error).__name__}: {error}")
+            return cls(Outcome.CRASHED, Outcome.CRASHED, str(error))
+        return cls(Outcome.FAILED, Outcome.FAILED, f"{type(error).__name__}: {error}")
 
     @classmethod
     def stored(cls, run: Run) -> Record:

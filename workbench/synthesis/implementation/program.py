@@ -334,7 +334,13 @@ class Implementation(Program):
     # --- results ----------------------------------------------------------------------------------
 
     def facts(self, answer: ImplementedController) -> Sequence[str]:
-        return [f"controller: {in_words(answer.K)}"]
+        told = [f"controller: {in_words(answer.K)}"]
+        if answer.peak is not None and answer.peak.upper >= 1.0:
+            told.append(
+                f"mu of the sampled loop is not below 1 but {answer.peak.upper:.4g}: it is not "
+                "proven stable for every plant of the set"
+            )
+        return told
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:
         rows = answer.margins

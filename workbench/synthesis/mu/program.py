@@ -360,7 +360,13 @@ class MuSynthesis(Program):
 
     def facts(self, answer: MuController) -> Sequence[str]:
         crossover = highest_crossover(self.plant.controlled(), answer.K)
-        return [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
+        told = [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
+        if answer.upper > 1.0:
+            told.append(
+                f"mu is not below 1 but {answer.upper:.4g}: what was asked for is not met for "
+                "every plant of the set"
+            )
+        return told
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         return {
