@@ -63,7 +63,7 @@ FREQUENCIES = re.compile(
     r"^(\w*_)?(frequency|pole|zero|crossover|bandwidth|resonance|corner|roll_off)(_\w+)?$"
 )
 NO_FREQUENCIES = re.compile(
-    r"_(off|db|um|samples|index)$|^zero_damping$|_spread_|deviation|^poles_|reference_strategy"
+    r"_(off|db|um|samples|index)$|^zero_damping$|_spread_|deviation|^poles_|reference_strategy|_per_frequency$"
 )
 
 

@@ -8,7 +8,7 @@ from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis.mu.member_figures import (
     _instants,
     _step,
-    members,
+    drawn_loops,
     performance_figure,
     steps_figure,
 )
@@ -30,7 +30,7 @@ def plant():
 
 
 def test_the_nominal_is_the_loop_closed_by_hand():
-    found = members(plant(), K)
+    found = drawn_loops(plant(), K)
     assert (found.performance, found.inputs) == (2, ["d", "n"])
     assert [name.split("[")[0] for name in found.outputs] == ["x", "u", "y", "u"]
     G = control.ss(*spring(45.0))
@@ -49,7 +49,7 @@ def test_the_nominal_is_the_loop_closed_by_hand():
 
 def test_random_loops_are_those_of_plants_in_the_set():
     """From d to x: 1 / (x / d) differs from the nominal's by the stiffness alone."""
-    found = members(plant(), K)
+    found = drawn_loops(plant(), K)
     s = 1.3j
     nominal = found.nominal(s)[0, 0]
     changes = np.array([100 / one(s)[0, 0] - 100 / nominal for one in found.random])
@@ -60,7 +60,7 @@ def test_random_loops_are_those_of_plants_in_the_set():
 
 @pytest.mark.parametrize("period", [None, 0.01])
 def test_a_step_is_that_of_another_simulation_and_ends_at_rest(period):
-    loop = members(plant(), K).nominal[2:, 0]
+    loop = drawn_loops(plant(), K).nominal[2:, 0]
     if period:
         loop = control.sample_system(loop, period)
     time = _instants(loop)
@@ -75,7 +75,7 @@ def test_a_step_is_that_of_another_simulation_and_ends_at_rest(period):
 
 @pytest.mark.parametrize("peak", [0.8, 1.3])
 def test_a_peak_above_one_is_no_bound_for_the_whole_set(peak):
-    figure = performance_figure(members(plant(), K), peak)
+    figure = performance_figure(drawn_loops(plant(), K), peak)
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert ("certified for all plants: 0.8" in names) == (peak < 1)
     assert "20 random plants" in names
@@ -92,7 +92,7 @@ def test_blocks_of_any_name_and_size_and_none_at_all_are_drawn():
     blocks = Structure([Real(2, "a b"), Complex(1, "a b"), Full(2, 1, "")])
     for structure in (blocks, None):
         given = GeneralisedPlant(system, structure, controls=1, measurements=1)
-        loops = members(given, K)
+        loops = drawn_loops(given, K)
         assert len(loops.random) == (20 if structure else 0)
         steps = steps_figure(loops)
         assert len(steps.axes) == 2 * (2 if structure else 3)  # of at most three inputs

@@ -33,7 +33,8 @@ def test_the_answer_is_stored_whole(solved):
     assert [each.peak for each in back.history] == [e.peak for e in solution.answer.history]
     assert (back.lower, back.upper) == (solution.answer.lower, solution.answer.upper)
     np.testing.assert_array_equal(back.K.A, solution.answer.K.A)
-    assert set(program.figures(solution.answer)) == {"mu", "controller", "rounds"}
+    drawn = {"mu", "controller", "performance", "steps", "rounds"}
+    assert set(program.figures(solution.answer)) == drawn
 
 
 def test_the_states_of_an_answer_are_balanced(solved):

@@ -52,7 +52,7 @@ class _Loop(UncertainPart):
 
 
 @dataclass(frozen=True, eq=False)
-class Members:
+class DrawnLoops:
     """The nominal loop and random ones, from exogenous inputs to performance, y and u.
 
     ``performance`` counts the outputs that stand first; the measurements and the controls follow.
@@ -65,7 +65,7 @@ class Members:
     outputs: Sequence[str]
 
 
-def members(plant: GeneralisedPlant, K: StateSpace) -> Members:
+def drawn_loops(plant: GeneralisedPlant, K: StateSpace) -> DrawnLoops:
     """The loop of the nominal plant, and of random plants of the set where there is one."""
     import control
 
@@ -85,13 +85,13 @@ def members(plant: GeneralisedPlant, K: StateSpace) -> Members:
     inputs = given.input_labels[columns : given.ninputs - u]
     outputs = [*given.output_labels[rows:], *given.input_labels[-u:]]
     if plant.structure is None:
-        return Members(loop, (), plant.performance, inputs, outputs)
+        return DrawnLoops(loop, (), plant.performance, inputs, outputs)
     found = uncertain(_Loop(loop, plant.structure))
     random = found.sample(MEMBERS)
-    return Members(found.nominal, random, plant.performance, inputs, outputs)
+    return DrawnLoops(found.nominal, random, plant.performance, inputs, outputs)
 
 
-def performance_figure(loops: Members, peak: float) -> Figure:
+def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
     """Gain from all exogenous inputs to each performance output; 1 is what was asked for.
 
     `peak` bounds mu of robust performance. Up to 1 it bounds the gain for every plant of the set;
@@ -118,7 +118,7 @@ def performance_figure(loops: Members, peak: float) -> Figure:
     return figure
 
 
-def steps_figure(loops: Members) -> Figure:
+def steps_figure(loops: DrawnLoops) -> Figure:
     """Measurements and controls after a unit step of each exogenous input."""
     first = loops.performance
     shown = range(first, len(loops.outputs))[:MOST_PANELS]
@@ -146,7 +146,7 @@ def _line(panel: Axes, nominal: bool, x: RealArray, y: RealArray) -> None:
     panel.plot(x, y, **style)
 
 
-def _names(figure: Figure, panel: Axes, loops: Members, drawn: int) -> None:
+def _names(figure: Figure, panel: Axes, loops: DrawnLoops, drawn: int) -> None:
     """The legend below, also of how many unstable members are left out."""
     panel.plot([], [], color=figures.BLUE, label="nominal")
     if loops.random:

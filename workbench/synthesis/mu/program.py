@@ -25,7 +25,7 @@ from workbench.synthesis.hinf.figures import DrawnController, controller
 from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
-from workbench.synthesis.mu.member_figures import members, performance_figure, steps_figure
+from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.synthesis.mu.shippable import Shippable
@@ -411,7 +411,7 @@ class MuSynthesis(Program):
         return MuController(K, lower, upper, omega, history, found)
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
-        loop, loops = self.plant.close(answer.K), members(self.plant, answer.K)
+        loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K)
         found = {
             "mu": bounds_figure(loop, self.closed, answer.upper),
             "controller": controller(answer.K, loop),
