@@ -72,8 +72,8 @@ def drawn_loops(plant: GeneralisedPlant, K: StateSpace) -> DrawnLoops:
     given, y, u = plant.system, plant.measurements, plant.controls
     unit = np.eye(u, given.ninputs, given.ninputs - u)
     # The measurements and the controls are told beside the performance.
-    C = np.vstack([given.C[:-y], given.C[-y:], np.zeros((u, given.nstates)), given.C[-y:]])
-    D = np.vstack([given.D[:-y], given.D[-y:], unit, given.D[-y:]])
+    C = np.vstack([given.C, np.zeros((u, given.nstates)), given.C[-y:]])
+    D = np.vstack([given.D, unit, given.D[-y:]])
     told = GeneralisedPlant(
         control.StateSpace(given.A, given.B, C, D, given.dt, remove_useless_states=False),
         plant.structure,
