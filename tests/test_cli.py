@@ -394,6 +394,7 @@ def test_the_installed_command_is_this_one(project):
 # --- several at once --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_jobs_run_several_and_say_the_same(project, cli):
     words = ("run", "toy/root", "toy/total", "toy/broken")
     status, out, err = cli(*words, "--jobs", "2")

@@ -67,10 +67,12 @@ def test_workers_have_the_threads_that_were_asked_for(cluster):
     assert pools and all(pool["num_threads"] == 1 for pool in pools)
 
 
+@pytest.mark.slow
 def test_a_task_whose_worker_is_killed_is_done_again(cluster, tmp_path):
     assert cluster.submit(die_the_first_time, tmp_path / "tried").result() == "done"
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_two_workers_is_not_tried_a_third_time(cluster, tmp_path):
     with pytest.raises(CrashedError, match="workers died, the last one at tcp://"):
         cluster.submit(mark_and_die, tmp_path / "tries").result()
@@ -127,6 +129,7 @@ def connected(project):
         yield executor
 
 
+@pytest.mark.slow
 def test_runs_cells_and_sweeps_go_to_workers_in_another_folder(project, connected):
     """The workers' own folder has neither problems nor results."""
     assert connected.submit(os.getcwd).result() != str(Path.cwd())
@@ -139,6 +142,7 @@ def test_runs_cells_and_sweeps_go_to_workers_in_another_folder(project, connecte
     assert cells.metrics["certified_share"] == 1 and wb.verify(cells.path).holds
 
 
+@pytest.mark.slow
 def test_a_worker_with_other_code_is_refused(project):
     results_root().mkdir()
     mine = SameCode.here()
@@ -156,6 +160,7 @@ def test_a_worker_with_other_code_is_refused(project):
         assert words in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_is_an_error_and_what_has_ended_is_kept(project):
     with wb.connect("local", workers=1) as executor:
         wb.sweep("toy/root", {"scale": [1, 4]}, executor=executor)

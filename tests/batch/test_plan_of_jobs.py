@@ -116,6 +116,7 @@ def test_what_is_asked_to_another_accuracy_is_another_question(fed):
     assert len(plain.calls) == 5 and len(fine.calls) == 6
 
 
+@pytest.mark.slow
 def test_each_is_made_once(fed, project):
     runs = dict(ended(["fed/top", "fed/b/middle"], {}, jobs=2))
     assert all(run.holds for run in runs.values()) and set(runs) == {"fed/top", "fed/b/middle"}

@@ -294,6 +294,7 @@ def test_light_records_are_verified_with_their_comparison(project, one):
     assert not found.holds and "its solve is" in " ".join(found.problems)
 
 
+@pytest.mark.slow
 def test_a_comparison_with_a_crashed_and_a_stopped_cell_is_verified(hostile, one, workers):
     run = one("hanging", "dying", "exact", executor=workers, time_limit=1.0)
     assert {"time limit", "crashed"} <= set(run.data["outcome"].values.ravel().tolist())
@@ -401,6 +402,7 @@ def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
     assert cell(run, "patient") == cell(run, "patient", "claim") == "time limit"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
@@ -430,6 +432,7 @@ def test_workers_elsewhere_know_the_folders_and_the_results(project, workers, mo
     assert (project.root / "kept/cells/toy/x/root" / cell(run, "exact", "key")).is_dir()
 
 
+@pytest.mark.slow
 def test_cells_run_in_an_order_drawn_with_the_seed(hostile, project):
     def order(seed):
         (project.root / "order.txt").unlink(missing_ok=True)

@@ -32,10 +32,10 @@ JSON = st.recursive(
     max_leaves=6,
 )
 LANES = [
-    pytest.param(50, id="few"),
+    pytest.param(100, id="few"),
     pytest.param(1, id="all", marks=pytest.mark.slow),
 ]
-"""A fiftieth in the fast lane."""
+"""A hundredth in the fast lane."""
 
 
 def spoil(content, edits):

@@ -44,6 +44,7 @@ def test_a_point_that_fails_costs_itself(project):
     assert wb.verify(done.path).path == done.path
 
 
+@pytest.mark.slow
 def test_the_executor_makes_no_difference(project):
     grid = {"scale": [1, 4], "copies": [1, 2]}
     here = wb.sweep("toy/root", grid, fresh=True).data

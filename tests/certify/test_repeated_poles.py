@@ -84,6 +84,7 @@ def test_coordinates_of_sixteen_equal_poles_are_not_worked_in():
     np.testing.assert_allclose(stable.response(omega), plain, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_resonance_before_a_chain_of_forty_equal_lags_is_proven_stable():
     """The eigenvectors have no condition, and balls separate no modes; the blocks are clear."""
     lag, rng = 3770.0, np.random.default_rng(0)

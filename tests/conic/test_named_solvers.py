@@ -150,6 +150,7 @@ def ran(folder: Path, *words: str, **environment: str):
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_an_installed_package_brings_problems_and_solvers(tmp_path):
     site, work = tmp_path / "site", tmp_path / "work"
     for name, text in PACKAGE.items():

@@ -88,6 +88,7 @@ def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
     assert task.precision == "double" or off > 0.0
 
 
+@pytest.mark.slow
 def test_the_best_way_is_not_worse_than_the_others():
     task = Implementation(PI, MODEL, 0.02, DELAY)
     found = {name: solve(task, name) for name in ("tustin", "zoh", "foh", "best")}

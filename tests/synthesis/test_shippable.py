@@ -61,6 +61,7 @@ def test_it_finds_its_own_start_and_is_as_good_as_the_iteration(full, small):
     assert "started from" in small.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [0, 2])
 def test_it_leaves_the_zero_controller(small, order):
     """K = 0, the natural start of a stable plant, in one round only before.
@@ -98,6 +99,7 @@ def test_open_loop_poles_on_the_axis_are_no_obstacle():
     assert found.answer.upper < MuSynthesis(loop).certified(control.ss([], [], [], [[2.0]])).upper
 
 
+@pytest.mark.slow
 def test_stable_and_slow_is_carried_and_certified(small):
     fastest = 60.0
     task = MuSynthesis(PLANT, order=2, stable=True, fastest_pole=fastest)
@@ -272,6 +274,7 @@ def test_what_the_proof_of_interlacing_does_not_take():
     assert not NoStableController(left).respond(None, Context())[0]  # its zero is left of 0
 
 
+@pytest.mark.slow
 def test_a_slow_state_and_a_gain_are_found_for_order_one():
     """What fast states of the D-K controller do is left as a gain, else descent ends at 2.5."""
     plant = unstable_first_order()
@@ -318,6 +321,7 @@ def test_nothing_asked_is_nothing_checked():
     assert not Shippable(stable=True).admits(K)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", thinned(["dgk", "dk", "mu-dk", "fixed"], 4))
 def test_sampled_plants_as_they_are(method):
     """The plant by the bilinear transformation: the least peaks of both are the same."""

@@ -168,6 +168,7 @@ def cover(form="additive", performance=True, **changes):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["additive", "input", "output"])
 @pytest.mark.parametrize("performance", thinned([True, False], 2))
 def test_covers_cost_about_as_little_as_sets_of_any_weights(form, performance):

@@ -138,6 +138,7 @@ def test_pages_of_runs_that_are_gone_go(
     assert not list((entry.parent / "report" / "runs").glob(".*"))
 
 
+@pytest.mark.slow
 def test_an_interrupted_report_leaves_the_earlier_one(
     root: Path, make: Make, shown: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -109,6 +109,7 @@ def test_development_sees_no_second_half(tmp_path, monkeypatch):
     assert all(np.isin(part[:, 0], y[:100]).all() for part in seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["sippy_unipi", "statsmodels", "nfoursid"])
 def test_the_models_of_a_package_predict_what_it_predicts(package):
     """With candidates of its own, every package finds a good model of a good record."""

@@ -193,6 +193,7 @@ def test_checks_fail_where_something_is_wrong(runs):
     assert any(one.startswith("wrong rotation") for one in failed)
 
 
+@pytest.mark.slow
 def test_another_seed_changes_no_verdict(runs):
     task, solution = runs("focus")
     other = solve(task, options=Options(seed=12))

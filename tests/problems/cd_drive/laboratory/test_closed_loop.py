@@ -184,6 +184,7 @@ def test_parameters_come_back(runs, axis, disturbances):
     assert {f"error_{name}_mean" for name in LIMITS} <= metrics.keys()
 
 
+@pytest.mark.slow
 def test_another_seed_changes_no_verdict(runs):
     verdicts = []
     for seed in (3, 4):

@@ -19,6 +19,7 @@ def found(request, slower):
     return task, solution.answer
 
 
+@pytest.mark.slow
 def test_the_best_of_each_use_is_the_best_where_it_is_chosen(found):
     task, answer = found
     tried = answer["balloon"].sel(half="chosen on").values

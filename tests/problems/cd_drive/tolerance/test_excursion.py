@@ -78,6 +78,7 @@ def test_a_reversed_map_is_a_failure(focus):
     assert "harder" in failures(study, spoiled)
 
 
+@pytest.mark.slow
 def test_another_seed_changes_no_verdict(focus):
     study, solution = focus
     other = wb.solve(study, options=wb.Options(seed=1)).answer

@@ -84,6 +84,7 @@ def studies():
     return task, [solve(task, options=Options(seed=seed)) for seed in (1, 2)]
 
 
+@pytest.mark.slow
 def test_another_seed_changes_no_verdict(studies):
     task, solutions = studies
     verdicts = [

@@ -70,6 +70,7 @@ def test_the_order_is_that_of_the_thesis(studies, axis):
     assert set(task.tables(solution.answer)) == {"excursion", "periodic", "claims"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_another_seed_changes_no_verdict(studies, axis):
     task, solution = studies(axis)
