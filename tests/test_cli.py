@@ -339,7 +339,7 @@ def test_compare_prints_the_cells(cli):
     assert lines[3][:5] == ["toy/root", "lying", "low", "wrong", "solved"]
     assert lines[5][:4] == ["toy/root", "picky", "low", "unfit"]
     assert "certified 2 of 4, 2 false claims" in out
-    assert "`workbench run toy/root --method lying --tolerance low --seed 0" in out
+    assert "workbench run toy/root --method lying --tolerance low --seed 0" in out
     done = json.loads(cli(*words, "--json")[1])
     assert len(done["cells"]) == 6 and done["metrics"]["certified_share"] == 0.5
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from workbench.bench.project import added_problems
 from workbench.solvers import Outcome
 
 if TYPE_CHECKING:
@@ -129,8 +131,10 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
         )
         return
     print_table(HEADS, rows(data), right=6)
+    folders = "".join(f" --problems {shlex.quote(str(one))}" for one in added_problems())
     for cell in failures(data)[1]:
-        click.echo(f"  {': '.join([' '.join(cell[:3]), *cell[3:5]])}\n    {cell[5]}")
+        click.echo(f"  {': '.join([' '.join(cell[:3]), *cell[3:5]])}")
+        click.echo(f"    {cell[5].strip('`')}{folders}")
     for title, sentences in (("unfit", unfit(data)), ("alike", alike(data))):
         for sentence in sentences:
             click.echo(f"  {title}: {sentence}")

@@ -12,11 +12,13 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import workbench as wb
 from workbench.bench.cells.stored import Journal
 from workbench.bench.compare import asked_for, described
 from workbench.bench.store import damage, seal
+from workbench.cli import main
 from workbench.errors import InputError, RegistryError, ResultError, UnknownNameError
 from workbench.executor import InProcess, Workers
 from workbench.geometry import SmallestCircle
@@ -519,6 +521,34 @@ def test_a_file_of_methods_that_cannot_be_imported_costs_its_own_methods_only(pr
     assert wb.run("mine/points").holds
     with pytest.raises(RegistryError, match=r"'own'; .*own\.py cannot be imported: ImportError"):
         wb.compare("mine/points", ["own"], accuracies=["low"])
+
+
+@pytest.mark.parametrize("command", [["run", "mine/points"], ["compare", "mine/points"]])
+def test_files_of_methods_that_are_left_out_are_told(project, command):
+    project.write("mine/points.py", POINTS)
+    project.write("methods/first.py", OWN_METHOD)
+    project.write("methods/second.py", OWN_METHOD)
+    project.write("methods/third.py", "from helper import x\n" + OWN_METHOD)
+    project.write("methods/helper.py", "x = 1\n")
+    options = ["--problems", "mine", "--problems", "methods"]
+    if command[0] == "compare":
+        options += ["--methods", "own", "--accuracy", "low", "--in-process"]
+    done = CliRunner().invoke(main, [*command, *options])
+    assert done.exit_code == 0, done.output
+    assert "two methods of SmallestCircle are called 'own'" in done.stderr
+    assert "helper.py lies beside it: write `from .helper import ...`" in done.stderr
+
+
+def test_the_command_that_repeats_a_cell_names_the_folders_of_problems(project):
+    project.write("mine/points.py", POINTS)
+    project.write("methods/own.py", OWN_METHOD.replace("return ", "return None; return "))
+    words = ["compare", "mine/points", "--methods", "own", "--accuracy", "low", "--in-process"]
+    done = CliRunner().invoke(main, [*words, "--problems", "mine", "--problems", "methods"])
+    (repeat,) = (line for line in done.stdout.splitlines() if "workbench run mine/points" in line)
+    assert repeat.split()[-4:] == [
+        *("--problems", str(project.root / "mine")),
+        *("--problems", str(project.root / "methods")),
+    ]
 
 
 def test_progress_counts_cells(one):

@@ -252,9 +252,19 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
     try:
         return importlib.import_module(".".join((package, *parts)))
     except Exception as error:
-        raise RegistryError(f"problem file {file} cannot be imported: {place_of(error)}") from error
+        hint = _relative_hint(error, file)
+        words = f"problem file {file} cannot be imported: {place_of(error)}{hint}"
+        raise RegistryError(words) from error
     finally:
         sys.dont_write_bytecode = keep
+
+
+def _relative_hint(error: Exception, file: Path) -> str:
+    """What to write instead, where a file beside a problem file is imported as if it were alone."""
+    name = error.name if isinstance(error, ModuleNotFoundError) else None
+    if name is None or not (file.parent / f"{name}.py").exists():
+        return ""
+    return f"; {name}.py lies beside it: write `from .{name} import ...`"
 
 
 def _package(root: Path) -> str:

@@ -60,8 +60,10 @@ class Registry:
         """What costs names: files that cannot be read, and clashes."""
         return [*self._wrong, *self._found[1], *self.clashes.values()]
 
-    def _import_methods(self) -> None:
-        """Import the files that register methods; one that cannot be costs its own methods only."""
+    def import_methods(self) -> None:
+        """Import the files that register methods, once; one that cannot be costs its own only."""
+        if self._methods_imported:
+            return
         self._methods_imported = True
         for root in self.roots:
             for file in method_files(root):
@@ -87,8 +89,7 @@ class Registry:
         """The problem of that name, imported. Raises as `match`."""
         if name not in self.entries:
             raise self._unknown(name, [name] if name in self.clashes else [])
-        if not self._methods_imported:
-            self._import_methods()
+        self.import_methods()
         if name not in self._problems:
             self._problems[name] = Problem(self.entries[name])
         return self._problems[name]

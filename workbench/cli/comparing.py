@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 import workbench
-from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of
+from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of, tell_unfit
 from workbench.guidance.completion import method_names, problem_names
 from workbench.terminal import print_comparison, print_plan
 
@@ -82,6 +82,7 @@ def compare(
             executor=InProcess() if in_process else executor,
             **options,
         )
+        tell_unfit()
         with shown_live(f"compare {pattern}") as (progress, _):
             if not plan:
                 done = run_comparison(pattern, asked, progress)

@@ -56,6 +56,10 @@ class Commands(click.Group):
                 rest.append(word)
         return super().parse_args(ctx, own + rest)
 
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        cmd.epilog = f"As of every command: {', '.join(GROUP_OPTIONS)} DIR (see `workbench -h`)."
+        super().add_command(cmd, name)
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     shell_complete=parameter_names,
 )
 @click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
-@click.option("--time-limit", type=float, help="Seconds for each solve.")
+@click.option("--time-limit", type=float, help="Seconds for each solve; `compare` also kills a method that heeds none.")
 @click.option("--seed", type=int, default=0, help="Seed of the random generator.")
 @click.option("--verbose", is_flag=True, help="Let the solver print.")
 @click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
@@ -69,6 +69,7 @@ def run(
         raise click.UsageError("--verbose lets solvers print all at once; leave out it or --jobs")
     parameters = settings_of(settings)
     entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
+    registry().import_methods()
     tell_unfit()
     chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
     if not chosen:
