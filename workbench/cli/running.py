@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     shell_complete=parameter_names,
 )
 @click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
-@click.option("--time-limit", type=float, help="Seconds for each solve; `compare` also kills a method that heeds none.")
+@click.option("--time-limit", type=float, help="Seconds for each solve, for methods that heed it.")
 @click.option("--seed", type=int, default=0, help="Seed of the random generator.")
 @click.option("--verbose", is_flag=True, help="Let the solver print.")
 @click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
