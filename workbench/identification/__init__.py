@@ -68,6 +68,7 @@ from workbench.identification.responses.periodic_local import (
     PeriodicLocalResponse,
     PeriodicStream,
     periodic_local_polynomial,
+    periodic_local_rational,
 )
 from workbench.identification.responses.spectral import SpectralResponse, spectral_response
 from workbench.identification.responses.step import step_response
@@ -142,6 +143,7 @@ __all__ = [
     "parameter_evolution",
     "parameter_methods",
     "periodic_local_polynomial",
+    "periodic_local_rational",
     "polynomial_methods",
     "random_multisine",
     "rational_model_methods",
