@@ -26,7 +26,7 @@ from workbench.accuracy import (
     AccuracyRange,
 )
 from workbench.certificate import Certificate, Check, Gap, quantified
-from workbench.errors import InputError, RegistryError, UnknownNameError
+from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
@@ -120,6 +120,14 @@ class Task(ABC):
     def from_dataset(self, data: Dataset) -> Any:
         """The answer, read back."""
         return data
+
+    @classmethod
+    def answer_type(cls) -> str:
+        """Name of the type of its answers: what `from_dataset` is annotated with, or "Dataset"."""
+        if cls.from_dataset is Task.from_dataset:
+            return "Dataset"
+        told = cls.from_dataset.__annotations__.get("return", "what from_dataset returns")
+        return told if isinstance(told, str) else str(told.__name__)
 
     @abstractmethod
     def respond(self, method: str | None, context: Context) -> Claim:
@@ -229,7 +237,16 @@ class Program(Task):
     # --- its methods ------------------------------------------------------------------------------
 
     def respond(self, method: str | None, context: Context) -> Claim:
-        return find_method(self, method).answer(self, context)
+        chosen = find_method(self, method)
+        claim = chosen.answer(self, context)
+        match claim:
+            case (_, Outcome(), str()):
+                return claim
+        raise SolverError(
+            f"method {chosen.name!r} of {type(self).__name__} returned {_described(claim)}; "
+            f"it must return three things: its answer ({self.answer_type()}) or None, an Outcome "
+            "such as Outcome.SOLVED, and a text, which may be empty"
+        )
 
     def claims_optimum(self, method: str | None) -> bool:
         return find_method(self, method).optimal
@@ -239,6 +256,13 @@ class Program(Task):
 
     def judging_tolerance(self, method: str | None, tolerance: float) -> float:
         return find_method(self, method).judging_tolerance(tolerance)
+
+
+def _described(value: Any) -> str:
+    """What a value is, in a few words: None, (float, float), Dataset."""
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_described, value))})"
+    return "None" if value is None else type(value).__name__
 
 
 # --- methods ----------------------------------------------------------------------------------

@@ -198,6 +198,12 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     return Solution(answer, claim, message, None, seconds, trace, note, task=task)
 
 
+def _asked(task: Task, method: str | None) -> str:
+    """The method that was asked, or the Study itself, as a subject of a sentence."""
+    name = type(task).__name__
+    return f"method {method!r} of {name}" if method else name
+
+
 def judge(task: Task, method: str | None, said: Solution, context: Context) -> Solution:
     """What a method said, with the certificate of its answer, or of there being none."""
     if said.answer is None:
@@ -209,7 +215,10 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         answer = task.witnessed(said.answer)
         certificate = task.certify(answer, tolerance, optimal=optimal)
     except Exception as error:
-        reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
+        reason = (
+            f"the answer cannot be checked ({type(error).__name__}: {error}): {_asked(task, method)} "
+            f"returned a {type(said.answer).__name__}; {task.answer_type()} is needed"
+        )
         message = f"{reason}; the method said: {said.message}" if said.message else reason
         return replace(said, answer=None, message=message, trace=traceback.format_exc())
     seconds = {**said.seconds, "check": time.perf_counter() - start}

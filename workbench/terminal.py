@@ -53,6 +53,26 @@ def row(one: Run) -> dict[str, Any]:
     }
 
 
+def print_results(runs: Sequence[Run]) -> None:
+    """When each stored run was made, its method, certificate, and what it was asked beside the
+    defaults."""
+    from workbench.bench.departures import departures
+
+    rows = [
+        [
+            one.problem,
+            one.method or "-",
+            one.headline,
+            _word(one),
+            one.info["started"][:16].replace("T", " "),
+            " ".join(f"{name}={value}" for name, value in departures(one).items()),
+        ]
+        for one in runs
+    ]
+    heads = ["problem", "method", "key metric", "certificate", "started [UTC]", "not default"]
+    print_table(heads, rows)
+
+
 def print_runs(runs: Sequence[Run]) -> None:
     """Problem, method, key metric, certificate and seconds of every run."""
     rows = [

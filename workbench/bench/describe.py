@@ -22,6 +22,8 @@ class Description:
     help: str
     parameters: dict[str, str]
     methods: dict[str, str]
+    answer: str
+    """Name of the type of the answer that a method returns; empty for a Study."""
     data: tuple[str, ...]
     slow: bool
 
@@ -32,6 +34,8 @@ class Description:
             if table:
                 width = max(map(len, table))
                 lines += [title, *(f"  {key:<{width}}  {text}" for key, text in table.items()), ""]
+        if self.answer:
+            lines += ["answer", f"  {self.answer}", ""]
         if self.data:
             lines += ["data", *(f"  {name}" for name in self.data), ""]
         return "\n".join(lines).rstrip()
@@ -46,8 +50,9 @@ def describe(problem: Problem) -> Description:
         name: _described(one, problem.hint(name)) for name, one in problem.parameters.items()
     }
     kind = problem.hint("return")
-    listed = {}
+    listed, answer = {}, ""
     if inspect.isclass(kind) and issubclass(kind, Program):
+        answer = kind.answer_type()
         for name, entry in methods(kind).items():
             claim = " [claims the optimum]" if entry.optimal else ""
             own = problem.settings.method or kind.default_method
@@ -60,6 +65,7 @@ def describe(problem: Problem) -> Description:
         problem.entry.help,
         parameters,
         listed,
+        answer,
         problem.settings.data,
         problem.entry.slow,
     )

@@ -65,6 +65,12 @@ class Problem:
         return {n: p for n, p in self.signature.parameters.items() if n not in fixed}
 
     @property
+    def defaults(self) -> dict[str, Any]:
+        """Values of the parameters that a user need not set."""
+        empty = inspect.Parameter.empty
+        return {n: p.default for n, p in self.parameters.items() if p.default is not empty}
+
+    @property
     def folder(self) -> Path:
         """The plant's folder: data files are named from it."""
         return self.entry.folder

@@ -8,7 +8,7 @@ import workbench
 from workbench.bench.project import registry, results_root
 from workbench.cli.group import AS_JSON, main, tell_unfit
 from workbench.guidance.completion import problem_names
-from workbench.terminal import print_json, print_runs, row
+from workbench.terminal import print_json, print_results, row
 
 
 @main.command("list")
@@ -55,7 +55,10 @@ def cite(name: str) -> None:
 @click.argument("pattern", default="*", shell_complete=problem_names)
 @AS_JSON
 def results(pattern: str, as_json: bool) -> None:
-    """The stored results of the problems that fit PATTERN."""
+    """The stored results of the problems that fit PATTERN.
+
+    When each was made, and the parameters and options that are not the default ones.
+    """
     from workbench.bench.results import damaged
 
     runs = workbench.results(pattern)
@@ -64,6 +67,6 @@ def results(pattern: str, as_json: bool) -> None:
     if as_json:
         print_json([row(one) for one in runs])
     elif runs:
-        print_runs(runs)
+        print_results(runs)
     else:
         click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")

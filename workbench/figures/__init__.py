@@ -108,7 +108,8 @@ def phase(response: np.ndarray) -> np.ndarray:
 def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
     """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic.
 
-    Ticks of logarithmic axes are plain numbers from 0.001 to 10,000, and powers of ten beyond.
+    Ticks of a logarithmic axis are plain numbers where all lie from 0.001 to 10,000; otherwise all
+    are powers of ten.
     """
     for axis in log:
         getattr(panel, f"set_{axis}scale")("log")
@@ -124,22 +125,33 @@ def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "")
 
 NARROW_AXIS = 1.3
 """Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
+PLAIN_DECADES = (-3, 4)
+"""Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""
 
 
 def _log_tick(axis: Any, minor: bool) -> Any:
     """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
     from matplotlib.ticker import FuncFormatter
 
+    def decades() -> tuple[float, float]:
+        low, high = np.log10(np.maximum(np.sort(axis.get_view_interval()), np.finfo(float).tiny))
+        return float(low), float(high)
+
     def narrow() -> bool:
-        low, high = axis.get_view_interval()
-        return bool(low > 0 and np.log10(high / low) <= NARROW_AXIS)
+        low, high = decades()
+        return high - low <= NARROW_AXIS
+
+    def plain() -> bool:
+        low, high = decades()
+        first = math.floor(low) if narrow() else math.ceil(low - 1e-9)
+        return first >= PLAIN_DECADES[0] and math.floor(high + 1e-9) <= PLAIN_DECADES[1]
 
     def text(value: float, place: int | None = None) -> str:
         exponent = math.floor(math.log10(value) + 1e-9)
         digit = round(value / 10.0**exponent)
         if minor and not (digit in (2, 5) and narrow()):
             return ""
-        if -3 <= exponent <= 4:
+        if plain():
             return f"{value:g}"
         factor = "" if digit == 1 else rf"{digit}\times"
         return rf"${factor}10^{{{exponent}}}$"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.bench.comparison.layout import METHOD
+from workbench.bench.comparison.layout import METHOD, tried
 from workbench.bench.comparison.layout import seconds as wall_seconds
 from workbench.bench.comparison.numbers import certified, largest_gap, quartiles
 from workbench.bench.comparison.styles import WIDTH, Look, keys, legend, shortened
@@ -16,8 +16,8 @@ from workbench.heavy_types import Axes, Dataset, Figure
 
 LINEAR = 1e-12
 """Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
-EDGE = 10.0
-"""Gap at which larger ones, missing bounds and wrong answers are drawn: the edge of the axis."""
+NONE_ABOVE = 2
+"""Decades above the largest gap at which cells without a gap are drawn, in a row of their own."""
 MOST_PANELS = 6
 """Most problems that get a panel each; more share one."""
 SIZES = (3.5, 5.5, 8.0, 10.0)
@@ -25,32 +25,33 @@ SIZES = (3.5, 5.5, 8.0, 10.0)
 
 
 def accuracy_against_time(data: Dataset, looks: dict[str, Look]) -> Figure:
-    """Certified gap over wall time on a scale with both signs; an exact answer lies in its middle.
+    """Certified gap over wall time; the axis has negative gaps only where there are some.
 
-    A gap below zero is an answer beyond its bound, as wrong as one above it. Markers are filled
-    where the verdict is certified, hollow elsewhere, and crossed where the claim is wrong or
-    contradicts another certificate. Horizontal bars are quartiles over repetitions.
+    A gap below zero is an answer beyond its bound, as wrong as one above it. Cells without a gap,
+    since there is no answer, no valid one or no bound, stand in a row of their own above. Markers
+    are filled where the verdict is certified, hollow elsewhere, and crossed where the claim is
+    wrong or contradicts another certificate. Horizontal bars are quartiles over repetitions.
     """
     names = [str(name) for name in data["problem"].values]
     alone = len(names) <= MOST_PANELS
-    columns = min(2, len(names)) if alone else 1
+    columns = 1 if not alone else 3 if len(names) in (3, 5, 6) else min(2, len(names))
     lines = -(-len(names) // columns) if alone else 1
     figure, panels = figures.axes(
         lines, columns, size=(WIDTH, 0.5 + 3.0 * lines if alone else 4.6), sharex=True, sharey=True
     )
-    gaps = np.asarray(data["gap"].values, dtype=float)
+    row = _row_of_none(data)
     for i, name in enumerate(names):
         panel = panels[i if alone else 0]
         for j, method in enumerate(data[METHOD].values):
-            _method(panel, data, (i, j), looks[str(method)], joined=alone)
-        panel.set_title(shortened(name) if alone else f"{len(names)} problems", fontsize=10)
-    known = np.abs(gaps[np.isfinite(gaps)])
-    top = EDGE * 3 if np.nanmax(np.abs(gaps)) > 1e-2 else max(1e-6, 30 * known.max(initial=0.0))
-    for panel in panels:
-        _gap_axis(panel, top)
+            _method(panel, data, (i, j), looks[str(method)], row, joined=alone)
+        panel.set_title(
+            shortened(name, 90 // columns) if alone else f"{len(names)} problems", fontsize=10
+        )
+    _gap_axes(panels, row)
     for place, panel in enumerate(panels):
         below = place + columns < len(names) and alone
         panel.set_xlabel("" if below else "statement and solve [s]")
+        panel.tick_params(labelbottom=not below)
         panel.set_ylabel("" if place % columns else "certified gap [relative]")
         panel.set_visible(place < len(names) or not alone)
     shown = {str(name): looks[str(name)] for name in data[METHOD].values}
@@ -58,23 +59,32 @@ def accuracy_against_time(data: Dataset, looks: dict[str, Look]) -> Figure:
     return figure
 
 
+def _row_of_none(data: Dataset) -> float:
+    """Height of cells without a gap: a power of ten above every gap, and at least above 1e-6."""
+    gaps = np.abs(np.asarray(data["gap"].values, dtype=float))
+    largest = max(1e-6, float(gaps[np.isfinite(gaps)].max(initial=0.0)))
+    return float(10.0 ** (np.ceil(np.log10(largest)) + NONE_ABOVE))
+
+
 def _method(
-    panel: Axes, data: Dataset, place: tuple[int, int], look: Look, *, joined: bool
+    panel: Axes, data: Dataset, place: tuple[int, int], look: Look, row: float, *, joined: bool
 ) -> None:
-    """The cells of one problem by one method: a marker for each accuracy level."""
+    """The cells of one problem by one method: a marker for each accuracy level.
+
+    Those without a gap are drawn at the height ``row``.
+    """
     low, time, high = quartiles(np.asarray(wall_seconds(data).values[place], dtype=float))
     gaps = np.asarray(data["gap"].values[place], dtype=float)
     gap = np.array([largest_gap(row) for row in gaps])
     verdicts = data["verdict"].values[place]
-    gap[np.isnan(gap) & (verdicts == WRONG).any(axis=-1)] = EDGE  # an invalid answer has no gap
-    known = np.isfinite(time) & ~np.isnan(gap)
-    drawn = np.clip(gap, -EDGE, EDGE)
+    drawn = np.where(np.isfinite(gap), gap, row)
+    known = np.isfinite(gap) & np.isfinite(time)
     if joined:
         panel.plot(
             time[known], drawn[known], linestyle=look.line, linewidth=0.8, alpha=0.7, **look.drawn
         )
     every = certified(data)[place].all(axis=-1)
-    for k in map(int, np.flatnonzero(known)):
+    for k in map(int, np.flatnonzero(tried(data)[place].any(axis=-1) & np.isfinite(time))):
         if high[k] > low[k]:
             panel.plot([low[k], high[k]], [drawn[k]] * 2, linewidth=1.0, **look.drawn)
         size = SIZES[min(k, len(SIZES) - 1)]
@@ -84,31 +94,33 @@ def _method(
         )
         if np.isin(verdicts[k], (WRONG, CONTRADICTION)).any():
             panel.plot(
-                time[k], drawn[k], "x", markersize=size + 5, markeredgewidth=1.5,
-                color=figures.BLACK, gid=look.drawn["gid"],
-            )  # fmt: skip
+                time[k], drawn[k], "x", markersize=size + 5, markeredgewidth=1.5, **look.drawn
+            )
 
 
-def _gap_axis(panel: Axes, top: float) -> None:
-    """A symmetric axis of gaps, logarithmic on either side of zero, and times on a log scale."""
-    panel.set_yscale("symlog", linthresh=LINEAR, linscale=0.7)
-    exponents = [e for e in (-9, -6, -3, 0) if 10.0**e < top]
-    ticks = [0.0, *(sign * 10.0**e for sign in (-1, 1) for e in exponents)]
-    panel.set_yticks(sorted(ticks))
-    panel.set_yticks([], minor=True)
-    panel.yaxis.set_major_formatter(_gap_label)
-    panel.set_ylim(-top, top)
-    panel.axhline(0.0, color=figures.BLACK, linewidth=0.8, zorder=0)
-    if any(line.get_gid() for line in panel.get_lines()):  # the line at zero has no time
-        figures.label(panel, log="x")
+def _gap_axes(panels: list[Axes], row: float) -> None:
+    """Gaps on a scale that is logarithmic on either side of zero, and times on a log scale."""
+    lines = [line for panel in panels for line in panel.get_lines()]
+    drawn = np.concatenate([np.zeros(1), *(np.asarray(line.get_ydata()) for line in lines)])
+    lowest, highest = drawn.min(), row / 10.0**NONE_ABOVE
+    ticks = [0.0, *(sign * 10.0**e for sign in (-1, 1) for e in range(-9, 9, 3))]
+    named = {tick: _gap_label(tick) for tick in ticks if lowest <= tick <= highest}
+    if (drawn == row).any():
+        named[row] = "none"
+    for panel in panels:
+        if panel.get_lines():
+            figures.label(panel, log="x")
+        panel.set_yscale("symlog", linthresh=LINEAR, linscale=0.7)
+        panel.set_yticks([*named], [*named.values()])
+        panel.set_yticks([], minor=True)
+        panel.set_ylim(min(10 * lowest, -LINEAR), 5 * (row if row in named else highest))
+        panel.axhline(0.0, color=figures.BLACK, linewidth=0.8, zorder=0)
 
 
-def _gap_label(value: float, place: float | None = None) -> str:
+def _gap_label(value: float) -> str:
     if value == 0:
         return "0"
-    exponent = round(np.log10(abs(value)))
-    sign = "-" if value < 0 else ""
-    return f"{sign}1" if exponent == 0 else rf"${sign}10^{{{exponent}}}$"
+    return rf"${'-' if value < 0 else ''}10^{{{round(np.log10(abs(value)))}}}$"
 
 
 def _explained(data: Dataset) -> list[Any]:
@@ -124,6 +136,5 @@ def _explained(data: Dataset) -> list[Any]:
     found.append(key("not certified", markersize=5.5, markerfacecolor="none"))
     crossed = np.isin(data["verdict"].values, (WRONG, CONTRADICTION)).any()
     if crossed:
-        black = {"color": figures.BLACK, "markeredgewidth": 1.5}
-        found.append(key("wrong or contradiction", marker="x", markersize=9, **black))
+        found.append(key("wrong or contradiction", marker="x", markersize=9, markeredgewidth=1.5))
     return found

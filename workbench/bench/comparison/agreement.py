@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workbench import figures
@@ -12,6 +14,8 @@ from workbench.heavy_types import Dataset, Figure
 
 LEAST, MOST = 1e-12, 1.0
 """Ends of the colour scale: differences beyond have the colour of the end."""
+MOST_LETTERS = 50
+"""Letters that have room side by side below the columns."""
 DARK = 1e-6
 """Differences below are written in white, on the dark half of the scale."""
 
@@ -19,38 +23,43 @@ DARK = 1e-6
 def agreement_matrix(data: Dataset) -> Figure:
     """Largest relative difference of the objectives of valid answers, for each pair of methods.
 
-    Over all problems and repetitions that both answered at the finest accuracy level; a cross where
-    there is none. The text in a cell is the difference.
+    Over all problems and repetitions that both answered at the finest accuracy level; "none" where
+    there is no such problem. The text in a cell is the difference.
     """
     from matplotlib.colors import LogNorm
 
     names = [str(name) for name in data[METHOD].values]
     finest = int(np.argmin(data["tolerance"].values))
     apart = disagreements(data.isel(accuracy=[finest]))
-    side = 1.6 + 0.52 * len(names)
-    # As wide as the figures beside it, or letters would be larger than theirs.
-    figure, (panel,) = figures.axes(size=(max(side + 1.2, WIDTH), max(side, 3.4)))
+    figure, (panel,) = figures.axes(size=(WIDTH, max(1.2 + 0.4 * len(names), 2.8)))
     clipped = np.ma.masked_invalid(np.clip(apart, LEAST, MOST))
-    shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis")
+    shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis", aspect="auto")
     for i, j in np.ndindex(*apart.shape):
         value = float(apart[i, j])
-        text = "x" if np.isnan(value) else _short(value)
+        text = "none" if np.isnan(value) else _short(value)
         dark = np.isfinite(value) and value < DARK
         panel.text(
             j, i, text, ha="center", va="center", fontsize=8, gid=f"{GID}{names[i]}",
             color="white" if dark else figures.BLACK,
         )  # fmt: skip
     panel.grid(False)
-    panel.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor")
+    panel.set_xticks(range(len(names)), names, **_turned(names))
     panel.set_yticks(range(len(names)), names)
     panel.set_xlabel("method")
     panel.set_ylabel("method")
-    bar = figure.colorbar(shown, ax=panel, extend="both", shrink=0.9)
+    bar = figure.colorbar(shown, ax=panel, extend="both")
     bar.set_label("largest difference [relative]")
-    panel.set_title(f"objectives at {data['accuracy'].values[finest]}")
+    panel.set_title(f"objectives of valid answers, {data['accuracy'].values[finest]} accuracy")
     bar.ax.set_yticks([1e-12, 1e-9, 1e-6, 1e-3, 1.0])
     bar.ax.minorticks_off()
     return figure
+
+
+def _turned(names: list[str]) -> dict[str, Any]:
+    """Keywords of labels below the columns, which are turned where they would meet."""
+    if max(map(len, names)) * len(names) <= MOST_LETTERS:
+        return {}
+    return {"rotation": 45, "ha": "right", "rotation_mode": "anchor"}
 
 
 def _short(value: float) -> str:

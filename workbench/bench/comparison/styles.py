@@ -10,7 +10,8 @@ from workbench.bench.comparison.layout import METHOD
 from workbench.figures import CYCLE
 from workbench.heavy_types import Axes, Dataset, Figure
 
-MARKERS = "osD^vPX<>*hd"
+MARKERS = "osD^vp<>*hdP"
+"""None is a cross, which marks a false claim."""
 LINES = ("-", "--", "-.", ":")
 GID = "method:"
 """Prefix of the id of everything drawn for a method, by which a page shows or hides it."""

@@ -1,4 +1,4 @@
-"""Tables in Markdown as HTML with captions and scopes."""
+"""Tables and code in Markdown as HTML, tables with captions and scopes."""
 
 from __future__ import annotations
 
@@ -6,15 +6,33 @@ import re
 
 from markupsafe import Markup, escape
 
+FENCE = "```"
+"""The start of a line above and below a block of code."""
 LONGEST_CAPTION = 90
 """A longer line above a table is a paragraph of its own, not the table's caption."""
+LONGEST_CELL = 32
+"""A longer text in a cell is broken into lines, so that its table needs less room."""
 
 
 def tables_as_html(markdown: str, name: str) -> Markup:
-    """The pipe tables of a Markdown text as HTML, its other lines as paragraphs.
+    """The pipe tables and fenced code of a Markdown text as HTML, its other lines as paragraphs.
 
-    Every table has a caption: the name, and what a short line above it says.
+    Every table has a caption: the name, and what a short line above it says. So has code, which
+    keeps its lines and spaces.
     """
+    html = Markup("")
+    for place, part in enumerate(re.split(rf"^{FENCE}.*\n?", markdown, flags=re.MULTILINE)):
+        if place % 2:
+            html += Markup(
+                '<p class="caption">{}</p><pre tabindex="0"><code>{}</code></pre>'
+            ).format(name, part)
+        else:
+            html += _tables_and_paragraphs(part, name)
+    return html
+
+
+def _tables_and_paragraphs(markdown: str, name: str) -> Markup:
+    """A part of a text without code."""
     html, rows, line_above = Markup(""), list[list[str]](), ""
     for line in [*markdown.splitlines(), ""]:
         if line.startswith("|"):
@@ -52,10 +70,11 @@ def _table(rows: list[list[str]], caption: str) -> Markup:
     numeric = [mark.endswith(":") for mark in rule]
 
     def cell(text: str, right: bool, tag: str, scope: str = "") -> Markup:
+        looks = "num" if right else "long" if len(text) > LONGEST_CELL else ""
         start = Markup("<{}{}{}>").format(
             Markup(tag),
             Markup(' scope="{}"').format(scope) if scope else "",
-            Markup(' class="num"') if right else "",
+            Markup(' class="{}"').format(looks) if looks else "",
         )
         return start + _spans(text) + Markup("</{}>").format(Markup(tag))
 

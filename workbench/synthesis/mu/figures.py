@@ -44,10 +44,15 @@ def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     """
     count = np.arange(1, len(history) + 1)
     figure, (peaks, orders) = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
-    peaks.plot(count, [each.peak for each in history], "o-", label="peak of mixed mu")
     levels = [each.level for each in history]
     if np.isfinite(levels).any():  # a structured controller has none
-        peaks.plot(count, levels, "s:", label="H-infinity level")
+        # Hollow and below the peaks, which it often equals.
+        hollow = {"markerfacecolor": "none", "markersize": 8, "color": figures.ORANGE}
+        peaks.plot(count, levels, "s:", label="H-infinity level", **hollow)
+    peaks.plot(
+        count, [each.peak for each in history], "o-",
+        color=figures.BLUE, markersize=4, label="peak of mixed mu",
+    )  # fmt: skip
     peaks.axhline(peak, color="0.4", linewidth=0.8, label="certified, best")
     worst = max((each.peak for each in history), default=peak)
     orders.bar(count, [each.order for each in history], color=figures.SKY)
