@@ -23,6 +23,8 @@ PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
     "distillation": distillation_column,
     "unstable-first-order": unstable_first_order,
 }
+MASS_SPRING_UNITS = {"d": "1", "n": "1", "u": "N", "y": "m"}
+"""Units of signals where the plant has any: its weights take d and n without one."""
 After = Literal["", "dk", "mu-dk", "dgk"]
 
 
@@ -52,7 +54,9 @@ def controller(
     None: not.
     """
     chosen = PLANTS[plant]()
-    return MuSynthesis(chosen, start=_started(chosen, start, order))
+    unitless = dict.fromkeys((*chosen.system.input_labels, *chosen.system.output_labels), "1")
+    units = MASS_SPRING_UNITS if plant == "mass-spring" else unitless
+    return MuSynthesis(chosen, start=_started(chosen, start, order), units=units)
 
 
 def _started(plant: GeneralisedPlant, start: Run | None, order: int | None) -> StateSpace | None:

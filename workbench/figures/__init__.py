@@ -92,8 +92,9 @@ def numbered(figure: Figure, *numbers: str) -> Figure:
     The same figure is returned. It stays as it is where it says them already, or without numbers.
     """
     before = figure.get_suptitle()
+    said = " ".join([before, *(panel.get_title() for panel in figure.axes)])
     words = ("Figure " if len(numbers) == 1 else "Figures ") + ", ".join(numbers)
-    if not numbers or all(re.search(rf"\b{re.escape(one)}\b", before) for one in numbers):
+    if all(re.search(rf"\b{re.escape(one)}\b", said) for one in numbers):
         return figure
     figure.suptitle(f"{words}\n{before}" if before else words, fontsize=11)
     return figure
@@ -123,7 +124,7 @@ def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "")
             ticked.set_minor_formatter(_log_tick(ticked, minor=True))
 
 
-NARROW_AXIS = 1.3
+NARROW_AXIS = 1.6
 """Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
 PLAIN_DECADES = (-3, 4)
 """Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""

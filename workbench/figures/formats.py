@@ -49,6 +49,8 @@ def lay_out(figure: Figure) -> None:
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
+        if any(panel.get_aspect() != "auto" for panel in figure.axes):
+            engine.execute(figure)  # the first pass did not know how large such panels become
         figure.set_layout_engine("none")
 
 

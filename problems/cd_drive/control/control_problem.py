@@ -58,6 +58,10 @@ def performance_function(axis: Axis, speed: float = 1.0) -> Rational:
     return Rational(np.array(zeros), np.array(poles), 1 / M)
 
 
+SIGNAL_UNITS = {"w": "m", "w_p": "m", "w_u": "m", "f_en": "units", "u": "V"}
+"""Units of the loop's signals, for figures."""
+
+
 def control_weight(axis: Axis) -> StateSpace:
     """W_u = 1 / (100 K_optn) of section 6.3, u [V] -> z_u."""
     return _gain(control_gain(axis))

@@ -19,6 +19,7 @@ from ..drive.plants import Gain
 from ..drive.plants import controller as reference
 from ..drive.shared_parameters import TABLES, Frequencies
 from ..drive.tables import Axis
+from .control_problem import SIGNAL_UNITS
 from .design import CoverMethod, UncertaintyForm, cover_of, synthesis_plant, uncertainty
 
 After = Literal["", "reference", "dk", "mu-dk", "dgk"]
@@ -72,4 +73,4 @@ def controller(
         if K is None:
             raise InputError(f"order = {order} reduces a controller: say after which")
         K = approximated(K, order, plant=plant)
-    return LoopController(plant, start=K)
+    return LoopController(plant, start=K, units=SIGNAL_UNITS)

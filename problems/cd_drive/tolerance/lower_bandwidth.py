@@ -23,6 +23,7 @@ from workbench.systems import loop_response
 from workbench.systems.storage import stored
 
 from ..control.loops import plants
+from ..control.control_problem import SIGNAL_UNITS
 from ..control.trade_off import CHANNELS, TradeOff
 from ..drive.photo_diodes import CAPTURE
 from ..drive.plants import controller as reference
@@ -75,7 +76,9 @@ def lower_bandwidth(
     plant = TradeOff(axis, defect_mm / 1e3).uncertain.channel(CHANNELS, "w")
     relaxed = CAPTURE[axis] / ACCEPTABLE_ERROR[axis]
     weights = [1 / relaxed, share, roll_off()]
-    return LowerBandwidth(plant.weighted(weights), start=K, family=LeadLag.of(K)[0], axis=axis)
+    return LowerBandwidth(
+        plant.weighted(weights), start=K, family=LeadLag.of(K)[0], axis=axis, units=SIGNAL_UNITS
+    )
 
 
 def roll_off() -> StateSpace:

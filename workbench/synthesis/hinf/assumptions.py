@@ -23,6 +23,9 @@ from workbench.systems.minimal import ZERO_ROUNDING
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
+ADDED = "regular_"
+"""How names of the signals begin that `regularised` adds."""
+
 
 def checked(plant: StandardPlant) -> Scaled:
     """Test every assumption, and return the plant scaled and in continuous time.
@@ -213,4 +216,4 @@ def _fastest(A: RealArray) -> float:
 
 def _names(kind: str, rows: RealArray) -> list[str]:
     """Names of added signals."""
-    return [f"regular_{kind}{i}" for i in range(len(rows))]
+    return [f"{ADDED}{kind}{i}" for i in range(len(rows))]

@@ -26,12 +26,12 @@ def loop(closed: StateSpace, gamma: float) -> Figure:
     return figure
 
 
-def controller(K: StateSpace, closed: StateSpace) -> Figure:
+def controller(K: StateSpace, closed: StateSpace, unit: str = "") -> Figure:
     """Figure of the singular values of K (|K| of a scalar K) over the frequencies of the loop."""
     figure, (panel,) = figures.axes()
     _singular_values(panel, K, grid(closed))
     if K.issiso():
-        figures.label(panel, y="$|K|$")
+        figures.label(panel, y=f"$|K|$ [{unit}]" if unit else "$|K|$")
         return figure
     figures.label(panel, y="singular values of $K$")
     figures.legend_below(figure, panel)

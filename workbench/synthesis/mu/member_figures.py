@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from workbench import figures
 from workbench.arrays import RealArray
 from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.structure import Structure
+from workbench.synthesis.hinf.assumptions import ADDED
 from workbench.synthesis.hinf.figures import grid
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart
@@ -26,6 +27,8 @@ MOST_PANELS = 3
 """Most signals in a column of panels, and most inputs in a row."""
 POINTS = 400
 """Instants of a step response."""
+LONGEST_IN_MS = 0.1
+"""Duration [s] below which times are told in milliseconds."""
 AT_REST = 0.05
 """Distance from the final value, over the largest one, from which on a step response has ended."""
 
@@ -56,6 +59,7 @@ class DrawnLoops:
     """The nominal loop and random ones, from exogenous inputs to performance, y and u.
 
     ``performance`` counts the outputs that stand first; the measurements and the controls follow.
+    ``units`` are those of signals, by name, as far as they are known.
     """
 
     nominal: StateSpace
@@ -63,9 +67,12 @@ class DrawnLoops:
     performance: int
     inputs: Sequence[str]
     outputs: Sequence[str]
+    units: Mapping[str, str]
 
 
-def drawn_loops(plant: GeneralisedPlant, K: StateSpace) -> DrawnLoops:
+def drawn_loops(
+    plant: GeneralisedPlant, K: StateSpace, units: Mapping[str, str] | None = None
+) -> DrawnLoops:
     """The loop of the nominal plant, and of random plants of the set where there is one."""
     import control
 
@@ -85,10 +92,10 @@ def drawn_loops(plant: GeneralisedPlant, K: StateSpace) -> DrawnLoops:
     inputs = given.input_labels[columns : given.ninputs - u]
     outputs = [*given.output_labels[rows:], *given.input_labels[-u:]]
     if plant.structure is None:
-        return DrawnLoops(loop, (), plant.performance, inputs, outputs)
+        return DrawnLoops(loop, (), plant.performance, inputs, outputs, units or {})
     found = uncertain(_Loop(loop, plant.structure))
     random = found.sample(MEMBERS)
-    return DrawnLoops(found.nominal, random, plant.performance, inputs, outputs)
+    return DrawnLoops(found.nominal, random, plant.performance, inputs, outputs, units or {})
 
 
 def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
@@ -119,26 +126,39 @@ def performance_figure(loops: DrawnLoops, peak: float) -> Figure:
 
 
 def steps_figure(loops: DrawnLoops) -> Figure:
-    """Measurements and controls after a unit step of each exogenous input."""
+    """Measurements and controls after a unit step of each exogenous input.
+
+    Inputs that `regularised` added are no signals of the loop and left out where there are others.
+    """
     first = loops.performance
     shown = range(first, len(loops.outputs))[:MOST_PANELS]
-    steps = range(len(loops.inputs))[:MOST_PANELS]
+    own = [k for k, name in enumerate(loops.inputs) if not name.startswith(ADDED)]
+    steps = (own or list(range(len(loops.inputs))))[:MOST_PANELS]
     stable = [one for one in loops.random if worst_pole(one)[1] < 0]
     size = (max(7.0, 3.6 * len(steps)), 1.2 + 2.2 * len(shown))
     figure, panels = figures.axes(len(shown), len(steps), size=size, sharex="col")
     for column, step in enumerate(steps):
         part = [one[first:, step] for one in (*stable, loops.nominal)]
         time = _instants(part[-1])
+        scale, second = (1e3, "ms") if time[-1] < LONGEST_IN_MS else (1.0, "s")
         for one in part:
             values = _step(one, time)
             for row, signal in enumerate(shown):
                 panel = panels[row * len(steps) + column]
-                _line(panel, one is part[-1], time, values[:, signal - first])
-                figures.label(panel, y=loops.outputs[signal] if column == 0 else "")
-        figures.label(panels[column], title=f"unit step of {loops.inputs[step]}")
-        panels[(len(shown) - 1) * len(steps) + column].set_xlabel("time [s]")
+                _line(panel, one is part[-1], scale * time, values[:, signal - first])
+                figures.label(panel, y=_with_unit(loops, loops.outputs[signal], column))
+        name = loops.inputs[step]
+        unit = loops.units.get(name, "1")
+        words = "unit step of" if unit == "1" else f"step of 1 {unit} in"
+        figures.label(panels[column], title=f"{words} {name}")
+        panels[(len(shown) - 1) * len(steps) + column].set_xlabel(f"time [{second}]")
     _names(figure, panels[0], loops, len(stable))
     return figure
+
+
+def _with_unit(loops: DrawnLoops, name: str, column: int) -> str:
+    """Label of a signal's axis in the first column."""
+    return "" if column else f"{name} [{loops.units.get(name, 'its own unit')}]"
 
 
 def _line(panel: Axes, nominal: bool, x: RealArray, y: RealArray) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -134,6 +134,8 @@ class MuSynthesis(Program):
         Whether the controller itself must be stable.
     fastest_pole
         Largest size of the controller's poles [rad/s].
+    units
+        Units of exogenous inputs, measurements and controls by name, as figures show them.
 
     A method whose controller does not meet these demands hands over to "fixed", which carries them.
     Where no stable controller stabilises the plant, the answer is the proof of that (parity
@@ -185,6 +187,7 @@ class MuSynthesis(Program):
     order: int | None = field(default=None, kw_only=True)
     stable: bool = field(default=False, kw_only=True)
     fastest_pole: float | None = field(default=None, kw_only=True)
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "dk"
     headline: ClassVar[str] = "peak"
@@ -410,11 +413,18 @@ class MuSynthesis(Program):
         K = self.plant.named(restored(data, "controller"))
         return MuController(K, lower, upper, omega, history, found)
 
+    @property
+    def _gain_unit(self) -> str:
+        """Unit of a scalar controller; empty where that of its input or output is not known."""
+        system = self.plant.system
+        u, y = self.units.get(system.input_labels[-1]), self.units.get(system.output_labels[-1])
+        return f"{u}/{y}" if u and y else ""
+
     def figures(self, answer: MuController) -> dict[str, Figure]:
-        loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K)
+        loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K, self.units)
         found = {
             "mu": bounds_figure(loop, self.closed, answer.upper),
-            "controller": controller(answer.K, loop),
+            "controller": controller(answer.K, loop, self._gain_unit),
             "performance": performance_figure(loops, answer.upper),
             "steps": steps_figure(loops),
         }
