@@ -215,9 +215,10 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         answer = task.witnessed(said.answer)
         certificate = task.certify(answer, tolerance, optimal=optimal)
     except Exception as error:
+        came = f"{_asked(task, method)} returned a {type(said.answer).__name__}"
         reason = (
-            f"the answer cannot be checked ({type(error).__name__}: {error}): {_asked(task, method)} "
-            f"returned a {type(said.answer).__name__}; {task.answer_type()} is needed"
+            f"the answer cannot be checked ({type(error).__name__}: {error}): {came}, and "
+            f"{task.answer_type()} is needed"
         )
         message = f"{reason}; the method said: {said.message}" if said.message else reason
         return replace(said, answer=None, message=message, trace=traceback.format_exc())

@@ -49,6 +49,12 @@ def reduction(
     return ReductionCurve(plant, PLANTS[plant](), full, target)
 
 
+HIGHEST_SHOWN = 10.0
+"""Certified peak above which orders are left out of the figure."""
+HIGHEST_RATIO = 1.5
+"""Ratio to the highest refined peak above which reduced controllers are left out of the figure."""
+
+
 @dataclass(frozen=True, eq=False)
 class ReductionCurve(Study):
     """Certified peaks of every order, reduced alone and refined."""
@@ -133,8 +139,9 @@ class ReductionCurve(Study):
         panel.axhline(self.target, color="0.4", linewidth=0.8)
         title = f"{self.name}: what the order costs"
         figures.label(panel, "order of the controller", r"certified peak of $\mu$", title, log="y")
-        top = upper.sel(refined="refined")
-        finite = top.values[np.isfinite(top.values)]
-        panel.set_ylim(0.95 * float(upper.min()), min(10.0, 1.2 * float(finite.max())))
+        values = upper.values[upper.values <= HIGHEST_SHOWN]
+        refined = upper.sel(refined="refined").values
+        most = HIGHEST_RATIO * refined.max(where=refined <= HIGHEST_SHOWN, initial=self.target)
+        panel.set_ylim(0.95 * values.min(), 1.1 * values.max(where=values <= most, initial=0.0))
         figures.legend_below(figure, panel)
         return {"order": figure}

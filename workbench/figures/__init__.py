@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 from collections.abc import Mapping
 from functools import cache
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.figures.styles import current_style
+from workbench.figures.ticks import house_ticks
 from workbench.heavy_types import Axes, Figure
 
 # Okabe and Ito's colours, which colour-blind readers tell apart.
@@ -45,6 +45,8 @@ def _shown_figure() -> Any:
 
     class ShownFigure(Figure):
         def _repr_png_(self) -> bytes:
+            for panel in self.axes:
+                house_ticks(panel)
             file = io.BytesIO()
             self.savefig(file, format="png")
             return file.getvalue()
@@ -117,47 +119,7 @@ def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "")
     for words, put in ((x, panel.set_xlabel), (y, panel.set_ylabel), (title, panel.set_title)):
         if words:
             put(words)
-    scales = ((panel.get_xscale(), panel.xaxis), (panel.get_yscale(), panel.yaxis))
-    for scale, ticked in scales:
-        if scale == "log":
-            ticked.set_major_formatter(_log_tick(ticked, minor=False))
-            ticked.set_minor_formatter(_log_tick(ticked, minor=True))
-
-
-NARROW_AXIS = 1.6
-"""Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
-PLAIN_DECADES = (-3, 4)
-"""Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""
-
-
-def _log_tick(axis: Any, minor: bool) -> Any:
-    """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
-    from matplotlib.ticker import FuncFormatter
-
-    def decades() -> tuple[float, float]:
-        low, high = np.log10(np.maximum(np.sort(axis.get_view_interval()), np.finfo(float).tiny))
-        return float(low), float(high)
-
-    def narrow() -> bool:
-        low, high = decades()
-        return high - low <= NARROW_AXIS
-
-    def plain() -> bool:
-        low, high = decades()
-        first = math.floor(low) if narrow() else math.ceil(low - 1e-9)
-        return first >= PLAIN_DECADES[0] and math.floor(high + 1e-9) <= PLAIN_DECADES[1]
-
-    def text(value: float, place: int | None = None) -> str:
-        exponent = math.floor(math.log10(value) + 1e-9)
-        digit = round(value / 10.0**exponent)
-        if minor and not (digit in (2, 5) and narrow()):
-            return ""
-        if plain():
-            return f"{value:g}"
-        factor = "" if digit == 1 else rf"{digit}\times"
-        return rf"${factor}10^{{{exponent}}}$"
-
-    return FuncFormatter(text)
+    house_ticks(panel)
 
 
 def axis_label(values: Any, name: str) -> str:

@@ -22,8 +22,8 @@ from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_trans
 from workbench.systems import loop_response
 from workbench.systems.storage import stored
 
-from ..control.loops import plants
 from ..control.control_problem import SIGNAL_UNITS
+from ..control.loops import plants
 from ..control.trade_off import CHANNELS, TradeOff
 from ..drive.photo_diodes import CAPTURE
 from ..drive.plants import controller as reference

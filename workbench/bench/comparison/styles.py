@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from itertools import cycle, islice
 from typing import Any
 
-from workbench.bench.comparison.layout import METHOD
+import numpy as np
+
+from workbench.bench.comparison.layout import METHOD, asked_cells
 from workbench.figures import CYCLE
 from workbench.heavy_types import Axes, Dataset, Figure
 
@@ -39,15 +42,28 @@ class Look:
 def method_looks(data: Dataset) -> dict[str, Look]:
     """The look of every method of a comparison, by name.
 
-    Up to seven methods differ in colour, marker and line. Those that share a colour, seven apart,
-    differ in marker and line.
+    Up to seven methods of a Program differ in colour. Those of a Program that share a colour differ
+    in marker or line.
     """
     names = [str(name) for name in data[METHOD].values]
     lines = [LINES[(i + 2 * (i // len(CYCLE))) % len(LINES)] for i in range(len(names))]
     markers = islice(cycle(MARKERS), len(names))
-    colours = islice(cycle(CYCLE), len(names))
-    parts = zip(names, colours, markers, lines, strict=True)
+    parts = zip(names, _colours(data), markers, lines, strict=True)
     return {name: Look(name, *each) for name, *each in parts}
+
+
+def _colours(data: Dataset) -> list[str]:
+    """A colour for every method: the one that fewest methods of its Programs have, then fewest."""
+    here = asked_cells(data).any(axis=(2, 3))
+    programs = np.asarray(data["program"].values)
+    of_program = np.array([here[programs == one].any(axis=0) for one in np.unique(programs)])
+    found: list[int] = []
+    for method in range(data.sizes[METHOD]):
+        beside = of_program[of_program[:, method]].any(axis=0)[:method]
+        near = Counter(found[other] for other in np.flatnonzero(beside))
+        all_of = Counter(found)
+        found.append(min(range(len(CYCLE)), key=lambda one: (near[one], all_of[one], one)))
+    return [CYCLE[one] for one in found]
 
 
 def legend(figure: Figure, handles: list[Any], width: float = WIDTH) -> None:

@@ -294,6 +294,6 @@ class ExperimentDesign(Program):
             (self.even, "equal powers", figures.ORANGE),
         ):
             right.semilogy(watched, self.costs(power), color=colour, label=name)
-        figures.label(right, "watched frequency", "cost [1]")
+        figures.label(right, "number of the watched frequency", "cost [1]")
         figures.legend_below(figure, right)
         return {"spectrum": figure}

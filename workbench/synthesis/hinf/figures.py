@@ -12,6 +12,8 @@ from workbench.systems.generalised_plant import response
 
 GRID_POINTS = 400
 """Frequencies of a curve."""
+SMALLEST_SHARE = 1e-6
+"""Singular values below this share of the largest one are not shown."""
 DECADES_BEYOND = 1.5
 """Decades shown beyond the slowest and the fastest pole."""
 
@@ -69,10 +71,11 @@ def grid(closed: StateSpace) -> np.ndarray:
 
 
 def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None:
-    """Draw the singular values of a system's response."""
+    """Draw the singular values of a system's response, but those that are zero beside the first."""
     values = np.linalg.svd(response(system, omega), compute_uv=False)
-    for k, row in enumerate(values.T):
-        panel.loglog(omega / (2 * np.pi), np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
     largest = max(float(values.max()), 1e-290)
-    panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
+    seen = values[:, values.max(axis=0) > SMALLEST_SHARE * largest]
+    for k, row in enumerate(seen.T):
+        panel.loglog(omega / (2 * np.pi), np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
+    panel.set_ylim(max(float(seen.min()), SMALLEST_SHARE * largest) / 2, 3 * largest)
     figures.label(panel, "frequency [Hz]")

@@ -1,0 +1,62 @@
+"""Labels of the ticks of logarithmic axes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.heavy_types import Axes
+
+NARROW_AXIS = 1.7
+"""Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
+NARROWEST_AXIS = 0.5
+"""Decades of a logarithmic axis up to which every tick between powers of ten is labelled."""
+PLAIN_DECADES = (-3, 4)
+"""Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""
+
+
+def house_ticks(panel: Axes) -> None:
+    """Label the ticks of logarithmic axes alike; those that were given texts keep them."""
+    from matplotlib.ticker import LogFormatter
+
+    scales = ((panel.get_xscale(), panel.xaxis), (panel.get_yscale(), panel.yaxis))
+    for scale, ticked in scales:
+        if scale == "log" and isinstance(ticked.get_major_formatter(), LogFormatter):
+            ticked.set_major_formatter(_log_tick(ticked, minor=False))
+            ticked.set_minor_formatter(_log_tick(ticked, minor=True))
+
+
+def _log_tick(axis: Any, minor: bool) -> Any:
+    """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
+    from matplotlib.ticker import FuncFormatter
+
+    def decades() -> tuple[float, float]:
+        low, high = np.log10(np.maximum(np.sort(axis.get_view_interval()), np.finfo(float).tiny))
+        return float(low), float(high)
+
+    def narrow() -> bool:
+        low, high = decades()
+        return high - low <= NARROW_AXIS
+
+    def labelled() -> tuple[int, ...]:
+        low, high = decades()
+        return tuple(range(2, 10)) if high - low <= NARROWEST_AXIS else (2, 5)
+
+    def plain() -> bool:
+        low, high = decades()
+        first = math.floor(low) if narrow() else math.ceil(low - 1e-9)
+        return first >= PLAIN_DECADES[0] and math.floor(high + 1e-9) <= PLAIN_DECADES[1]
+
+    def text(value: float, place: int | None = None) -> str:
+        exponent = math.floor(math.log10(value) + 1e-9)
+        digit = round(value / 10.0**exponent)
+        if minor and not (digit in labelled() and narrow()):
+            return ""
+        if plain():
+            return f"{value:g}"
+        factor = "" if digit == 1 else rf"{digit}\times"
+        return rf"${factor}10^{{{exponent}}}$"
+
+    return FuncFormatter(text)
