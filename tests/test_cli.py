@@ -316,6 +316,7 @@ def test_results_are_listed(cli):
     workbench.run("toy/total")
     status, out, _ = cli("results", "toy/r*")
     assert status == 0 and len(out.splitlines()) == 3 and "largest 2" in out
+    assert "started [UTC]" in out and "tolerance" not in out
     rows = json.loads(cli("results", "--json")[1])
     assert [row["problem"] for row in rows] == ["toy/root", "toy/root", "toy/total"]
 

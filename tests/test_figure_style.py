@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from workbench import figures
+from workbench.figures import formats
 
 
 def ticks(axis):
@@ -23,6 +24,8 @@ def ticks(axis):
         ((0.1, 1e4), {"0.1", "1", "10", "100", "1000", "10000"}),
         ((20.0, 300.0), {"20", "50", "100", "200"}),
         ((1e5, 1e7), {"$10^{5}$", "$10^{6}$", "$10^{7}$"}),
+        ((0.9e-5, 1.1e-2), {"$10^{-5}$", "$10^{-4}$", "$10^{-3}$", "$10^{-2}$"}),
+        ((0.7, 1.0), {"0.7", "0.8", "0.9", "1"}),
     ],
 )
 def test_ticks_of_logarithmic_axes_are_readable(range_, expected):
@@ -33,6 +36,14 @@ def test_ticks_of_logarithmic_axes_are_readable(range_, expected):
     assert panel.get_xscale() == "log" and panel.get_yscale() == "linear"
     assert panel.get_title() == "a title" and panel.get_xlabel() == "frequency [Hz]"
     assert ticks(panel.xaxis) == expected
+
+
+def test_ticks_are_the_houses_where_nobody_labelled_the_axes():
+    figure, (panel,) = figures.axes()
+    panel.loglog([0.02, 300.0], [1e-5, 1.0])
+    formats.svg(figure)
+    assert {"0.1", "1", "10", "100"} <= ticks(panel.xaxis)
+    assert {"$10^{-4}$", "$10^{0}$"} <= ticks(panel.yaxis)
 
 
 def test_the_label_of_an_array_has_its_unit():

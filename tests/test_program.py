@@ -404,3 +404,26 @@ def test_the_worst_value_and_its_place(values, expected):
 def test_nan_is_worse_than_anything():
     value, place = worst([1.0, math.nan, 2.0], str)
     assert math.isnan(value) and place == "(1,)"
+
+
+# --- what a method must return ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (None, "returned None; it must return three things: its answer (Circle) or None"),
+        ((1.0, 2.0), "returned (float, float); it must return three things"),
+        (({}, Outcome.SOLVED, ""), "returned a dict, and Circle is needed"),
+    ],
+)
+def test_a_method_that_returns_something_else_is_told_what_is_needed(returned, words, monkeypatch):
+    from workbench.geometry import SmallestCircle
+
+    program = SmallestCircle([[0, 2, 4, 2 + 1j]])
+    monkeypatch.setattr("workbench.program._METHODS", {SmallestCircle: {}})
+    method(SmallestCircle, "wrong", optimal=False)(lambda program, context: returned)
+    solution = solve(program, "wrong")
+    assert solution.outcome is Outcome.FAILED
+    assert "method 'wrong' of SmallestCircle" in solution.message and words in solution.message
+    assert SmallestCircle.answer_type() == "Circle" and Program.answer_type() == "Dataset"

@@ -26,7 +26,7 @@ def print_json(value: Any) -> None:
 
 def verdict(one: Run) -> str:
     """The outcome of a run and its reason in one line."""
-    said = f"certificate {_word(one)}" if one.holds else f"{one.outcome}: {_reason(one)}"
+    said = f"certificate {certificate_word(one)}" if one.holds else f"{one.outcome}: {_reason(one)}"
     return said + (" (stored)" if one.reused else "") + (f"; {one.note}" if one.note else "")
 
 
@@ -53,26 +53,6 @@ def row(one: Run) -> dict[str, Any]:
     }
 
 
-def print_results(runs: Sequence[Run]) -> None:
-    """When each stored run was made, its method, certificate, and what it was asked beside the
-    defaults."""
-    from workbench.bench.departures import departures
-
-    rows = [
-        [
-            one.problem,
-            one.method or "-",
-            one.headline,
-            _word(one),
-            one.info["started"][:16].replace("T", " "),
-            " ".join(f"{name}={value}" for name, value in departures(one).items()),
-        ]
-        for one in runs
-    ]
-    heads = ["problem", "method", "key metric", "certificate", "started [UTC]", "not default"]
-    print_table(heads, rows)
-
-
 def print_runs(runs: Sequence[Run]) -> None:
     """Problem, method, key metric, certificate and seconds of every run."""
     rows = [
@@ -80,7 +60,7 @@ def print_runs(runs: Sequence[Run]) -> None:
             one.problem,
             one.method or "-",
             one.headline,
-            _word(one),
+            certificate_word(one),
             f"{one.seconds['total']:.2f}",
             "stored" if one.reused else "",
         ]
@@ -91,7 +71,8 @@ def print_runs(runs: Sequence[Run]) -> None:
     )
 
 
-def _word(one: Run) -> str:
+def certificate_word(one: Run) -> str:
+    """What the certificate of a run says, in one to three words."""
     if one.holds:
         return "holds" if one.outcome is Outcome.SOLVED else f"holds ({one.outcome})"
     return f"best so far ({one.outcome})" if one.best_so_far else f"FAILS ({one.outcome})"

@@ -96,4 +96,5 @@ def test_blocks_of_any_name_and_size_and_none_at_all_are_drawn():
         assert len(loops.random) == (20 if structure else 0)
         steps = steps_figure(loops)
         assert len(steps.axes) == 2 * (2 if structure else 3)  # of at most three inputs
+        assert all("[its own unit]" in panel.get_ylabel() for panel in steps.axes[:1])
         assert performance_figure(loops, 0.5).axes

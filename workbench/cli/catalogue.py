@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import click
 
 import workbench
 from workbench.bench.project import registry, results_root
 from workbench.cli.group import AS_JSON, main, tell_unfit
 from workbench.guidance.completion import problem_names
-from workbench.terminal import print_json, print_results, row
+from workbench.terminal import certificate_word, print_json, print_table, row
+
+if TYPE_CHECKING:
+    from workbench.bench.results import Run
 
 
 @main.command("list")
@@ -67,6 +73,25 @@ def results(pattern: str, as_json: bool) -> None:
     if as_json:
         print_json([row(one) for one in runs])
     elif runs:
-        print_results(runs)
+        _print_results(runs)
     else:
         click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")
+
+
+def _print_results(runs: Sequence[Run]) -> None:
+    """When each stored run was made, its certificate, and what it was asked beside the defaults."""
+    from workbench.cli.departures import departures
+
+    rows = [
+        [
+            one.problem,
+            one.method or "-",
+            one.headline,
+            certificate_word(one),
+            one.info["started"][:16].replace("T", " "),
+            " ".join(f"{name}={value}" for name, value in departures(one).items()),
+        ]
+        for one in runs
+    ]
+    heads = ["problem", "method", "key metric", "certificate", "started [UTC]", "not default"]
+    print_table(heads, rows)

@@ -8,11 +8,12 @@ import pytest
 from made_cells import LEVELS, heuristic, inaccurate, invalid, made, nothing, solved, synthetic
 
 from workbench.bench.comparison import judged
-from workbench.bench.comparison.accuracy_time import EDGE
 from workbench.bench.comparison.drawings import drawings
 from workbench.bench.comparison.profiles import performance_ratios, profile
 from workbench.bench.comparison.styles import method_looks
 
+NONE = 100.0
+"""Height of cells without a gap, two decades above the power of ten that bounds every gap."""
 ALL = {"performance-profile", "cactus", "scaling", "accuracy-against-time", "agreement"}
 
 
@@ -116,16 +117,34 @@ def test_an_answer_far_below_its_bound_does_not_look_exact():
     figure = drawings(judged(made(cells)))["accuracy-against-time"]
     drawn = points(figure)
     assert [(name, gap) for name, gap, _ in drawn] == [
-        ("method:bad", -0.98), ("method:bad", -0.98), ("method:good", 0.0), ("method:open", EDGE),
+        ("method:bad", -0.98), ("method:bad", -0.98), ("method:good", 0.0), ("method:open", NONE),
+        ("method:none", NONE), ("method:none", NONE),
     ]  # fmt: skip
     faces = {name: face for name, _, face in drawn}
     assert faces["method:open"] == "none" and faces["method:good"] != "none"
     panel = figure.axes[0]
-    heights = [panel.transData.transform((0.1, gap))[1] for gap in (-0.98, 0.0, EDGE)]
+    heights = [panel.transData.transform((0.1, gap))[1] for gap in (-0.98, 0.0, NONE)]
     low, high = panel.get_window_extent().y0, panel.get_window_extent().y1
     assert low < heights[0] < heights[1] < heights[2] < high
     assert heights[1] - heights[0] > 0.3 * (high - low)  # far from an exact answer
     assert panel.get_yscale() == "symlog"
+    assert panel.get_yticklabels()[-1].get_text() == "none"
+
+
+def test_the_axis_has_negative_gaps_only_where_there_are_some():
+    figure = drawings(judged(made({("p", "a"): solved(1.0, 1e-8), ("p", "b"): solved()})))
+    panel = figure["accuracy-against-time"].axes[0]
+    low, high = panel.transAxes.inverted().transform(panel.transData.transform([[1, 0], [1, 1e-8]]))
+    assert low[1] < 0.2 < high[1] < 1
+    assert "none" not in [each.get_text() for each in panel.get_yticklabels()]
+
+
+def test_methods_of_a_program_differ_in_colour():
+    cells = {("p", f"first {k}"): solved() for k in range(7)}
+    cells |= {("q", name): solved() for name in ("first 0", "other")}
+    looks = method_looks(judged(made(cells, programs=["P", "Q"])))
+    assert len({looks[f"first {k}"].colour for k in range(7)}) == 7
+    assert looks["other"].colour != looks["first 0"].colour
 
 
 def test_a_wrong_claim_is_crossed():

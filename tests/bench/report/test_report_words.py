@@ -67,6 +67,14 @@ def test_a_short_line_above_a_table_is_in_its_caption() -> None:
     assert "<code>x &lt;y&gt;</code>" in html
 
 
+def test_code_keeps_its_lines() -> None:
+    html = tables_as_html(
+        "| a |\n| - |\n| 1 |\n\n```c\nif (a < b)\n\n    | x |\n```\nafter\n", "code"
+    )
+    assert "<code>if (a &lt; b)\n\n    | x |\n</code></pre>" in html
+    assert html.count("<table>") == 1 and "<p>after</p>" in html
+
+
 def test_rows_of_methods_can_be_toggled() -> None:
     html = tables_as_html("| problem | method |\n| - | - |\n| x | a&b |\n", "cells")
     assert '<tr data-method="a&amp;b">' in html

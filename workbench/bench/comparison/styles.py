@@ -54,8 +54,10 @@ def method_looks(data: Dataset) -> dict[str, Look]:
 
 def _colours(data: Dataset) -> list[str]:
     """A colour for every method: the one that fewest methods of its Programs have, then fewest."""
-    here = asked_cells(data).any(axis=(2, 3))
-    programs = np.asarray(data["program"].values)
+    here = asked_cells(data).any(axis=tuple(range(2, data["outcome"].ndim)))
+    programs = np.zeros(len(here))  # older comparisons do not tell them: then all are one
+    if "program" in data.coords:
+        programs = np.asarray(data["program"].values)
     of_program = np.array([here[programs == one].any(axis=0) for one in np.unique(programs)])
     found: list[int] = []
     for method in range(data.sizes[METHOD]):

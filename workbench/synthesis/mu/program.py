@@ -418,7 +418,7 @@ class MuSynthesis(Program):
         """Unit of a scalar controller; empty where that of its input or output is not known."""
         system = self.plant.system
         u, y = self.units.get(system.input_labels[-1]), self.units.get(system.output_labels[-1])
-        return f"{u}/{y}" if u and y else ""
+        return "" if not (u and y) else "1" if u == y else f"{u}/{y}"
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K, self.units)
