@@ -54,7 +54,7 @@ def method_looks(data: Dataset) -> dict[str, Look]:
 
 def _colours(data: Dataset) -> list[str]:
     """A colour for every method: the one that fewest methods of its Programs have, then fewest."""
-    here = asked_cells(data).any(axis=tuple(range(2, data["outcome"].ndim)))
+    here = np.asarray(asked_cells(data).any(axis=tuple(range(2, data["outcome"].ndim))))
     programs = np.zeros(len(here))  # older comparisons do not tell them: then all are one
     if "program" in data.coords:
         programs = np.asarray(data["program"].values)
