@@ -74,8 +74,9 @@ def test_a_fifth_order_controller_of_the_two_masses():
 
 @pytest.mark.slow
 def test_a_chain_of_two_methods_and_a_reduction_between():
-    """Where descent ends from the reduced controller hangs on the last bits: from 1.0 to 1.45."""
+    """Descent from one start ends at some minimum, 1.0 to 1.73 by the last bits of the start."""
     run = wb.run("mass-spring/controller", method="fixed", after="dgk", order=5)
     assert run.certificate.holds, run.certificate
     assert run.metrics["order"] == 5
-    assert run.metrics["peak"] <= 1.5
+    begun = run.task.certified(run.task.start, 0.05)
+    assert run.metrics["peak"] <= 0.5 * begun.lower
