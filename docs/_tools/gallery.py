@@ -126,7 +126,7 @@ def _card(group: str, entries: list[Any], runs: dict[str, Run], images: Path) ->
     return (
         f":::{{grid-item-card}} {GROUPS[group]}\n:link: {group.replace('/', '-')}\n"
         ":link-type: doc\n"
-        f"{picture}\n{len(entries)} problems\n:::\n"
+        f"{picture}\n{len(entries)} {'problem' if len(entries) == 1 else 'problems'}\n:::\n"
     )
 
 
