@@ -125,4 +125,6 @@ def test_every_page_is_reached():
         if name == "index.md" or name.startswith("reference/examples/"):
             continue
         stem = page.parent.name if page.name == "index.md" else page.stem
-        assert re.search(rf"^(?:.* <)?(\.\./|[\w/-]+/)*{stem}(/index)?>?$", lists, re.MULTILINE), name
+        assert re.search(rf"^(?:.* <)?(\.\./|[\w/-]+/)*{stem}(/index)?>?$", lists, re.MULTILINE), (
+            name
+        )
