@@ -25,3 +25,26 @@ def test_an_error_survives_its_way(error, carried):
     assert type(again) is type(error)
     assert str(again) == str(error)
     assert vars(again) == vars(error)
+
+
+PROBLEMS = ["cd/focus/stadiums", "cd/focus/stadium-cover", "cd/focus/strategies", "cd/optics"]
+PROBLEMS += ["cd/radial/stadiums", "bench/mu"]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("cd/focus/stadium", "did you mean cd/focus/stadiums?"),
+        ("focus/stadiums", "did you mean cd/focus/stadiums?"),
+        ("stadiums", "did you mean cd/focus/stadiums or cd/radial/stadiums?"),
+        ("xyz", f"known: {', '.join(sorted(PROBLEMS))}"),
+    ],
+)
+def test_only_similar_names_are_suggested(name, hint):
+    said = str(errors.UnknownNameError("problem", name, PROBLEMS))
+    assert said == f"no problem is called {name!r}; {hint}"
+
+
+def test_long_lists_of_names_are_cut():
+    said = str(errors.UnknownNameError("problem", "q", [f"toy/{k:02d}" for k in range(30)]))
+    assert said.endswith("toy/18, toy/19, and 10 more")

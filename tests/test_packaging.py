@@ -103,10 +103,16 @@ def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
     assert names == [entry.name for entry in wb.problems()]
 
 
+def test_the_records_of_an_example_are_made_from_a_wheel(elsewhere, tmp_path):
+    elsewhere("-m", "workbench", "examples", "--to", "mine")
+    elsewhere("mine/coupled_tanks/make_records.py")
+    assert len(list((tmp_path / "records").glob("*.csv"))) == 10
+
+
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
 def test_wheel_has_every_file_of_the_checkout(installed):
-    """Sources, data files, notebooks: what git keeps of `workbench`, `problems` and `notebooks`."""
-    listed = ["git", "ls-files", "workbench", "problems", "notebooks"]
+    """Sources, data files, notebooks: what git keeps of `workbench`, `problems` and the rest."""
+    listed = ["git", "ls-files", "workbench", "problems", "notebooks", "examples"]
     kept = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True)
     for name in map(Path, kept.stdout.splitlines()):
         if name == Path("workbench/plants/__init__.py"):
@@ -114,7 +120,7 @@ def test_wheel_has_every_file_of_the_checkout(installed):
         inside = name
         if name.parts[0] == "problems":
             inside = Path("workbench/plants", *name.parts[1:])
-        elif name.parts[0] == "notebooks":
+        elif name.parts[0] in ("notebooks", "examples"):
             inside = Path("workbench/course", name)
         assert (installed / inside).is_file(), name
 

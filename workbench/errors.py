@@ -66,9 +66,27 @@ class UnknownNameError(WorkbenchError, LookupError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         known = sorted(known)
-        near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known) or '-'}"
+        near = _similar(str(name), known)
+        more = f", and {len(known) - MOST_KNOWN} more" if len(known) > MOST_KNOWN else ""
+        told = f"known: {', '.join(known[:MOST_KNOWN]) or '-'}{more}"
+        hint = f"did you mean {' or '.join(near)}?" if near else told
         super().__init__(f"no {kind} is called {name!r}; {hint}")
+
+
+MOST_KNOWN = 20
+"""Most names that a message lists."""
+SIMILAR, BESIDE = 0.6, 0.1
+"""Least similarity of a suggested name, and the most by which it falls behind the nearest one."""
+
+
+def _similar(name: str, known: list[str]) -> list[str]:
+    """At most three names: those with all parts of this one side by side, else those spelt alike."""
+    holding = [one for one in known if f"/{name}/" in f"/{one}/"]
+    if holding:
+        return holding[:3]
+    near = difflib.get_close_matches(name, known, n=3, cutoff=SIMILAR)
+    likeness = [difflib.SequenceMatcher(None, one, name).ratio() for one in near]
+    return [one for one, like in zip(near, likeness, strict=True) if like > likeness[0] - BESIDE]
 
 
 class RegistryError(WorkbenchError):

@@ -12,9 +12,9 @@ from workbench.cli.group import main
 
 
 @main.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("words", metavar="FOLDER", nargs=-1, required=True)
 @click.option(
-    "--data", metavar="FILES", required=True, help="A record of each plant: 'drive*.csv'."
+    "--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv."
 )
 @click.option("--input", metavar="NAME", help="Column of the input [by its name].")
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
@@ -24,11 +24,21 @@ from workbench.cli.group import main
 @click.option(
     "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
 )
-def init(folder: Path, data: str, **given: Any) -> None:
+def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.starter import write_study
 
-    chosen = write_study(folder, data, **given)
+    # A shell puts several files in the place of a pattern without quotes; --data takes the first.
+    files = [word for word in words if Path(word).is_file()]
+    folders = [Path(word) for word in words if word not in files]
+    if len(folders) != 1:
+        named = ", ".join(map(repr, map(str, folders))) or "none"
+        raise click.UsageError(
+            f"one new folder is needed, and {named} is given; the records are told as "
+            "--data 'records/*.csv'"
+        )
+    folder = folders[0]
+    chosen = write_study(folder, [data, *files] if files else data, **given)
     click.echo(f"read: {chosen.columns}")
     width = max(map(len, chosen.reasons))
     for name, reason in chosen.reasons.items():
@@ -37,6 +47,15 @@ def init(folder: Path, data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
+    if not chosen.peak < 1:
+        click.secho(
+            f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
+            f"certified peak of mu is {chosen.peak:.3g}, and must be below 1. {folder} is written; "
+            "change BANDWIDTH, EFFORT or BAND there (README.md says how)",
+            fg="red",
+        )
+        sys.exit(1)
+    click.echo(f"peak of mu  {chosen.peak:.3g}, certified: every plant of the cover keeps the weights")
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 
@@ -56,6 +75,24 @@ def notebooks(folder: Path) -> None:
     for file in copy_notebooks(folder):
         click.echo(file)
     click.echo(f"\nnext: pip install jupyterlab; jupyter lab {folder}")
+
+
+@main.command()
+@click.option(
+    "--to",
+    "folder",
+    type=click.Path(path_type=Path),
+    default=Path("examples"),
+    show_default=True,
+    help="Where to put them.",
+)
+def examples(folder: Path) -> None:
+    """Copy the examples, three plants from records to C, to a folder of yours."""
+    from workbench.course import copy_examples
+
+    for file in copy_examples(folder):
+        click.echo(file)
+    click.echo(f"\nnext: cd {folder / 'two_mass_servo'}; python make_records.py   (README.md says more)")
 
 
 @main.command()

@@ -1,4 +1,6 @@
-"""The course: ten notebooks, where they are and how a reader gets them.
+"""The course and the examples: where they are and how a reader gets them.
+
+The course is ten notebooks. The examples are folders of scripts, from records to C.
 
 `workbench.course.execution` runs them and makes their outputs anew.
 """
@@ -6,6 +8,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 from workbench.errors import InputError
@@ -18,9 +21,17 @@ def notebook_files() -> list[Path]:
 
     In a checkout they stand in ``notebooks``, in a wheel beside this module.
     """
-    packed = _HERE / "notebooks"
-    folder = packed if packed.is_dir() else _HERE.parents[1] / "notebooks"
-    return sorted(folder.glob("[0-9][0-9]_*.ipynb"))
+    return sorted(_folder("notebooks").glob("[0-9][0-9]_*.ipynb"))
+
+
+def example_files() -> list[Path]:
+    """The files of the examples, each in the folder of its example; placed as the notebooks are."""
+    return sorted(file for end in ("md", "py") for file in _folder("examples").glob(f"*/*.{end}"))
+
+
+def _folder(name: str) -> Path:
+    packed = _HERE / name
+    return packed if packed.is_dir() else _HERE.parents[1] / name
 
 
 def copy_notebooks(folder: str | Path) -> list[Path]:
@@ -31,14 +42,25 @@ def copy_notebooks(folder: str | Path) -> list[Path]:
     InputError
         The folder holds one of them already: a reader's own work is never written over.
     """
-    place = Path(folder)
-    copies = [place / file.name for file in notebook_files()]
-    there = [copy.name for copy in copies if copy.exists()]
+    return _copied({file: file.name for file in notebook_files()}, Path(folder))
+
+
+def copy_examples(folder: str | Path) -> list[Path]:
+    """Copy the examples into a folder, one folder each; the copies. Raises as `copy_notebooks`."""
+    names = {file: f"{file.parent.name}/{file.name}" for file in example_files()}
+    return _copied(names, Path(folder))
+
+
+def _copied(names: Mapping[Path, str], place: Path) -> list[Path]:
+    """Copies of files under their names below a place."""
+    copies = [place / name for name in names.values()]
+    there = [name for name in names.values() if (place / name).exists()]
     if there:
         raise InputError(f"{place} has {', '.join(there)} already: name another folder")
     try:
         place.mkdir(parents=True, exist_ok=True)
-        for file, copy in zip(notebook_files(), copies, strict=True):
+        for file, copy in zip(names, copies, strict=True):
+            copy.parent.mkdir(exist_ok=True)
             shutil.copyfile(file, copy)
     except OSError as error:
         raise InputError(f"cannot write {error.filename}: {error.strerror}") from None

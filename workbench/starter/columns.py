@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.identification.experiments.records import name_in_file
+from workbench.identification.experiments.records import name_in_file, uneven
+from workbench.identification.experiments.text_table import Columns
 from workbench.identification.experiments.variables import read_table
 
 TIME = ("t", "time", "zeit", "seconds", "timestamp")
@@ -40,11 +41,19 @@ def record_columns(
     )
     names = [name for name, values in table.items() if np.ndim(values) == 1]
     told = f"{file} has the columns {', '.join(map(repr, table)) or 'none'}"
+    if not columns.named:
+        told = (
+            f"{file} has numbers in its first line, {columns.place(0)}, and no names; its columns "
+            f"are called {', '.join(map(repr, table))} until a line such as time,u,y stands there"
+        )
     for kind, name in (("input", input), ("output", output), ("time", time)):
         if name is not None and name not in table:
             raise InputError(f"{told}: none is called {name!r}; name the {kind}, --{kind} NAME")
     if time is None and sample_rate is None:
-        time = _one(_instants(table, names), told, "time", "or give --sample-rate HZ")
+        found = _instants(table, names)
+        if not found:
+            _refuse_gaps(file, columns, names)
+        time = _one(found, told, "time", "or give --sample-rate HZ")
     if time is None and sample_rate is not None:
         _need_rate(table, _called(_instants(table, names), TIME), sample_rate, told)
     left = [name for name in names if name not in (input, output, time)]
@@ -57,6 +66,25 @@ def record_columns(
     if output is None:
         output = _one(_called(left, OUTPUT) or (left if len(left) == 1 else []), told, "output")
     return input, output, time
+
+
+def _refuse_gaps(file: Path, columns: Columns, names: Sequence[str]) -> None:
+    """Raise InputError where a column of time has gaps: it rises, mostly by one step."""
+    for name in _called(names, TIME) or names:
+        rows = np.flatnonzero(np.isfinite(columns.variables[name]))
+        instants = columns.variables[name][rows]
+        steps = np.diff(instants)
+        if steps.size < 2 or steps.min() <= 0:
+            continue
+        usual = np.median(steps)
+        apart = np.abs(steps - usual) > EVEN * usual
+        if 2 * apart.sum() <= steps.size:
+            raise InputError(
+                f"{file}: column {name!r} looks like the time, but {apart.sum()} of its "
+                f"{steps.size} steps differ, most at {uneven(columns, rows, instants)}; rows seem "
+                "to be missing. Interpolate the record at even instants, or cut it to a stretch "
+                "without gaps; if only the instants are wrong, give --sample-rate HZ"
+            )
 
 
 def _need_rate(

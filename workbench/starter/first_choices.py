@@ -58,7 +58,8 @@ class FirstChoices:
     ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
     nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
-    records; ``notes``: what is odd about them.
+    records; ``notes``: what is odd about them. ``peak``: certified peak of mu of a first controller,
+    below 1 where it keeps the weights; NaN before one was tried.
 
     Examples
     --------
@@ -81,9 +82,12 @@ class FirstChoices:
     reasons: dict[str, str]
     columns: str = ""
     notes: tuple[str, ...] = ()
+    peak: float = np.nan
 
 
-def first_choices(responses: Responses, period: float, delay: float = 1.0) -> FirstChoices:
+def first_choices(
+    responses: Responses, period: float, delay: float = 1.0, at_most: float = np.inf
+) -> FirstChoices:
     """First choices for a controller of these plants on a computer.
 
     Parameters
@@ -94,6 +98,8 @@ def first_choices(responses: Responses, period: float, delay: float = 1.0) -> Fi
         Sampling time of the controller [s].
     delay
         Delay of the computer [samples].
+    at_most
+        Largest bandwidth [Hz].
 
     Raises
     ------
@@ -118,7 +124,7 @@ def first_choices(responses: Responses, period: float, delay: float = 1.0) -> Fi
     used, reasons["band"] = _seen(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
-    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay)
+    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
     below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
     effort = EFFORT * float(np.abs(nominal.response(2 * np.pi * below)).min())
     reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
@@ -184,7 +190,7 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
 
 
 def _bandwidth(
-    responses: Responses, nominal: Rational, period: float, delay: float
+    responses: Responses, nominal: Rational, period: float, delay: float, at_most: float
 ) -> tuple[float, str]:
     """Bandwidth [Hz] that a first design can hope for, and what limits it."""
     size = _relative_size(responses, nominal)
@@ -193,6 +199,7 @@ def _bandwidth(
         f"hold and delay, {dead:.3g} s, take {np.degrees(PHASE_BUDGET):.0f} degrees there":
             PHASE_BUDGET / dead,
         "a third of the last frequency that was measured": responses.omega[-1] / BELOW_THE_END,
+        "no more is asked for": 2 * np.pi * at_most,
     }  # fmt: skip
     zeros = nominal.zeros[nominal.zeros.real > 0]
     if zeros.size:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,13 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.identification.experiments.records import read_record
+from workbench.starter.first_choices import FEWEST
 from workbench.uncertainty import Responses
 
+UNDISTORTED = 0.1
+"""Highest frequency that is used, times the sampling time; images distort higher ones."""
+FEWEST_SAMPLES = math.ceil(FEWEST / UNDISTORTED)
+"""Samples of the shortest record that has enough frequencies up to there."""
 RISING = 0.5
 """Slope of the gain over frequency, in logarithms, that a plant with mass, lag or delay has not."""
 END = 3.0
@@ -39,11 +45,18 @@ def first_look(
     Raises
     ------
     InputError
-        Two files hold the same record: one plant that counts twice makes the spread too small. Or
-        as `workbench.identification.read_record`.
+        A record is too short; or two files hold the same one: one plant that counts twice makes
+        the spread too small. Or as `workbench.identification.read_record`.
     """
     read = [read_record(path, [input], [output], sample_rate, time) for path in paths]
     records = [(one["u"].values, one["y"].values) for one in read]
+    for path, (u, _) in zip(paths, records, strict=True):
+        if u.size < FEWEST_SAMPLES:
+            raise InputError(
+                f"{path} has {u.size} samples; {FEWEST_SAMPLES} are needed at least, for "
+                f"{FEWEST} frequencies up to {UNDISTORTED:g} of the sampling rate: take a longer "
+                "record"
+            )
     for k, (path, record) in enumerate(zip(paths, records, strict=True)):
         for other, earlier in zip(paths[:k], records, strict=False):
             if all(map(np.array_equal, record, earlier)):
@@ -59,19 +72,21 @@ def first_look(
     return FirstLook(columns, period, (low, high))
 
 
-def oddities(responses: Responses) -> tuple[str, ...]:
-    """Sentences about responses that a plant with its input and its output in place has not."""
+def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:
+    """Sentences about responses that a plant with its input and its output in place has not.
+
+    ``files`` are the names of the plants' records; they are told where some only are odd.
+    """
     omega, gain = responses.omega, np.abs(responses.values)
     last = omega >= omega[-1] / END
     if last.sum() < 3:
         return ()
-    middle = np.log(
-        [np.median(row[there]) for row, there in zip(gain, responses.present, strict=True)]
-    )
-    slope = np.polyfit(np.log(omega[last]), middle[last], 1)[0]
-    if slope <= RISING:
+    slopes = np.polyfit(np.log(omega[last]), np.log(gain[last]), 1)[0]
+    rising = [file for file, slope in zip(files, slopes, strict=True) if slope > RISING]
+    if not rising:
         return ()
+    where = "" if len(rising) == len(files) else f" in {', '.join(rising)} alone"
     return (
-        f"the gain rises with frequency at the end, as its power {slope:.1f}: are input and output "
-        "exchanged?",
+        f"the gain rises with frequency at the end{where}, as its power {slopes.max():.1f}: are "
+        "input and output exchanged?",
     )

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,11 @@ from typing import Any
 from workbench.errors import InputError
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
-from workbench.starter.first_look import first_look, oddities
+from workbench.starter.first_look import UNDISTORTED, first_look, oddities
+from workbench.starter.kept_weights import kept_weights
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
 
-UNDISTORTED = 0.1
-"""Highest frequency that is used, times the sampling time; images distort higher ones."""
 TEMPLATES = {
     "pyproject.toml": "pyproject.toml.jinja",
     "README.md": "README.md.jinja",
@@ -31,7 +31,7 @@ TEMPLATES = {
 
 def write_study(
     folder: str | Path,
-    data: str,
+    data: str | Sequence[str],
     *,
     input: str | None = None,
     output: str | None = None,
@@ -42,12 +42,15 @@ def write_study(
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
+    The first design is tried: its bandwidth is lowered until a controller is certified to keep the
+    weights. This can take minutes.
+
     Parameters
     ----------
     folder
         The new folder; its name is that of the plant.
     data
-        A pattern of files, one record of each plant, such as ``"drive*.csv"``.
+        A pattern of files, one record of each plant, such as ``"drive*.csv"``; or a list of them.
     input, output, time
         Names of columns; None: found by their names and values.
     sample_rate
@@ -59,7 +62,8 @@ def write_study(
     Returns
     -------
     FirstChoices
-        The numbers that the design begins with, and why.
+        The numbers that the design begins with, and why. Its ``peak`` is 1 or more where no
+        bandwidth was found at which the weights are kept.
 
     Raises
     ------
@@ -100,16 +104,17 @@ def write_study(
         paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
     )
     responses = responses.within(0.0, UNDISTORTED / look.period)
-    notes = oddities(responses)
+    notes = oddities(responses, [path.name for path in paths])
     try:
         chosen = first_choices(responses, every, delay)
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes)
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
+    package = plant.lower().replace("-", "_")
     told: dict[str, Any] = {
         "plant": plant,
-        "package": plant.lower().replace("-", "_"),
+        "package": package,
         "names": [path.name for path in paths],
         "input": u,
         "output": y,
@@ -129,6 +134,14 @@ def write_study(
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{plant}-") as place:
         made = Path(place) / plant
         _write(made, paths, told)
+
+        def lower(most: float) -> FirstChoices:
+            other = first_choices(responses, every, delay, most)
+            reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
+            return replace(other, columns=chosen.columns, notes=notes, reasons=reasons)
+
+        chosen = kept_weights(made / "problems" / package / "design.py", chosen, lower)
+        _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         made.rename(target)
     return chosen
 
@@ -148,11 +161,11 @@ def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(made.get_template(template).render(told), encoding="utf-8")
     data = folder / "problems" / package / "data"
-    data.mkdir()
+    data.mkdir(exist_ok=True)
     for path in paths:
         shutil.copyfile(path, data / path.name)
     notebook = folder / "notebooks" / f"{package}.ipynb"
-    notebook.parent.mkdir()
+    notebook.parent.mkdir(exist_ok=True)
     cells = made.get_template("notebook.py.jinja").render(told)
     notebook.write_text(_notebook(cells), encoding="utf-8")
 

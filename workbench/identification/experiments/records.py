@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 from workbench.identification.experiments.text_table import IN_BRACKETS, Columns
@@ -67,11 +68,8 @@ def read_record(
         need_positive(sample_rate, "sample_rate")
     table = read_table(file)
     asked = {"input": _names(inputs, "inputs"), "output": _names(outputs, "outputs")}
-    picked = _picked(
-        file,
-        table,
-        [*asked["input"], *asked["output"], *([] if time is None else _names(time, "time"))],
-    )
+    names = [*asked["input"], *asked["output"], *([] if time is None else _names(time, "time"))]
+    picked, rows = _picked(file, table, names)
     signals = {channel: _channels(file, picked, names, channel) for channel, names in asked.items()}
     lengths = {values.shape[1] for _, values in signals.values()}
     if len(lengths) > 1:
@@ -88,8 +86,8 @@ def read_record(
         apart = np.abs(steps - steps.mean()) > 0.1 * steps.mean()
         if apart.any():
             raise InputError(
-                f"{file}: variable {time!r} is not equidistant at sample {np.argmax(apart) + 1}: "
-                "resample the record or cut it there"
+                f"{file}: variable {time!r} is not equidistant at sample {np.argmax(apart) + 1}, "
+                f"{uneven(table, rows, instants)}: resample the record or cut it there"
             )
     arrays = {}
     for name, channel in (("u", "input"), ("y", "output")):
@@ -137,7 +135,8 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     import xarray as xr
 
     table = read_table(file)
-    picked = _picked(file, table, [*_names(frequency, "frequency"), *_names(response, "response")])
+    names = [*_names(frequency, "frequency"), *_names(response, "response")]
+    picked, _ = _picked(file, table, names)
     frequencies = picked[frequency].ravel() * _factor(file, table, frequency, HERTZ)
     if isinstance(response, str):
         values = np.asarray(picked[response], dtype=complex)
@@ -195,8 +194,24 @@ def name_in_file(table: Columns, name: str) -> str:
     return found[0] if len(found) == 1 else name
 
 
-def _picked(file: File, table: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Variables by name, without the rows in which all are blank; all finite, or `InputError`."""
+def uneven(table: Columns, rows: Sequence[int], instants: RealArray) -> str:
+    """Where instants (N,) step least like the others, N rows of a table; in words."""
+    steps = np.diff(instants)
+    usual = np.median(steps)
+    worst = int(np.argmax(np.abs(steps - usual)))
+    return (
+        f"{table.place(rows[worst + 1])}: a step of {steps[worst]:.6g} where the usual one is "
+        f"{usual:.6g}"
+    )
+
+
+def _picked(
+    file: File, table: Columns, names: Sequence[str]
+) -> tuple[dict[str, np.ndarray], Sequence[int]]:
+    """Variables by name, without the rows in which all are blank, and the rows of the table left.
+
+    All are finite, or it raises `InputError`.
+    """
     found: dict[str, np.ndarray] = {}
     for name in names:
         own, column = name_in_file(table, name), COLUMN.fullmatch(name)
@@ -216,18 +231,21 @@ def _picked(file: File, table: Columns, names: Sequence[str]) -> dict[str, np.nd
                 f" ({table.said})"
             )
     shapes = {values.shape for values in found.values()}
+    rows: Sequence[int] = range(max(map(len, found.values())))
     if len(shapes) == 1 and len(next(iter(shapes))) == 1:
         blank = np.all([np.isnan(values) for values in found.values()], axis=0)
         found = {name: values[~blank] for name, values in found.items()}
+        rows = np.flatnonzero(~blank).tolist() if blank.any() else rows
     for name, values in found.items():
         wrong = ~np.isfinite(values)
         if wrong.any():
-            place = ", ".join(str(i) for i in np.argwhere(wrong)[0])
+            row, *column = (int(i) for i in np.argwhere(wrong)[0])
+            place = ", ".join([table.place(rows[row]), *map(str, column)])
             raise InputError(
                 f"{file}: variable {name!r} has {wrong.sum()} entries that are blank, NaN or "
-                f"infinite, the first at index {place}"
+                f"infinite, the first at {place}: fill the gaps, or cut the record there"
             )
-    return found
+    return found, rows
 
 
 def _channels(

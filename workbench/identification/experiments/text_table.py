@@ -25,12 +25,20 @@ class Columns:
 
     ``variables`` are its numbers by name, a blank cell is NaN; ``units`` are known for some of
     them; ``texts`` says of other columns what they hold; ``said`` is what was found out.
+    ``lines`` are the numbers of the rows' lines, from 0, in a file of text; ``named`` is false
+    where no line names its columns.
     """
 
     variables: dict[str, np.ndarray]
     units: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     said: str = ""
+    lines: Sequence[int] = ()
+    named: bool = True
+
+    def place(self, row: int) -> str:
+        """Where a row is: its line of a text, else its index."""
+        return f"line {self.lines[row] + 1}" if self.lines else f"index {row}"
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,9 @@ UNIT = re.compile(
 """Cells of a row of units: blank, in brackets, or a common unit."""
 IN_BRACKETS = re.compile(r"(.*\S)\s*[\[(]([^\])]*)[\])]")
 """A name with its unit, such as ``torque [Nm]``."""
+
+
+NO_NAMES = "no line names them"
 
 
 def read_columns(path: Path) -> Columns:
@@ -132,6 +143,8 @@ def read_columns(path: Path) -> Columns:
         {name: unit for name, unit in units.items() if unit and name in variables},
         texts,
         f"columns {layout.words}, {named}{left_out}",
+        kept[start:],
+        named != NO_NAMES,
     )
 
 
@@ -203,13 +216,13 @@ def _names(
     last = cells(head[-1]) if head else []
     told = len(last) == used and any(last)
     if commented and (not told or any(map(layout.is_number, last))):
-        return plain, {}, "no line names them"
+        return plain, {}, NO_NAMES
     if not told:
         if len(last) > 1:
             raise InputError(
                 f"{path}, line {head[-1] + 1} names {len(last)} columns, {used} are needed"
             )
-        return plain, {}, "no line names them"
+        return plain, {}, NO_NAMES
     wrong = [cell for cell in last if cell and not layout.is_number(cell)]
     if len(wrong) < len([cell for cell in last if cell]):
         raise InputError(f"{path}, line {head[-1] + 1}: {(wrong or last)[0]!r} is not a number")

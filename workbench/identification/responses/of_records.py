@@ -33,6 +33,8 @@ SETTLED = 2.0
 """Distance of the first period from the later ones, over their own, up to which it is settled."""
 LOCAL_DEGREE, LOCAL_LINES = 2, 14
 """Degree of local polynomials, and lines of their bands."""
+FEWEST_SAMPLES = 2 * LOCAL_LINES + 1
+"""Samples of the shortest record that has so many lines beside its mean."""
 
 
 def record_responses(

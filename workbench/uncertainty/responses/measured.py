@@ -18,7 +18,7 @@ from workbench.heavy_types import FrequencyResponseData
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.records import read_record, read_response
 from workbench.identification.experiments.variables import need_path
-from workbench.identification.responses.of_records import record_responses
+from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_places, need_whole
 
@@ -215,6 +215,17 @@ def _of_records(
             )
     records = [(data["u"].values[0], data["y"].values[0]) for data in read]
     for path, (u, y) in zip(paths, records, strict=True):
+        if len(u) < FEWEST_SAMPLES:
+            raise InputError(
+                f"{path} has {len(u)} samples; {FEWEST_SAMPLES} are needed at least: take a longer "
+                "record"
+            )
+        for kind, name, values in (("input", input, u), ("output", output, y)):
+            if np.ptp(values) == 0:
+                raise InputError(
+                    f"{path}: the {kind} {name!r} never changes, it is {values[0]:g} in all "
+                    f"{len(values)} samples: check its cable and range, or name another column"
+                )
         try:
             checked_record(u[:, None], y[:, None])
         except InputError as error:

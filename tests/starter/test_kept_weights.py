@@ -1,0 +1,76 @@
+"""The first bandwidth is lowered until its weights are kept, or the failure is told."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from workbench.cli import main
+from workbench.errors import InputError
+from workbench.starter import FirstChoices, kept_weights
+
+DESIGN = """
+def cover(): return "cover"
+def weighted(model, bandwidth, effort): return bandwidth
+"""
+
+
+def choices(bandwidth=8.0, **given):
+    return FirstChoices((0.1, 100.0), 2, 0, bandwidth, 0.05, {"bandwidth": "first"}, **given)
+
+
+@pytest.fixture
+def settled(tmp_path, monkeypatch):
+    """The choices and the bandwidths tried, where the peak of mu is a function of the bandwidth."""
+    file = tmp_path / "design.py"
+    file.write_text(DESIGN)
+
+    def settle(peak, least=0.0):
+        tried = []
+
+        def solve(task, **_):
+            if task == "cover":
+                valid = SimpleNamespace(valid=True)
+                return SimpleNamespace(certificate=valid, answer=SimpleNamespace(model=None))
+            tried.append(task)
+            return SimpleNamespace(answer=SimpleNamespace(upper=peak(task)))
+
+        def lower(most):
+            if most < least:
+                raise InputError("an unstable pole needs more")
+            return replace(choices(), bandwidth=most)
+
+        monkeypatch.setattr(kept_weights, "solve", solve)
+        monkeypatch.setattr(kept_weights, "MuSynthesis", lambda plant, target: plant)
+        return kept_weights.kept_weights(file, choices(), lower), tried
+
+    return settle
+
+
+def test_a_bandwidth_that_is_kept_stays(settled):
+    found, tried = settled(lambda bandwidth: 0.9)
+    assert (found.bandwidth, found.peak, tried) == (8.0, 0.9, [8.0])
+    assert found.reasons["bandwidth"] == "first"
+
+
+def test_it_is_lowered_until_the_weights_are_kept(settled):
+    found, tried = settled(lambda bandwidth: bandwidth / 4)
+    assert tried == [8.0, 5.0, 3.125]
+    assert found.peak == pytest.approx(0.78125)
+    assert "at 8 Hz it is 2" in found.reasons["bandwidth"]
+
+
+def test_where_none_is_kept_the_least_peak_is_told(settled):
+    found, tried = settled(lambda bandwidth: 1.2 + abs(bandwidth - 5.0), least=3.0)
+    assert tried == [8.0, 5.0, 3.125]
+    assert (found.bandwidth, found.peak) == (5.0, 1.2)
+
+
+def test_init_says_in_red_that_no_weights_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr("workbench.starter.write_study", lambda *_, **__: choices(peak=1.3))
+    asked = ["init", str(tmp_path / "servo"), "--data", "drive*.csv"]
+    said = CliRunner().invoke(main, asked, color=True)
+    assert said.exit_code == 1
+    assert "\x1b[31m! no controller was found that keeps its weights" in said.output
+    assert "at 8 Hz the certified peak of mu is 1.3" in said.output
