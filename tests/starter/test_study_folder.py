@@ -11,7 +11,7 @@ import workbench as wb
 from workbench.bench.project import use_problems
 from workbench.cli import main
 from workbench.errors import InputError
-from workbench.starter import write_study
+from workbench.starter import study_folder, write_study
 
 RATE, SAMPLES = 200.0, 512
 
@@ -45,6 +45,12 @@ def records(tmp_path_factory):
     return write_records(tmp_path_factory.mktemp("records"))
 
 
+@pytest.fixture
+def untried(monkeypatch):
+    """Studies are written with their first choices, and nothing is solved."""
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
+
+
 def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatch):
     asked = ["init", str(tmp_path / "my-servo"), "--data", str(records)]
     said = CliRunner().invoke(main, asked)
@@ -52,6 +58,7 @@ def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatc
     assert "bandwidth" in said.output and "next: cd" in said.output
     assert "read: input 'torque [N m]', output 'speed [rad/s]', time 't [s]'" in said.output
     assert "\n!" not in said.output
+    assert "certified: every plant of the cover keeps the weights" in said.output
     folder = tmp_path / "my-servo"
     there = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
     assert {
@@ -68,6 +75,9 @@ def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatc
     monkeypatch.chdir(folder)
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
     use_problems([])
+    for parameter in ("bandwidth", "effort"):
+        with pytest.raises(InputError, match=rf"{parameter}='-5' does not fit: .*greater than 0"):
+            wb.run("my-servo/controller", **{parameter: "-5"})
     board = wb.run("my-servo/board")
     assert board.certificate.holds
     assert wb.run("my-servo/controller").metrics["peak"] < 1
@@ -128,6 +138,7 @@ def test_one_record_in_two_files_is_refused(tmp_path):
         write_study(tmp_path / "servo", str(tmp_path / "records/*.csv"))
 
 
+@pytest.mark.usefixtures("untried")
 def test_input_and_output_in_each_others_place_are_noticed(records, tmp_path):
     exchanged = {"input": "speed", "output": "torque"}
     try:
@@ -137,12 +148,14 @@ def test_input_and_output_in_each_others_place_are_noticed(records, tmp_path):
     assert "are input and output exchanged?" in notes
 
 
+@pytest.mark.usefixtures("untried")
 def test_a_column_is_named_without_its_unit(records, tmp_path):
     write_study(tmp_path / "servo", str(records), input="torque", output="speed", time="t")
     text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
     assert 'INPUT, OUTPUT = "torque [N m]", "speed [rad/s]"' in text
 
 
+@pytest.mark.usefixtures("untried")
 def test_named_columns_and_a_sampling_frequency_are_taken(tmp_path):
     data = write_records(tmp_path / "records", "a,b,c", count=3)
     chosen = write_study(
