@@ -80,7 +80,7 @@ SIMILAR, BESIDE = 0.6, 0.1
 
 
 def _similar(name: str, known: list[str]) -> list[str]:
-    """At most three names: those with all parts of this one side by side, else those spelt alike."""
+    """At most three names: those that this one is a part of between slashes, else those alike."""
     holding = [one for one in known if f"/{name}/" in f"/{one}/"]
     if holding:
         return holding[:3]

@@ -257,7 +257,9 @@ def test_a_bad_record_is_named(folder, tmp_path):
             lines[1] = "t,torque,speed,day,"
             lines[2] = "s,Nm,rad/s,-,"
         (tmp_path / f"drive{k}.csv").write_text("\n".join(lines))
-    with pytest.raises(InputError, match=r"drive2.csv: the output 'speed' never changes, it is 1.5 in"):
+    with pytest.raises(
+        InputError, match=r"drive2.csv: the output 'speed' never changes, it is 1.5 in"
+    ):
         read(tmp_path)
 
 

@@ -13,9 +13,7 @@ from workbench.cli.group import main
 
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
-@click.option(
-    "--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv."
-)
+@click.option("--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv.")
 @click.option("--input", metavar="NAME", help="Column of the input [by its name].")
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
@@ -55,7 +53,9 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
             fg="red",
         )
         sys.exit(1)
-    click.echo(f"peak of mu  {chosen.peak:.3g}, certified: every plant of the cover keeps the weights")
+    click.echo(
+        f"peak of mu  {chosen.peak:.3g}, certified: every plant of the cover keeps the weights"
+    )
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 
@@ -92,7 +92,9 @@ def examples(folder: Path) -> None:
 
     for file in copy_examples(folder):
         click.echo(file)
-    click.echo(f"\nnext: cd {folder / 'two_mass_servo'}; python make_records.py   (README.md says more)")
+    click.echo(
+        f"\nnext: cd {folder / 'two_mass_servo'}; python make_records.py   (README.md says more)"
+    )
 
 
 @main.command()

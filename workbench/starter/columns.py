@@ -71,7 +71,7 @@ def record_columns(
 def _refuse_gaps(file: Path, columns: Columns, names: Sequence[str]) -> None:
     """Raise InputError where a column of time has gaps: it rises, mostly by one step."""
     for name in _called(names, TIME) or names:
-        rows = np.flatnonzero(np.isfinite(columns.variables[name]))
+        rows = np.flatnonzero(np.isfinite(columns.variables[name])).tolist()
         instants = columns.variables[name][rows]
         steps = np.diff(instants)
         if steps.size < 2 or steps.min() <= 0:

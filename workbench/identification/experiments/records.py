@@ -231,7 +231,7 @@ def _picked(
                 f" ({table.said})"
             )
     shapes = {values.shape for values in found.values()}
-    rows: Sequence[int] = range(max(map(len, found.values())))
+    rows: Sequence[int] = range(max(len(values) for values in found.values()))
     if len(shapes) == 1 and len(next(iter(shapes))) == 1:
         blank = np.all([np.isnan(values) for values in found.values()], axis=0)
         found = {name: values[~blank] for name, values in found.items()}
@@ -240,7 +240,7 @@ def _picked(
         wrong = ~np.isfinite(values)
         if wrong.any():
             row, *column = (int(i) for i in np.argwhere(wrong)[0])
-            place = ", ".join([table.place(rows[row]), *map(str, column)])
+            place = ", ".join([table.place(rows[row]), *[str(one) for one in column]])
             raise InputError(
                 f"{file}: variable {name!r} has {wrong.sum()} entries that are blank, NaN or "
                 f"infinite, the first at {place}: fill the gaps, or cut the record there"
