@@ -84,7 +84,7 @@ def test_frequencies_come_in_hertz(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("t,u\n0,1\n1,\n2,3\n", "'u' has 1 entries that are blank, NaN or infinite, .* index 1"),
+        ("t,u\n0,1\n1,\n2,3\n", "'u' has 1 entries that are blank, NaN or infinite, .* line 3"),
         ("t,u,d\n0,1,2024-05-01\n1,2,2024-05-02\n", "'d' has no numbers: line 2: '2024-05-01'"),
         ("t [weeks],u\n0,1\n1,2\n", "'t' is in 'weeks'; s, sec, ms"),
         ("t u v\n0 1\n1 2\n", "line 1 names 3 columns, 2 are needed"),

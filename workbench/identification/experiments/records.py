@@ -239,8 +239,8 @@ def _picked(
     for name, values in found.items():
         wrong = ~np.isfinite(values)
         if wrong.any():
-            row, *column = (int(i) for i in np.argwhere(wrong)[0])
-            place = ", ".join([table.place(rows[row]), *[str(one) for one in column]])
+            row, *others = (int(i) for i in np.argwhere(wrong)[0])
+            place = ", ".join([table.place(rows[row]), *map(str, others)])
             raise InputError(
                 f"{file}: variable {name!r} has {wrong.sum()} entries that are blank, NaN or "
                 f"infinite, the first at {place}: fill the gaps, or cut the record there"
