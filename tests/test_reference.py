@@ -15,12 +15,15 @@ FOLDERS = finished_folders(REFERENCE)
 SLOW = {entry.name for entry in wb.problems() if entry.slow} | {"cd/focus/controller"}
 SLOW -= {"cd/claims"}
 """Slow problems but the ledger, which only reads, and the problem that feeds most of them."""
+ILL_CONDITIONED = "cd/focus/controller/bac2ba4d"
+"""Its modes have eigenvectors of condition 3e9, which a kernel was once too coarse for."""
 
 
 def marked(folder):
     """The radial results repeat what those of focus prove, by the same code on other numbers."""
     name = folder.relative_to(REFERENCE).as_posix()
     slow = name.startswith("cd/radial/") or folder.parent.relative_to(REFERENCE).as_posix() in SLOW
+    slow = slow and name != ILL_CONDITIONED
     return pytest.param(folder, id=name, marks=pytest.mark.slow if slow else ())
 
 

@@ -8,7 +8,6 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
@@ -31,7 +30,12 @@ from workbench.certify.modes.modal_response import (
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
-from workbench.systems.frequency_response import CHUNK_ENTRIES
+from workbench.systems.frequency_response import (
+    CHUNK_ENTRIES,
+    Triangular,
+    triangular_form,
+    triangular_response,
+)
 from workbench.systems.interconnection import named_realisation
 
 SHARPNESS = 1e-6
@@ -44,10 +48,6 @@ HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
 FEWEST_STATES, FEWEST_POINTS = 20, 4
 """Fewest states, and frequencies, for which responses are computed from eigenvectors."""
-MANY_STATES = 60
-"""Fewest states for which responses are computed in Schur's coordinates."""
-LARGEST_SPREAD = 1e5
-"""Largest entry of A over its smallest pole there."""
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
@@ -153,8 +153,7 @@ class StableSystem:
         triangular = self._triangular if many else None
         for part in np.split(finite, range(step, len(finite), step)):
             if triangular is not None:
-                T, B, C = triangular
-                result[part] += C @ _substituted(T, B, 1j * points[part])
+                result[part] += triangular_response(triangular, 1j * points[part])
                 continue
             resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
             result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
@@ -166,26 +165,8 @@ class StableSystem:
         return modal_response(self.A, self.B, self.C)
 
     @cached_property
-    def _triangular(self) -> tuple[Array, Array, Array] | None:
-        """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
-
-        There an elimination keeps digits of small states that an orthogonal basis would lose.
-        """
-        sizes = np.abs(self.poles)
-        if len(self.A) < MANY_STATES or not sizes.min() * LARGEST_SPREAD > np.abs(self.A).max():
-            return None
-        T, Q = scipy.linalg.schur(self.A.astype(complex), output="complex")
-        return T, Q.conj().T @ self.B, self.C @ Q
-
-
-def _substituted(T: Array, B: Array, s: Array) -> Array:
-    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
-    (n, r), F = B.shape, len(s)
-    X = np.empty((n, F, r), complex)
-    for i in reversed(range(n)):
-        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
-        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
-    return np.moveaxis(X, 0, 1)
+    def _triangular(self) -> Triangular | None:
+        return triangular_form(self.A, self.B, self.C)
 
 
 def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, RealArray
@@ -13,6 +14,11 @@ from workbench.systems.balancing import balancing
 
 CHUNK_ENTRIES = 4_000_000
 """Total entries of the matrices that are solved in one call: 64 MB."""
+
+MANY_STATES, MANY_POINTS = 60, 4
+"""Fewest states, and points, for which responses are computed in Schur's coordinates."""
+LARGEST_SPREAD = 1e5
+"""Largest entry of A over its smallest pole there."""
 
 
 @lru_cache(maxsize=64)
@@ -35,6 +41,14 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
     D = M[..., states:, states:]
     result = np.empty((*M.shape[:-2], len(points), *D.shape[-2:]), complex)
+    many = states >= MANY_STATES and len(points) >= MANY_POINTS
+    if many and M.ndim == 2 and np.isrealobj(M) and np.isfinite(M).all():
+        scaled = np.block([[A, B], [C, D]]).astype(float)
+        form = _kept_form(scaled.tobytes(), scaled.shape, states)
+        if form is not None:
+            _need_no_pole(np.diagonal(form[0]), points)
+            result[...] = triangular_response(form, points) + D
+            return result
     step = max(CHUNK_ENTRIES // max(A.size, 1), 1)
     for start in range(0, len(points), step):
         part = slice(start, start + step)
@@ -42,9 +56,57 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
         try:
             state = np.linalg.solve(resolvent, B[..., None, :, :])
         except np.linalg.LinAlgError:
-            raise InputError(
-                f"the system has a pole at one of s = {points[part][0]} ... {points[part][-1]}; "
-                "its response there is infinite: leave that frequency out"
-            ) from None
+            raise _infinite(points[part]) from None
         result[..., part, :, :] = C[..., None, :, :] @ state + D[..., None, :, :]
     return result
+
+
+Triangular = tuple[Array, Array, Array]
+"""An upper triangular A (n, n), with its B (n, p) and C (m, n)."""
+
+
+def triangular_form(A: Array, B: Array, C: Array) -> Triangular | None:
+    """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
+
+    There an elimination keeps digits of small states that an orthogonal basis would lose.
+    """
+    if len(A) < MANY_STATES:
+        return None
+    T, Q = scipy.linalg.schur(A.astype(complex), output="complex")
+    if not np.abs(np.diagonal(T)).min() * LARGEST_SPREAD > np.abs(A).max():
+        return None
+    return T, Q.conj().T @ B, C @ Q
+
+
+@lru_cache(maxsize=8)
+def _kept_form(data: bytes, shape: tuple[int, int], states: int) -> Triangular | None:
+    """The `triangular_form` of [A B; C D]; kept, as `_scale` is."""
+    M = np.frombuffer(data).reshape(shape)
+    return triangular_form(M[:states, :states], M[:states, states:], M[states:, :states])
+
+
+def triangular_response(form: Triangular, s: Array) -> Array:
+    """C (s I - T)^-1 B (F, m, p) at points s (F,), by substitution at all of them at once."""
+    T, B, C = form
+    (n, p), F = B.shape, len(s)
+    X = np.empty((n, F, p), complex)
+    for i in reversed(range(n)):
+        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * p)).reshape(F, p)
+        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
+    response: Array = C @ np.moveaxis(X, 0, 1)
+    return response
+
+
+def _need_no_pole(poles: Array, points: Array) -> None:
+    """Raise InputError where a point is a pole."""
+    for start in range(0, len(points), CHUNK_ENTRIES // len(poles)):
+        part = points[start : start + CHUNK_ENTRIES // len(poles)]
+        if (part[:, None] == poles).any():
+            raise _infinite(part)
+
+
+def _infinite(points: Array) -> InputError:
+    return InputError(
+        f"the system has a pole at one of s = {points[0]} ... {points[-1]}; "
+        "its response there is infinite: leave that frequency out"
+    )
