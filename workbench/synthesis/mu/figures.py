@@ -47,8 +47,10 @@ def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     levels = [each.level for each in history]
     if np.isfinite(levels).any():  # a structured controller has none
         # Hollow and below the peaks, which it often equals.
-        hollow = {"markerfacecolor": "none", "markersize": 8, "color": figures.ORANGE}
-        peaks.plot(count, levels, "s:", label="H-infinity level", **hollow)
+        peaks.plot(
+            count, levels, "s:", color=figures.ORANGE, markerfacecolor="none", markersize=8,
+            label="H-infinity level",
+        )  # fmt: skip
     peaks.plot(
         count, [each.peak for each in history], "o-",
         color=figures.BLUE, markersize=4, label="peak of mixed mu",

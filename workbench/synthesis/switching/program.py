@@ -270,7 +270,7 @@ class SwitchedStability(Program):
                 label=mode.name,
             )  # fmt: skip
         panel.axhline(1.0, color="0.4", linewidth=0.8)
-        panel.xaxis.get_major_locator().set_params(integer=True, min_n_ticks=1)
+        panel.locator_params(axis="x", integer=True, min_n_ticks=1)
         figures.label(panel, "stay [samples]", "V at the next entry over V at this [1]")
         figures.legend_below(figure, panel)
         return {"entries": figure}

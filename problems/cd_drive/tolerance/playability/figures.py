@@ -95,7 +95,7 @@ def tuning(answer: Dataset, tuned: str) -> Figure:
         )
     y = "balloon, training discs; above 1: $|S|$ > 2 [1]"
     figures.label(panels[0], "trial", y, f"{titled(tuned)}: search")
-    panels[0].xaxis.get_major_locator().set_params(integer=True)
+    panels[0].locator_params(axis="x", integer=True)
     panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
     panels[1].set_xlim(-0.6, 1.6)
     panels[1].set_xticks([0, 1], [str(axis) for axis in answer["axis"].values])
