@@ -75,7 +75,7 @@ class UnknownNameError(WorkbenchError, LookupError):
 
 MOST_KNOWN = 20
 """Most names that a message lists."""
-SIMILAR, BESIDE = 0.6, 0.1
+SIMILAR, BESIDE = 0.5, 0.1
 """Least similarity of a suggested name, and the most by which it falls behind the nearest one."""
 
 
