@@ -19,7 +19,8 @@ TRIAL_FREQUENCIES = 100
 FINAL_FREQUENCIES = 1000
 """Largest number of frequencies at which the best starts are finished."""
 FINISHED_STARTS = 6
-"""Number of starts that are finished; the one with the smallest fitted sets is the answer."""
+"""Number of starts that are finished; the one with the smallest fitted sets is the answer, judged
+where known plants' resonances show too."""
 
 
 @method(CircleCover, "steps", optimal=False)
@@ -39,7 +40,7 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
-    found, said = _tried(program.thinned(TRIAL_FREQUENCIES), context)
+    found, said = _tried(_trial(program), context)
     if not found:
         return None, Outcome.FAILED, said
     first = program.first_set(program.points)
@@ -49,7 +50,13 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
         nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))
-    return min(answers, key=program.objective), Outcome.SOLVED, said
+    return min(answers, key=program.refined().objective), Outcome.SOLVED, said
+
+
+def _trial(program: UncertaintyCover) -> UncertaintyCover:
+    """The program at few frequencies; where it has fewer, also at those of known resonances."""
+    few = len(program.responses.omega) < TRIAL_FREQUENCIES
+    return (program.refined() if few else program).thinned(TRIAL_FREQUENCIES)
 
 
 def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel], str]:
