@@ -32,7 +32,7 @@ def test_reference_result_is_verified(folder):
     assert wb.verify(folder).holds, wb.verify(folder)
 
 
-TIMES = {"bench/cold-start", "bench/mu-yardstick", "bench/norms"}
+TIMES = {"bench/cold-start", "bench/mu-yardstick"}
 """Times of a machine against limits that not every machine keeps."""
 
 
