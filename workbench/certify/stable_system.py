@@ -166,7 +166,7 @@ class StableSystem:
 
     @cached_property
     def _triangular(self) -> Triangular | None:
-        return triangular_form(self.A, self.B, self.C)
+        return triangular_form(self.A, self.B, self.C, self.poles)
 
 
 def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:

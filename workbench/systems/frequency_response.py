@@ -65,17 +65,20 @@ Triangular = tuple[Array, Array, Array]
 """An upper triangular A (n, n), with its B (n, p) and C (m, n)."""
 
 
-def triangular_form(A: Array, B: Array, C: Array) -> Triangular | None:
+def triangular_form(A: Array, B: Array, C: Array, poles: Array | None = None) -> Triangular | None:
     """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
 
-    There an elimination keeps digits of small states that an orthogonal basis would lose.
+    There an elimination keeps digits of small states that an orthogonal basis would lose. Poles
+    that are known tell that before.
     """
-    if len(A) < MANY_STATES:
+    if len(A) < MANY_STATES or (poles is not None and _differ_widely(poles, A)):
         return None
     T, Q = scipy.linalg.schur(A.astype(complex), output="complex")
-    if not np.abs(np.diagonal(T)).min() * LARGEST_SPREAD > np.abs(A).max():
-        return None
-    return T, Q.conj().T @ B, C @ Q
+    return None if _differ_widely(np.diagonal(T), A) else (T, Q.conj().T @ B, C @ Q)
+
+
+def _differ_widely(poles: Array, A: Array) -> bool:
+    return not np.abs(poles).min() * LARGEST_SPREAD > np.abs(A).max()
 
 
 @lru_cache(maxsize=8)
