@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
+from workbench.bench.problem import import_file
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options
@@ -47,7 +46,7 @@ def kept_weights(
     SolverError
         No certified cover of the plants is found.
     """
-    study = _module(design)
+    study = import_file(design.parents[1], design)
     covered = solve(study.cover(), options=Options())
     if covered.certificate is None or not covered.certificate.valid:
         raise SolverError(f"no certified cover of the plants was found: {covered.message}")
@@ -72,13 +71,3 @@ def kept_weights(
             f"{tried[0].peak:.3g}"
         )
     return best
-
-
-def _module(file: Path) -> ModuleType:
-    """The module of a file."""
-    spec = importlib.util.spec_from_file_location(f"first_{file.parent.name}", file)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{file} is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
