@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kernels import called
 
 from workbench.mu import MuUpperBound, upper_bound
 from workbench.mu.upper import multipliers
@@ -33,23 +34,23 @@ def read(lanes, rows, columns):
 def test_the_arithmetic_is_that_of_numpy(n):
     A, B = drawn(2, LANES, n, n + 1), drawn(LANES, n + 1, n)
     out = laid(np.zeros((LANES, n, n), complex))
-    algebra.product(laid(A[0]), laid(B), out, n, n + 1, n)
+    called(algebra.product)(laid(A[0]), laid(B), out, n, n + 1, n)
     np.testing.assert_allclose(read(out, n, n), A[0] @ B, rtol=1e-13, atol=1e-13)
     square, Z = drawn(LANES, n, n), drawn(LANES, n, n, seed=1)
     Z = Z + Z.conj().mT
-    algebra.twice_hermitian_part(laid(square), laid(Z), out, n)
+    called(algebra.twice_hermitian_part)(laid(square), laid(Z), out, n)
     both = square @ Z
     np.testing.assert_allclose(read(out, n, n), both + both.conj().mT, rtol=1e-12, atol=1e-12)
     S = square @ square.conj().mT + np.eye(n)
-    algebra.hermitian_product(laid(square), laid(square), out, n, n)
+    called(algebra.hermitian_product)(laid(square), laid(square), out, n, n)
     np.testing.assert_allclose(read(out, n, n), S - np.eye(n), rtol=1e-12, atol=1e-12)
     L, work, held = np.zeros_like(out), np.zeros_like(out), np.ones(LANES, bool)
-    algebra.cholesky(laid(S), L, n, held)
-    algebra.inverse_of_factored(L, work, out, n)
+    called(algebra.cholesky)(laid(S), L, n, held)
+    called(algebra.inverse_of_factored)(L, work, out, n)
     assert held.all()
     np.testing.assert_allclose(read(out, n, n) @ S, np.broadcast_to(np.eye(n), S.shape), atol=1e-10)
     S[3] -= 2 * np.linalg.eigvalsh(S[3])[0] * np.eye(n)
-    algebra.cholesky(laid(S), L, n, held)
+    called(algebra.cholesky)(laid(S), L, n, held)
     assert not held[3] and held.sum() == LANES - 1
 
 
@@ -59,8 +60,8 @@ def test_real_systems_are_solved(m):
     H, b = H @ H.mT + np.eye(m), b[:, :, 0]
     x, pivots = np.zeros(m * LANES), np.zeros(m * LANES)
     lower = np.moveaxis(H, 0, -1).flatten()
-    algebra.real_cholesky(lower, pivots, m)
-    algebra.real_cholesky_solve(lower, pivots, b.T.flatten(), x, m)
+    called(algebra.real_cholesky)(lower, pivots, m)
+    called(algebra.real_cholesky_solve)(lower, pivots, b.T.flatten(), x, m)
     expected = np.linalg.solve(H, b[..., None])[..., 0]
     np.testing.assert_allclose(x.reshape(m, LANES).T, expected, rtol=1e-9)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kernels import called
 from lanes import thinned
 from power_iteration import power_batch
 
@@ -84,7 +85,7 @@ def test_a_followed_eigenvalue_converges_cubically(n):
     w[X, :n], w[Y, :n] = start, left + 1e-2 * random(rng, n)
     value = values[0] * (1 + 1e-3)
     for _ in range(3):
-        value = rayleigh_step(w, n, value)
+        value = called(rayleigh_step)(w, n, value)
     assert value == pytest.approx(values[0], rel=1e-12)
     np.testing.assert_allclose(A @ w[X, :n], value * w[X, :n], atol=1e-11)
     np.testing.assert_allclose(w[Y, :n].conj() @ A, value * w[Y, :n].conj(), atol=1e-11)
@@ -100,13 +101,13 @@ def test_edges_have_the_eigenvalues_that_their_determinants_show():
         w, _ = workspace(table, 4, 4)
         polynomials, values = np.zeros((64, 5), complex), np.zeros((2, 64), complex)
         delta, found = np.zeros((4, 4), complex), np.zeros((6, 4))
-        assert point_count(table) == count
-        set_polynomials(M, table, count, delta, polynomials, w)
-        set_point(table, 5, -1, 0.0, delta)
+        assert called(point_count)(table) == count
+        called(set_polynomials)(M, table, count, delta, polynomials, w)
+        called(set_point)(table, 5, -1, 0.0, delta)
         np.testing.assert_allclose(polynomials[5], np.poly(M @ delta), rtol=1e-9)
-        set_crossings(table, polynomials, count, 0.0, 8.0, values, delta, found)
+        called(set_crossings)(table, polynomials, count, 0.0, 8.0, values, delta, found)
         for value, point, block, place in found[found[:, 0] > 0]:
-            set_point(table, int(point), int(block), place, delta)
+            called(set_point)(table, int(point), int(block), place, delta)
             assert np.abs(np.linalg.eigvals(M @ delta) - value).min() < 0.1
             seen += 1
     assert seen > 10

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 from workbench.mu.lower.rayleigh import LOOP, X
-from workbench.mu.lower.realise import set_block, set_loop
+from workbench.mu.lower.realise import NO_BLOCK, set_block, set_loop
 
 MOST_POINTS = 64
 """Largest number of vertices, with the points that divide intervals, whose edges are searched."""
@@ -63,7 +63,7 @@ def set_polynomials(M, table, count, delta, polynomials, w):  # type: ignore[no-
     """
     n, L = len(M), LOOP + w.shape[1]
     for point in range(count):
-        set_point(table, point, -1, 0.0, delta)
+        set_point(table, point, NO_BLOCK, 0.0, delta)
         set_loop(M, table, delta, w)
         polynomials[point, 0] = 1.0
         for i in range(n):

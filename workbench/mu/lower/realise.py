@@ -28,6 +28,9 @@ REAL_BLOCK_ADVANTAGE = 3.0
 SEARCH_TOLERANCE, FINAL_TOLERANCE = 1e-10, 1e-14
 """Largest imaginary part of an eigenvalue that counts as real, as a share of its size: while Deltas
 are compared, and for the Delta that is returned."""
+NO_BLOCK = np.int64(-1)
+"""In place of the number of a real block. Numba would compile once more for an integer of Python.
+"""
 FOLLOWED_CHANGE = 1e-5
 """A Rayleigh quotient has settled once it changes by less than this share: its error is then of
 the order of the cube."""
@@ -150,8 +153,8 @@ def blocks_of(table):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def best_unknown(table, delta, w):  # type: ignore[no-untyped-def]
-    """The best unknown to keep the eigenvalue real: a real block's number, or -1 for the phase."""
-    place, most = -1, REAL_BLOCK_ADVANTAGE * abs(phase_effect(delta, table, w).real)
+    """The best unknown to keep the eigenvalue real: a real block, or NO_BLOCK for the phase."""
+    place, most = NO_BLOCK, REAL_BLOCK_ADVANTAGE * abs(phase_effect(delta, table, w).real)
     for k in range(len(table)):
         if table[k, 0] == REAL:
             room = 1.0 - abs(delta[table[k, 1], table[k, 3]].real)
@@ -174,7 +177,7 @@ def realise(M, table, delta, near, free, tolerance, w):  # type: ignore[no-untyp
     near
         Estimate of the eigenvalue; x and y of the workspace estimate its vectors.
     free
-        Number of the real block whose value is the unknown instead of the phase; -1: the phase.
+        Number of the real block whose value is the unknown, or NO_BLOCK for the phase.
     tolerance
         Largest imaginary part, as a share of the eigenvalue.
 

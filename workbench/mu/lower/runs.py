@@ -27,6 +27,7 @@ from workbench.mu.lower.rayleigh import (
     squared_size,
 )
 from workbench.mu.lower.realise import (
+    NO_BLOCK,
     SEARCH_TOLERANCE,
     best_unknown,
     block_effect,
@@ -67,7 +68,7 @@ def realised_run(M, table, reals, moving, level, delta, order, w):  # type: igno
         return 0.0
     value = 0.0
     if some_complex:
-        value = realise(M, table, delta, near, -1, SEARCH_TOLERANCE, w)[0]
+        value = realise(M, table, delta, near, NO_BLOCK, SEARCH_TOLERANCE, w)[0]
     else:
         near = _linearised(M, table, delta, near, order, w)
     if not value > 0:

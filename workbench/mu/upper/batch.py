@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two
 from workbench.mu.upper.linear_algebra import factor
 from workbench.mu.upper.newton import square
@@ -25,9 +25,14 @@ def balanced_batch(
 
     A scale of 0 stands for a matrix whose bound is 0.
     """
-    for f in range(len(batch)):
-        M[f] = batch[f]
-        E[f] = 1.0
+    count, c, r = batch.shape
+    for f in range(count):
+        # entry by entry: to copy slices is to compile their error messages too, which takes seconds
+        for i in range(c):
+            for j in range(r):
+                M[f, i, j] = batch[f, i, j]
+        for k in range(pattern.size):
+            E[f, k] = 1.0
         scale[f] = _unit(M[f])
         if scale[f] > 0.0:
             norm = balance(pattern, M[f], E[f])
@@ -129,14 +134,14 @@ def held_below(
         held[f] = factor(S, L)
 
 
-@compiled
+@unchecked_kernel
 def _identity(pattern: Pattern, x: np.ndarray) -> None:
     """Set the unknowns x to those of D = I, G = 0."""
     for k in range(x.size):
         x[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
 
 
-@compiled
+@unchecked_kernel
 def _unit(M: np.ndarray) -> float:
     """Divide M by a power of two near its largest entry, and return this power; 0 if M = 0."""
     largest = 0.0
@@ -152,7 +157,7 @@ def _unit(M: np.ndarray) -> float:
     return scale
 
 
-@compiled
+@unchecked_kernel
 def _above(M: np.ndarray) -> float:
     """A number above the square of the largest singular value."""
     total = 0.0

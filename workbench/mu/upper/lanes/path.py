@@ -35,8 +35,9 @@ LOST_STEP = 0.1
 """A step shorter than this means that the path is lost."""
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
-PREDICTOR_TRIALS, CORRECTOR_TRIALS = 2, 5
-"""Trials that find the longest step of the predictor and of the corrector."""
+PREDICTOR_TRIALS, CORRECTOR_TRIALS = np.int64(2), np.int64(5)
+"""Trials that find the longest step of the predictor and of the corrector. Numba compiles once more
+for each integer of Python that it is given, not for one of NumPy."""
 FALL = 0.6
 """Factor from one trial to the next until one holds; then the interval is halved."""
 STEP_HALVINGS = 20
