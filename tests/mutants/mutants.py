@@ -83,7 +83,7 @@ def K_times(factor: float) -> Change:
     return given(lambda plant, K: (plant, K if callable(K) and factor == 1 else factor * K))
 
 
-BOUND, POINT = "certify.mu_bound:certified_bound", "certify.mu_bound:_products"
+BOUND, POINT = "certify.mu_bound:structured_bound", "certify.mu_bound:_products"
 NORM, CLOSE = "certify.norms:certified_norm", "systems.generalised_plant:GeneralisedPlant.close"
 PEAK = "mu.robust.performance:performance_peak"
 PROVEN = "certify.singularity:proven_bound"

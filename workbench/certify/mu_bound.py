@@ -24,13 +24,14 @@ from workbench.structure import Full, Real, Structure
 CHUNK_MATRICES = 4096
 """Matrices that are bounded in one call; intermediate arrays need many times their memory."""
 ACCEPTED_ROUNDING = 1e-9
-"""Rounding errors below this share of beta^2 are accepted without bisection."""
+"""Rounding errors below this share of beta^2 are accepted without a search."""
 SAID_ALLOWANCES = 1.125
 """Allowances in a bound that is said: rounding takes up far less than an eighth of one."""
-BISECTIONS = 45
+BISECTIONS = 40
 """Most bisections of beta^2 on a logarithmic scale."""
-SHARPNESS = 2.0**-42
-"""Relative width of the interval of beta^2 at which its bisection ends."""
+SHARPNESS = 2.0**-34
+"""Relative width of the interval of beta^2 at which its search ends: a sixteenth of what is
+accepted without one."""
 WIDENING = 2.0**8
 """Factor of the distance from a guess to the next one that is tried."""
 
@@ -95,13 +96,27 @@ def certified_bound(
         Multiple of the allowance for rounding. One proves the bound; a bound that is said takes
         `SAID_ALLOWANCES`, since another processor, which rounds otherwise, has to prove it too.
     """
+    multipliers = structured(structure, D_left, D_right, G)
+    return structured_bound(M, structure, *multipliers, allowances=allowances)
+
+
+def structured_bound(
+    M: ComplexArray,
+    structure: Structure,
+    D_left: ComplexArray,
+    D_right: ComplexArray,
+    G: ComplexArray,
+    *,
+    allowances: float = 1.0,
+) -> NDArray[np.float64]:
+    """As `certified_bound`, for multipliers that `structured` gave."""
     batch = M.shape[:-2]
     parts = [np.reshape(part, (-1, *part.shape[-2:])) for part in (M, D_left, D_right, G)]
     value = np.empty(len(parts[0]))
     for start in range(0, len(value), CHUNK_MATRICES):
         some = slice(start, start + CHUNK_MATRICES)
-        M, *multipliers = (part[some] for part in parts)
-        value[some] = _certified(M, structure, *structured(structure, *multipliers), allowances)
+        M, D_left, D_right, G = (part[some] for part in parts)
+        value[some] = _certified(M, structure, D_left, D_right, G, allowances)
     return value.reshape(batch)
 
 
@@ -127,14 +142,15 @@ def _certified(
         X, Y = X / again[..., None, None], Y / again[..., None, None]
 
         proper = np.logical_and.reduce([_finite(part) for part in (X, Y, D, R)])
-        X, Y, D, R = (
-            np.where(proper[..., None, None], part, np.eye(*part.shape[-2:]))
-            for part in (X, Y, D, R)
-        )
-        A, spread = _products(X, Y, D)
+        if not proper.all():
+            X, Y, D, R = (
+                np.where(proper[..., None, None], part, np.eye(*part.shape[-2:]))
+                for part in (X, Y, D, R)
+            )
+        A, spread = _products(X, Y, D, structure)
         proper, top, error = _largest(A, spread, R, structure, proper)
         square = np.maximum(top + allowances * error, 0.0)
-        # A bound that is said is bisected less often than one that is proven: the least stands.
+        # A bound that is said is searched for less often than one that is proven: the least stands.
         doubtful = proper & (error > allowances * ACCEPTED_ROUNDING * square)
         if doubtful.any():
             square = np.array(square)
@@ -153,15 +169,26 @@ def _certified(
 
 
 def _products(
-    X: ComplexArray, Y: ComplexArray, D: ComplexArray
+    X: ComplexArray, Y: ComplexArray, D: ComplexArray, structure: Structure
 ) -> tuple[ComplexArray, NDArray[np.float64]]:
     """A = X^H D X + j (Y X - X^H Y^H), and a bound of its entries' rounding errors over eps."""
-    twisted = 1j * (Y @ X)
     size = np.abs(X)
-    twisted_size = np.abs(Y) @ size
-    count = 4 * (sum(X.shape[-2:]) + 8)
-    spread = size.mT @ (np.abs(D) @ size) + twisted_size + twisted_size.mT
-    return X.conj().mT @ (D @ X) + twisted + twisted.conj().mT, count * spread
+    if _diagonal_only(structure):
+        d = _diagonal(D)[..., None]
+        scaled, scaled_size = d * X, np.abs(d) * size
+    else:
+        scaled, scaled_size = D @ X, np.abs(D) @ size
+    A, spread = X.conj().mT @ scaled, size.mT @ scaled_size
+    if Y.any():
+        twisted = 1j * (Y @ X)
+        twisted_size = np.abs(Y) @ size
+        A, spread = A + twisted + twisted.conj().mT, spread + twisted_size + twisted_size.mT
+    return A, 4 * (sum(X.shape[-2:]) + 8) * spread
+
+
+def _diagonal_only(structure: Structure) -> bool:
+    """Whether all D are diagonal."""
+    return all(isinstance(block, Full) or block.rows == 1 for block in structure)
 
 
 def _largest(
@@ -173,7 +200,7 @@ def _largest(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
     """Whether R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error."""
     allowance = 4 * (2 * A.shape[-1] + 8) * EPS
-    if all(isinstance(block, Full) or block.rows == 1 for block in structure):
+    if _diagonal_only(structure):
         least = _diagonal(R).min(-1)
         proper = proper & (least > 0)
         root = np.where(proper[..., None], _diagonal(R), 1.0) ** -0.5
@@ -187,7 +214,8 @@ def _largest(
         root = np.where(proper[..., None], values, 1.0) ** -0.5
         N = root[..., :, None] * (vectors.conj().mT @ A @ vectors) * root[..., None, :]
         stretch = 1 + _norm(R) / np.where(proper, least, 1.0)
-    N = np.where(proper[..., None, None], N, 0.0)
+    if not proper.all():
+        N = np.where(proper[..., None, None], N, 0.0)
     rounding = EPS * _norm(spread) / np.where(proper, least, 1.0)
     top = np.asarray(np.linalg.eigvalsh(N)[..., -1], dtype=float)
     return proper, top, rounding + allowance * stretch * _norm(N)

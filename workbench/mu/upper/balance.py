@@ -37,22 +37,22 @@ def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
     """
     left, right = pattern.left, pattern.right
     c, r = M.shape
-    norm = 0.0
     for _ in range(MOST_SWEEPS):
-        moved = False
+        norm, moved = _norm(M), False
+        if norm <= NILPOTENT_NORM:
+            return norm
         for k in range(E.size):
-            norm, row, column = 0.0, 0.0, 0.0
+            row, column = 0.0, 0.0
             for i in range(c):
-                for j in range(r):
-                    square = M[i, j].real ** 2 + M[i, j].imag ** 2
-                    norm += square
-                    if left[i] == k and right[j] != k:
-                        row += square
-                    elif left[i] != k and right[j] == k:
-                        column += square
-            norm = math.sqrt(norm)
-            if norm <= NILPOTENT_NORM:
-                return norm
+                if left[i] == k:
+                    for j in range(r):
+                        if right[j] != k:
+                            row += M[i, j].real ** 2 + M[i, j].imag ** 2
+            for j in range(r):
+                if right[j] == k:
+                    for i in range(c):
+                        if left[i] != k:
+                            column += M[i, j].real ** 2 + M[i, j].imag ** 2
             row = max(math.sqrt(row), COUPLING_FLOOR * norm)
             column = max(math.sqrt(column), COUPLING_FLOOR * norm)
             scale = power_of_two(math.sqrt(column / row))
@@ -66,5 +66,15 @@ def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
                         if right[j] == k:
                             M[i, j] /= scale
         if not moved:
-            break
-    return norm
+            return norm
+    return _norm(M)
+
+
+@compiled
+def _norm(M: np.ndarray) -> float:
+    """The Frobenius norm."""
+    square = 0.0
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            square += M[i, j].real ** 2 + M[i, j].imag ** 2
+    return math.sqrt(square)

@@ -17,10 +17,11 @@ from workbench.mu.upper.lanes.algebra import (
     real_cholesky_solve,
     twice_hermitian_part,
 )
-from workbench.mu.upper.lanes.simd import LANES, set_real_product, set_scaled, set_sum
+from workbench.mu.upper.lanes.simd import LANES, set_real_product, set_sum
 from workbench.mu.upper.lanes.state import Lanes, Numbers, Places, numbers, room_for
 from workbench.mu.upper.lanes.system import (
     add_diagonal,
+    along_t,
     between_M,
     inequality,
     inequality_adjoint,
@@ -31,11 +32,11 @@ NEGLIGIBLE_T = 1e-16
 """t below this share of its first value counts as zero."""
 LARGEST_FALL = 1.5
 """Largest share of t by which one step may lower t."""
-LOST_STEP = 0.1
+LOST_STEP = 0.05
 """A step shorter than this means that the path is lost."""
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
-PREDICTOR_TRIALS, CORRECTOR_TRIALS = np.int64(2), np.int64(5)
+PREDICTOR_TRIALS, CORRECTOR_TRIALS = np.int64(2), np.int64(6)
 """Trials that find the longest step of the predictor and of the corrector. Numba compiles once more
 for each integer of Python that it is given, not for one of NumPy."""
 FALL = 0.6
@@ -44,8 +45,9 @@ STEP_HALVINGS = 20
 """Most halvings of a step until S and D are positive definite after it."""
 ITERATIONS = 40
 """Most iterations of one path."""
-START = 1.05
-"""First t over the square of the Frobenius norm."""
+START = 1.5
+"""First t over the Frobenius norm of M^H M, which is at least the square of its largest singular
+value."""
 
 
 @unchecked
@@ -111,22 +113,24 @@ def _load(
 ) -> None:
     """Start the path of a matrix (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
     c, r = M.shape
-    square = 0.0
     for i in range(c):
         for j in range(r):
             entry, at = M[i, j], (i * r + j) * 2 * LANES
             lanes.M[at + w], lanes.M[at + LANES + w] = entry.real, entry.imag
-            square += entry.real**2 + entry.imag**2
     for k in range(lanes.x.size // LANES):
         lanes.x[k * LANES + w] = 1.0 if k < places.blocks else 0.0
-    t = START * square
+    square = 0.0
     for a in range(r):
         for b in range(r):
-            total = t + 0.0j if a == b else 0.0j
+            total = 0.0j
             for i in range(c):
                 total -= np.conj(M[i, a]) * M[i, b]
+            square += total.real**2 + total.imag**2
             at = (a * r + b) * 2 * LANES
             lanes.S[at + w], lanes.S[at + LANES + w] = total.real, total.imag
+    t = START * np.sqrt(square)
+    for a in range(r):
+        lanes.S[(a * r + a) * 2 * LANES + w] += t
     rest.t[w], rest.nothing[w], rest.enough[w] = t, NEGLIGIBLE_T * t, enough
     rest.used[w], rest.active[w], rest.lost[w] = 0, True, False
 
@@ -177,8 +181,34 @@ def _predict(places: Places, lanes: Lanes, rest: Numbers) -> None:
             dx[e] = -rest.dt[w] * lanes.toward_u[e] - rest.rho[w] * lanes.toward_b[e]
     _direction(places, lanes, rest)
     room = (lanes.V, lanes.L, number)
-    _reach(places, room, S, dS, x, dx, rest.dt, dx, PREDICTOR_TRIALS, rest.primal, rest.held)
-    _reach(places, room, Z, dZ, W, dW, rest.none, dx, PREDICTOR_TRIALS, rest.dual, rest.held)
+    _reach(
+        places,
+        room,
+        S,
+        dS,
+        x,
+        dx,
+        rest.dt,
+        dx,
+        PREDICTOR_TRIALS,
+        rest.primal,
+        rest.held,
+        rest.active,
+    )
+    _reach(
+        places,
+        room,
+        Z,
+        dZ,
+        W,
+        dW,
+        rest.none,
+        dx,
+        PREDICTOR_TRIALS,
+        rest.dual,
+        rest.held,
+        rest.active,
+    )
     set_real_product(number, 2, 0, dS, 0, 0, 1, Z, 0, 0, 1, every)
     set_real_product(number, 3, 0, S, 0, 0, 1, dZ, 0, 0, 1, every)
     set_real_product(number, 4, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
@@ -206,8 +236,23 @@ def _advance(places: Places, lanes: Lanes, rest: Numbers) -> None:
         if not active[w]:
             dt[w] = 0.0
     room = (lanes.V, lanes.L, lanes.number)
-    _reach(places, room, lanes.S, lanes.dS, x, dx, dt, dx, CORRECTOR_TRIALS, primal, rest.held)
-    _reach(places, room, Z, dZ, W, dW, rest.none, dx, CORRECTOR_TRIALS, dual, rest.held)
+    _reach(
+        places,
+        room,
+        lanes.S,
+        lanes.dS,
+        x,
+        dx,
+        dt,
+        dx,
+        CORRECTOR_TRIALS,
+        primal,
+        rest.held,
+        rest.active,
+    )
+    _reach(
+        places, room, Z, dZ, W, dW, rest.none, dx, CORRECTOR_TRIALS, dual, rest.held, rest.active
+    )
     for w in range(LANES):
         if active[w] and t[w] + primal[w] * dt[w] < -rest.nothing[w]:
             primal[w] = (t[w] + rest.nothing[w]) / -dt[w]  # any t < 0 will do
@@ -259,23 +304,17 @@ def _trace(places: Places, X: np.ndarray, x: np.ndarray, w: int) -> float:
 
 @unchecked_kernel
 def _newton_system(places: Places, lanes: Lanes, rest: Numbers) -> None:
-    """H, factored, u = F*(V) and b, H^-1 u and H^-1 b, F*(S^-1) in ``pull``, and three numbers."""
-    c, r, N = places.left.size, places.right.size, places.blocks
-    m = N + places.row.size
-    M, Si, Z, V, number = lanes.M, lanes.S_inverse, lanes.Z, lanes.V, lanes.number
+    """H, factored, u and b, H^-1 u and H^-1 b, F*(S^-1) in ``pull``, and three numbers."""
+    m = places.blocks + places.row.size
+    M, Si, Z, number = lanes.M, lanes.S_inverse, lanes.Z, lanes.number
     t, along, bb, schur = rest.t, rest.along, rest.bb, rest.schur
     between_M(places, M, Si, lanes.T_M, lanes.T_C)
     inequality_adjoint(places, M, t, Si, lanes.T_M, lanes.pull)
     between_M(places, M, Z, lanes.U_M, lanes.U_C)
     newton_matrix(places, t, lanes)
     real_cholesky(lanes.H, lanes.pivots, m)
-    # 2 V = S^-1 D_r Z and its conjugate transpose
-    _columns_scaled(places, Si, lanes.x, lanes.work)
-    twice_hermitian_part(lanes.work, Z, V, r)
-    product(M, V, lanes.MX, c, r, r)
-    inequality_adjoint(places, M, t, V, lanes.MX, lanes.u)
+    along_t(places, t, lanes, schur)
     for e in range(m * LANES):
-        lanes.u[e] *= 0.5
         lanes.b[e] = 0.0
     add_diagonal(places, Z, lanes.b)
     real_cholesky_solve(lanes.H, lanes.pivots, lanes.u, lanes.toward_u, m)
@@ -286,19 +325,9 @@ def _newton_system(places: Places, lanes: Lanes, rest: Numbers) -> None:
     for w in range(LANES):
         bb[w] = number[8 * LANES + w]
         along[w] = number[9 * LANES + w] / bb[w] if bb[w] > 0.0 else 0.0
-        curvature = 0.5 * _trace(places, V, lanes.x, w)
+        curvature = schur[w]
         left = curvature - number[10 * LANES + w] + along[w] ** 2 * bb[w]
         schur[w] = max(left, 1e-14 * curvature)
-
-
-@unchecked_kernel
-def _columns_scaled(places: Places, A: np.ndarray, x: np.ndarray, X: np.ndarray) -> None:
-    """X = A D_r."""
-    r = places.right.size
-    for i in range(r):
-        for j in range(r):
-            e = 2 * (i * r + j)
-            set_scaled(X, e, x, places.right[j], A, e, 2)
 
 
 @unchecked_kernel
@@ -403,16 +432,17 @@ def _reach(
     trials: int,
     low: np.ndarray,
     held: np.ndarray,
+    active: np.ndarray,
 ) -> None:
     """Steps ``low`` (LANES,) after which A + a first + a^2 dt dD_r and v + a dv are still positive.
 
-    They are BOUNDARY_SHARE of the longest ones up to 1; ``room`` is for two matrices and single
-    numbers.
+    They are BOUNDARY_SHARE of the longest ones up to 1, and zero where a lane is not ``active``;
+    ``room`` is for two matrices and single numbers.
     """
     trial, L, number = room
     r, step, high = places.right.size, number[14 * LANES : 15 * LANES], number[15 * LANES :]
     for w in range(LANES):
-        longest = 1.0 / BOUNDARY_SHARE
+        longest = 1.0 / BOUNDARY_SHARE if active[w] else 0.0
         for k in range(places.blocks):
             e = k * LANES + w
             if v[e] + longest * dv[e] <= 0.0:

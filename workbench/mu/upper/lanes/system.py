@@ -156,19 +156,19 @@ def _skew_row(places: Places, t: np.ndarray, lanes: Lanes, k: int) -> None:
     p, q = places.row[k], places.column[k]
     for j in range(r):  # with the part t e_j e_j^T of d
         to = ((N + k) * m + places.right[j]) * LANES
-        a, b = (j * r + q) * two, (p * r + j) * two
+        a, b = (q * r + j) * two, (p * r + j) * two
         for w in range(LANES):
-            first = Si[a + w] * UM[b + LANES + w] + Si[a + LANES + w] * UM[b + w]
-            # Z[q, j] is the conjugate of Z[j, q]
-            other = -TM[b + w] * Z[a + LANES + w] - TM[b + LANES + w] * Z[a + w]
+            # S^-1[j, q] is the conjugate of S^-1[q, j]
+            first = Si[a + w] * UM[b + LANES + w] - Si[a + LANES + w] * UM[b + w]
+            other = TM[b + w] * Z[a + LANES + w] - TM[b + LANES + w] * Z[a + w]
             H[to + w] += t[w] * (first - other)
     for i in range(c):  # with the part - m_i^H m_i of d
         to = ((N + k) * m + places.left[i]) * LANES
         a, b = (i * r + q) * two, (p * c + i) * two
-        back = (i * c + p) * two
         for w in range(LANES):
             first = TM[a + w] * UC[b + LANES + w] + TM[a + LANES + w] * UC[b + w]
-            other = TC[back + LANES + w] * UM[a + w] - TC[back + w] * UM[a + LANES + w]
+            # T_C[i, p] is the conjugate of T_C[p, i]
+            other = -TC[b + LANES + w] * UM[a + w] - TC[b + w] * UM[a + LANES + w]
             H[to + w] += other - first
     for other_ in range(k + 1):
         i, j = places.row[other_], places.column[other_]
@@ -181,3 +181,44 @@ def _skew_row(places: Places, t: np.ndarray, lanes: Lanes, k: int) -> None:
             cross = TM[pj + w] * UM[iq + w] - TM[pj + LANES + w] * UM[iq + LANES + w]
             cross += TM[iq + w] * UM[pj + w] - TM[iq + LANES + w] * UM[pj + LANES + w]
             H[to + w] += same - cross
+
+
+@unchecked_kernel
+def along_t(places: Places, t: np.ndarray, lanes: Lanes, curvature: np.ndarray) -> None:
+    """u = F*(V) and <V, D_r> (LANES,), V being the Hermitian part of S^-1 D_r Z.
+
+    From what `newton_matrix` leaves: V itself is not needed.
+    """
+    c, r, N = places.left.size, places.right.size, places.blocks
+    u, x, two = lanes.u, lanes.x, 2 * LANES
+    TM, UM, Si, Z = lanes.T_M, lanes.U_M, lanes.S_inverse, lanes.Z
+    for e in range(u.size):
+        u[e] = 0.0
+    for i in range(r):
+        to = places.right[i] * LANES
+        for j in range(r):
+            at, of = (i * r + j) * LANES, places.right[j] * LANES
+            for w in range(LANES):
+                u[to + w] += lanes.P_R[at + w] * x[of + w]
+    for w in range(LANES):
+        curvature[w] = 0.0
+    for k in range(N):
+        for w in range(LANES):
+            e = k * LANES + w
+            curvature[w] += x[e] * u[e]
+            u[e] *= t[w]
+    for i in range(c):
+        to = places.left[i] * LANES
+        for j in range(r):
+            at, of = (i * r + j) * LANES, places.right[j] * LANES
+            for w in range(LANES):
+                u[to + w] -= lanes.P_M[at + w] * x[of + w]
+    for k in range(places.row.size):
+        p, q, to = places.row[k], places.column[k], (N + k) * LANES
+        for j in range(r):
+            # Z[j, q] is the conjugate of Z[q, j]
+            a, b, of = (p * r + j) * two, (q * r + j) * two, places.right[j] * LANES
+            for w in range(LANES):
+                part = TM[a + LANES + w] * Z[b + w] - TM[a + w] * Z[b + LANES + w]
+                part += UM[a + LANES + w] * Si[b + w] - UM[a + w] * Si[b + LANES + w]
+                u[to + w] += part * x[of + w]
