@@ -121,6 +121,33 @@ def standings(found: list[Cell]) -> str:
     return markdown(titles, rows)
 
 
+def duels(found: list[Cell]) -> str:
+    """Ours against each package by itself, in Markdown; a cell without its model is won."""
+    rows = []
+    for package in dict.fromkeys(package for cell in found for package in cell.fits):
+        if package == OURS:
+            continue
+        ahead = np.array(
+            [cell.fits[OURS] - cell.fits.get(package, np.nan) for cell in found], dtype=float
+        )
+        known = np.isfinite(ahead)
+        worst = found[int(np.where(known, ahead, np.inf).argmin())]
+        level = ~(ahead < -NEAR)
+        shares = [level[[cell.use == use for cell in found]].mean() for use in USES]
+        rows.append(
+            [
+                package,
+                *(f"{100 * share:.0f} %" for share in (*shares, level.mean())),
+                str(int((ahead[known] < -FAR).sum())),
+                f"{np.median(ahead[known]):+.2f}",
+                f"{ahead[known].min():+.2f} ({worst.record}, {worst.use.replace('_', ' ')})",
+            ]
+        )
+    uses = [use.replace("_", " ") for use in USES]
+    titles = ["beside", *uses, "both", f"more than {FAR:g} points below", "median", "worst"]
+    return markdown(titles, rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("results", type=Path, help="what judge has written: a folder, or one file")
@@ -132,6 +159,8 @@ def main() -> None:
             print(f"{use.replace('_', ' ')}, {verdict(part, nonlinear)}")
     for nonlinear in (False, True):
         print(f"both uses, {verdict(found, nonlinear)}")
+    print(f"\nOurs level within {NEAR} points or ahead of each package, in {len(found)} cells:\n")
+    print(duels(found))
     print(f"\nEvery package beside the best of the others, in {len(found)} cells:\n")
     print(standings(found))
 

@@ -9,7 +9,14 @@ from scipy.signal import lfilter
 from workbench.plants.bench.records import judge
 from workbench.plants.bench.records.catalogue import RECORDS, PublicRecord, Section
 from workbench.plants.bench.records.reading import read_halves
-from workbench.plants.bench.records.summary import Cell, cells, fits_table, standings, verdict
+from workbench.plants.bench.records.summary import (
+    Cell,
+    cells,
+    duels,
+    fits_table,
+    standings,
+    verdict,
+)
 
 from workbench.errors import InputError
 
@@ -165,3 +172,16 @@ def test_every_package_is_measured_alike():
     assert cut["workbench"] == ["100 %", "0", "+4.60", "-0.40 (a, one step)", "0"]
     assert cut["sippy_unipi"] == ["50 %", "1", "-4.60", "-9.60 (a, free run)", "0"]
     assert cut["nfoursid"] == ["0 %", "2", "-inf", "-10.40 (a, one step)", "1"]
+
+
+def test_ours_is_set_beside_each_package_by_itself():
+    """Level or ahead by use; a cell without the package's model is won, and has no distance."""
+    fits = {"workbench": 80.0, "sippy_unipi": 80.4, "nfoursid": 90.0}
+    found = [Cell("a", "one_step", fits), Cell("a", "free_run", fits | {"nfoursid": float("nan")})]
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in duels(found).splitlines()]
+    assert rows[2] == [
+        "sippy_unipi", "100 %", "100 %", "100 %", "0", "-0.40", "-0.40 (a, one step)",
+    ]  # fmt: skip
+    assert rows[3] == [
+        "nfoursid", "0 %", "100 %", "50 %", "1", "-10.00", "-10.00 (a, one step)",
+    ]  # fmt: skip
