@@ -8,6 +8,7 @@ Estimation and Time-Series Analysis, 2nd ed., 2011, chapter 7 (refined instrumen
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.closed_loop.explained import excitation_of, steady_response
@@ -42,6 +43,9 @@ from workbench.systems.sampling import respond
 
 NOISE_SHARES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
 """Power of the noise at the inputs, over theirs, among which that of the predictor is chosen."""
+SETTLED, SLOWEST = 1e-3, 0.9999
+"""Share of a filter's first state that is left when it has settled; radius of a pole from which it
+is not waited for any longer."""
 REFINEMENTS = 8
 """Times that instruments are filtered by the poles of the model before."""
 
@@ -68,7 +72,7 @@ def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
 )
 def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
     """What r explains of u, then its output error; assumes a linear loop and a stable plant."""
-    way = _simulators(program, lambda record, clean: clean.u)
+    way = _simulators(program, explained_input)
     return claim(identify(program, way, way, context))
 
 
@@ -105,14 +109,24 @@ def _no_controller(program: ClosedLoopFit) -> str | None:
 @method(ClosedLoopFit, "indirect", optimal=False, unfit=_no_controller, accuracy=ANY_ACCURACY_ALIKE)
 def _indirect(program: ClosedLoopFit, context: Context) -> Claim:
     """What r explains of y, and u by the controller; assumes that it is known and r is added."""
-
-    def reconstructed(record: Experiments, clean: Experiments) -> RealArray:
-        fed = _fed_back(program, clean.y - clean.y.mean(axis=0))
-        u = excitation_of(record) - fed
-        return np.asarray(u - u.mean(axis=0) + clean.u.mean(axis=0))  # integrators tell no level
-
-    way = _simulators(program, reconstructed)
+    way = _simulators(program, rebuilt_input)
     return claim(identify(program, way, way, context))
+
+
+CleanInput = Callable[[ClosedLoopFit, Experiments, Experiments], RealArray]
+"""Input (N, nu) that no noise has entered, of a program, a record and what explains that."""
+
+
+def explained_input(program: ClosedLoopFit, record: Experiments, clean: Experiments) -> RealArray:
+    """What the excitation explains of u."""
+    return clean.u
+
+
+def rebuilt_input(program: ClosedLoopFit, record: Experiments, clean: Experiments) -> RealArray:
+    """The excitation less what the controller makes of what the excitation explains of y."""
+    fed = _fed_back(program, clean.y - clean.y.mean(axis=0))
+    u = excitation_of(record) - fed
+    return np.asarray(u - u.mean(axis=0) + clean.u.mean(axis=0))  # integrators tell no level
 
 
 def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
@@ -131,20 +145,15 @@ def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
     return np.tile(steady, (len(y) // period + 1, 1))[: len(y)]
 
 
-def _simulators(
-    program: ClosedLoopFit, clean_input: Callable[[Experiments, Experiments], RealArray]
-) -> FitterOfOrder:
-    """Fitting functions of free-run errors, for an input (N, nu) that no noise has entered.
-
-    ``clean_input`` takes a record and what its excitation explains.
-    """
+def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrder:
+    """Fitting functions of free-run errors, for an input that no noise has entered."""
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
             clean = program.explained(record)
             if clean is None:
                 return None
-            u = clean_input(record, clean)
+            u = clean_input(program, record, clean)
             simulated = replace(record, u=u, starts=(0,))
             model = _simulator(program, replace(clean, u=u), order, simulated)
             return model and _with_gain(program, model, record)
@@ -182,7 +191,7 @@ def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
     """Models by refined instruments with poles within the largest radius."""
-    models = _refined_instruments(record, clean, order, program.direct)
+    models = _refined_instruments(record, clean, order, program.direct, program.period)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
 
@@ -205,7 +214,7 @@ def _with_gain(
 
 
 def _refined_instruments(
-    record: Experiments, clean: Experiments, order: int, direct: bool
+    record: Experiments, clean: Experiments, order: int, direct: bool, period: int | None
 ) -> Iterator[InnovationsModel]:
     """ARX models by instruments, each after the first by signals filtered by the poles before.
 
@@ -215,29 +224,51 @@ def _refined_instruments(
     model = instrumental_arx(record, clean, order, direct)
     yield model
     for _ in range(REFINEMENTS):
-        poles = np.linalg.eigvals(model.A)
-        outside = np.abs(poles) >= 1
-        poles[outside] = 1 / poles[outside].conj()
-        denominator = np.asarray(np.poly(poles).real, dtype=float)
-        filtered = [_filtered(one, denominator) for one in (record, clean)]
-        model = instrumental_arx(filtered[0], filtered[1], order, direct)
+        model = instrumental_arx(*filtered_by_poles(model, period, record, clean), order, direct)
         means = record.u.mean(axis=0), record.y.mean(axis=0)
         model = replace(model, u_offset=means[0], y_offset=means[1])
         yield model
 
 
-def _filtered(record: Experiments, denominator: RealArray) -> Experiments:
-    """The record without means, its signals filtered by one over a polynomial."""
-    u, y = (
-        lfilter([1.0], denominator, one - one.mean(axis=0), axis=0) for one in (record.u, record.y)
+def filtered_by_poles(
+    model: InnovationsModel, period: int | None, record: Experiments, clean: Experiments
+) -> tuple[Experiments, Experiments]:
+    """A record and what explains it, without means, filtered by the poles of a model made stable.
+
+    Where the excitation repeats itself, the filter has run over periods of it before: from rest, it
+    would take slow modes long to settle.
+    """
+    poles = np.linalg.eigvals(model.A)
+    outside = np.abs(poles) >= 1
+    poles[outside] = 1 / poles[outside].conj()
+    denominator = np.asarray(np.poly(poles).real, dtype=float)
+    lead = 0
+    if period is not None:
+        slowest = np.log(SETTLED) / np.log(min(np.abs(poles).max(initial=0.1), SLOWEST))
+        lead = period * min(math.ceil(slowest / period), len(clean) // period)
+
+    def filtered(signals: RealArray, before: RealArray) -> RealArray:
+        whole = np.vstack([before[:lead], signals]) - signals.mean(axis=0)
+        return np.asarray(lfilter([1.0], denominator, whole, axis=0)[lead:])
+
+    first, second = (
+        replace(one, u=filtered(one.u, clean.u), y=filtered(one.y, clean.y))
+        for one in (record, clean)
     )
-    return replace(record, u=u, y=y)
+    return first, second
 
 
 def instrumental_arx(
-    record: Experiments, clean: Experiments, order: int, direct: bool
+    record: Experiments,
+    clean: Experiments,
+    order: int,
+    direct: bool,
+    kept: BoolArray | None = None,
 ) -> InnovationsModel:
-    """ARX model of a record by instruments: the record without its noise."""
+    """ARX model of a record by instruments: the record without its noise.
+
+    ``kept`` (N,) marks the samples of y whose equations count; None: all.
+    """
     means = record.u.mean(axis=0), record.y.mean(axis=0)
     u, y = record.u - means[0], record.y - means[1]
     lags = range(1, order + 1)
@@ -248,6 +279,8 @@ def instrumental_arx(
 
     regressors = rows(u, y)
     instruments = rows(clean.u - means[0], clean.y - means[1])
+    if kept is not None:
+        instruments = instruments * kept[order:, None]
     moments = instruments.T @ regressors
     scale = np.sqrt(np.sum(regressors**2, axis=0))
     scale[scale == 0] = 1.0

@@ -130,6 +130,25 @@ class Criterion:
                 hessian[np.ix_(columns, columns)] += white.T @ white
         return value, gradient, hessian
 
+    def slopes(
+        self, theta: RealArray, parts: IntegerArray, errors: RealArray | None = None
+    ) -> RealArray:
+        """What each part of the record adds to the gradient of the one-step errors (parts, P).
+
+        parts: the number of each sample's part (N,), which does not fall. errors: in place of the
+        one-step errors (N, ny).
+        """
+        found, first = np.zeros((int(parts[-1]) + 1, len(theta))), 0
+        weight = np.linalg.inv(self._covariance(theta, 0))
+        for columns, own, rows in self._blocks(theta, 0, np.arange(self.common)):
+            block = slice(first, first + len(own))
+            seen = own if errors is None else errors[block]
+            each = np.einsum("toc,to->tc", rows, seen @ weight)
+            for part in np.unique(parts[block]):
+                found[part, columns] += each[parts[block] == part].sum(axis=0)
+            first = block.stop
+        return found
+
     def _runs(
         self, theta: RealArray, run: int
     ) -> Iterator[tuple[int, RealArray, tuple[RealArray, ...], RealArray, RealArray]]:

@@ -58,7 +58,7 @@ def model_deviations(
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
         along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    root = along @ _root_of_inverse(along.T @ hessian @ along)
+    root = along @ root_of_inverse(along.T @ hessian @ along)
     poles = np.linalg.eigvals(model.A).astype(complex)
     spread = np.array([_moved(criterion, theta, step) for step in root.T])
     pole_deviations = np.sqrt((spread**2).sum(axis=0))
@@ -96,14 +96,20 @@ def response_deviations(
     """
     criterion = Criterion(model, record, 0.0, direct)
     theta = criterion.start(model)
-    root = _root_of_inverse(criterion.expand(theta)[2])
-    small = 1e-4
+    root = root_of_inverse(criterion.expand(theta)[2])
     total = np.zeros((np.size(frequency), *model.D.shape))
     for step in root.T:
-        ahead, behind = (criterion.model(theta + sign * small * step) for sign in (1, -1))
-        slope = (ahead.response(frequency) - behind.response(frequency)) / (2 * small)
-        total += np.abs(slope) ** 2
+        total += np.abs(response_along(criterion, theta, step, frequency)) ** 2
     return np.sqrt(total)
+
+
+def response_along(
+    criterion: Criterion, theta: RealArray, step: RealArray, frequency: ArrayLike
+) -> ComplexArray:
+    """Change (F, ny, nu) of the response for a small step of the parameters, to first order."""
+    small = 1e-4
+    ahead, behind = (criterion.model(theta + sign * small * step) for sign in (1, -1))
+    return (ahead.response(frequency) - behind.response(frequency)) / (2 * small)
 
 
 def static_gain(model: InnovationsModel) -> RealArray:
@@ -114,7 +120,7 @@ def static_gain(model: InnovationsModel) -> RealArray:
     return np.asarray(model.C @ np.linalg.solve(rest, model.B) + model.D)
 
 
-def _root_of_inverse(hessian: RealArray) -> RealArray:
+def root_of_inverse(hessian: RealArray) -> RealArray:
     """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
     scale = np.sqrt(np.diag(hessian))
     scale[scale == 0] = 1.0

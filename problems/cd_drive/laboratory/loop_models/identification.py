@@ -10,7 +10,7 @@ from workbench import Options, solve
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
-from workbench.identification import ClosedLoopFit, StateSpaceFit, response_deviations
+from workbench.identification import ClosedLoopFit, StateSpaceFit, closed_loop_deviations
 
 from .excitation import LoopSignals
 
@@ -35,7 +35,7 @@ USUAL = 2
 class LoopModel(NamedTuple):
     """A model of one method: response and its standard deviation (F,), order and failed checks.
 
-    The deviation is NaN where the method states none.
+    The deviation is NaN for the method for open loops.
     """
 
     response: ComplexArray
@@ -82,8 +82,8 @@ def loop_model(
     direct, found = method == "direct", solution.answer
     model = found.predictor if direct else found.simulator
     at = frequency * signals.step
-    deviation = np.full(len(frequency), np.nan)
-    if direct:  # the others have no model of the noise that would tell it
-        deviation = response_deviations(model, program.used, at, False)[:, 0, 0]
+    deviation = np.full(len(frequency), np.nan)  # feedback biases the method for open loops
+    if isinstance(program, ClosedLoopFit):
+        deviation = closed_loop_deviations(program, method, model, at)[:, 0, 0]
     failures = len(solution.certificate.failures)
     return LoopModel(model.response(at)[:, 0, 0], deviation, model.order, failures)

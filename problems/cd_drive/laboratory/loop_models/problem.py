@@ -96,7 +96,7 @@ class LoopModels(Study):
     model = array((estimator, frequency), "1/V", "response of the model")(
         lambda models: [one.response for one in models]
     )
-    deviation = array((estimator, frequency), "1/V", "its standard deviation, where one is stated")(
+    deviation = array((estimator, frequency), "1/V", "its standard deviation; open-loop: none")(
         lambda models: [one.deviation for one in models]
     )
     numbers = arrays(
@@ -161,8 +161,8 @@ class LoopModels(Study):
     errors = metric("error_{estimator}", lambda error: error)
     worst_error = metric(lambda error: error.sel(estimator=list(CLOSED)).max())
     deviations = metric(
-        "error_over_deviation_direct",
-        lambda error_over_deviation: error_over_deviation.sel(estimator="direct"),
+        "error_over_deviation_{estimator}",
+        lambda error_over_deviation: error_over_deviation.sel(estimator=list(CLOSED)),
     )
     pulls = metric("pulled_{estimator}", lambda pulled: pulled)
 

@@ -77,7 +77,7 @@ def test_instruments_find_the_plant(experiment):
     exact = experiment.bench.response(JUDGED)["f_en"]
     assert np.sqrt(np.mean(abs(model.response / exact - 1) ** 2)) < LIMIT
     assert model.failures == 0
-    assert np.isnan(model.deviation).all()
+    assert np.median(abs(model.response - exact) / model.deviation) < 2
 
 
 @pytest.mark.slow
