@@ -11,7 +11,7 @@ from workbench.heavy_types import Dataset, Figure
 
 
 def models_bode(answer: Dataset, title: str, limit: float) -> Figure:
-    """Magnitude, phase and relative error of every model, with twice the stated deviation."""
+    """Magnitude, phase and relative error of every model, beside twice its standard deviation."""
     drawn, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 8.5), sharex=True)
     frequency, truth = answer["frequency"].values, answer["truth"].values
     around = figures.phase(truth)
@@ -26,12 +26,8 @@ def models_bode(answer: Dataset, title: str, limit: float) -> Figure:
         phase.plot(frequency, around + np.degrees(np.angle(response / truth)), **look)
         error.plot(frequency, 100 * apart, **look)
         if np.isfinite(deviation).all():
-            band: Any = {"color": figures.CYCLE[n], "alpha": 0.25, "linewidth": 0.0}
-            size = np.minimum(2 * deviation / abs(response), 0.999)
-            label = f"{name.replace('-', ' ')}, two standard deviations"
-            low, high = abs(response) * (1 - size), abs(response) * (1 + size)
-            magnitude.fill_between(frequency, low, high, label=label, **band)
-            error.fill_between(frequency, 0.1, 100 * 2 * deviation / abs(truth), **band)
+            error.plot(frequency, 100 * 2 * deviation / abs(truth), linestyle="--", **look)
+    magnitude.plot([], [], color=figures.BLACK, linestyle="--", label="two standard deviations")
     error.axhline(100 * limit, color=figures.BLACK, linestyle=":", linewidth=0.8)
     figures.label(magnitude, y="$|f_{en}/u|$ [1/V]", title=title, log="xy")
     figures.label(phase, y="phase [deg]")
