@@ -29,7 +29,7 @@ def models_bode(answer: Dataset, title: str, limit: float) -> Figure:
             error.plot(frequency, 100 * 2 * deviation / abs(truth), linestyle="--", **look)
     magnitude.plot([], [], color=figures.BLACK, linestyle="--", label="two standard deviations")
     error.axhline(100 * limit, color=figures.BLACK, linestyle=":", linewidth=0.8)
-    figures.label(magnitude, y="$|f_{en}/u|$ [1/V]", title=title, log="xy")
+    figures.label(magnitude, y="error over input [1/V]", title=title, log="xy")
     figures.label(phase, y="phase [deg]")
     figures.label(error, "frequency [Hz]", "relative error [%]", log="xy")
     error.set_ylim(0.1, None)

@@ -31,30 +31,42 @@ JUDGED = np.geomspace(100.0, 3000.0, 200)
 """Frequencies [Hz] at which models are judged, evenly spread over their logarithm."""
 LIMIT = 0.10
 """Largest rms relative error of a model from a method for closed loops."""
+HELD = {"focus": CLOSED, "radial": tuple(name for name in CLOSED if name != "direct")}
+"""Methods whose models are held to that. No model of ten states of the direct method follows the
+noise of the radial loop: its errors are 17 to 74 %."""
+PERIODS = {"focus": 50, "radial": 100}
+"""Periods of the multisine."""
 LEAST_BIAS = 3.0
 """Least error by the method for open loops, over LIMIT: feedback carries noise into its input."""
 
 
-@problem("cd/{axis}/loop-models", slow=True, axis=("focus",), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/loop-models",
+    slow=True,
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
 def loop_models(
-    axis: Literal["focus"],
+    axis: Literal["focus", "radial"],
     drive: str = "CD1",
-    periods: Annotated[int, Field(ge=20, le=1000)] = 50,
+    periods: Annotated[int, Field(ge=20, le=1000)] | None = None,
     values: Values = "printed",
 ) -> LoopModels:
-    """The plant u -> f_en of the running loop by the direct, two-stage, instrumental-variable and
-    indirect methods.
+    """The plant of the running loop by the direct, two-stage, instrumental-variable and indirect
+    methods.
 
     A multisine of 40 lines from 100 to 3500 Hz is added to the controller's output while the disc
     turns. The noise of the measured position moves the plant's input as much as the multisine does.
     The methods see excitation, input and output, high-passed and at every second or third sample; a
     method for open loops on the same record shows what feedback does to it. Models are judged by
-    their rms error relative to the exact sampled response, from 100 Hz to 3 kHz.
+    their rms error relative to the exact sampled response, from 100 Hz to 3 kHz. The radial loop is
+    left to the methods without a model of the noise, whose deviations need none either.
 
-    drive: "CD1" to "CD12", or "nominal". periods: of the multisine, 0.12 s each. values: tables
-    "printed" or "corrected".
+    drive: "CD1" to "CD12", or "nominal". periods: of the multisine, 0.12 s each; 50 for the focus
+    loop and 100 for the radial one if none are given. values: tables "printed" or "corrected".
     """
-    return LoopModels(MultisineExperiment(Laboratory(axis, drive, values), periods))
+    bench = Laboratory(axis, drive, values)
+    return LoopModels(MultisineExperiment(bench, periods or PERIODS[axis]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +161,7 @@ class LoopModels(Study):
     @check("{estimator}", each="estimator", at_most=LIMIT)
     def close(self, error: DataArray) -> DataArray:
         """rms relative error of the model, 100 Hz to 3 kHz"""
-        return error.sel(estimator=list(CLOSED))
+        return error.sel(estimator=list(HELD[self.experiment.bench.axis]))
 
     @check("open loop", at_most=1.0)
     def biased(self, error: DataArray) -> DataArray:
@@ -159,7 +171,11 @@ class LoopModels(Study):
     # --- what is told -------------------------------------------------------------------------
 
     errors = metric("error_{estimator}", lambda error: error)
-    worst_error = metric(lambda error: error.sel(estimator=list(CLOSED)).max())
+
+    @metric
+    def worst_error(self, error: DataArray) -> DataArray:
+        return error.sel(estimator=list(HELD[self.experiment.bench.axis])).max()
+
     deviations = metric(
         "error_over_deviation_{estimator}",
         lambda error_over_deviation: error_over_deviation.sel(estimator=list(CLOSED)),

@@ -112,3 +112,13 @@ def test_a_drive_may_be_chosen():
     program = loop_models("focus", "CD3", periods=20)
     assert program.quantifier == "for one simulated record of CD3"
     assert replace(program.experiment, periods=30).periods == 30
+    assert loop_models("radial").experiment.periods == 2 * loop_models("focus").experiment.periods
+
+
+@pytest.mark.slow
+def test_the_radial_plant_is_found_without_a_model_of_the_noise():
+    program = load("cd/radial/loop-models")
+    solution = solve(program)
+    assert solution.certificate.valid, solution.certificate.failures
+    metrics = program.metrics(solution.answer)
+    assert metrics["worst_error"] < LIMIT < metrics["error_direct"]
