@@ -328,13 +328,15 @@ def _seen(M: RealArray, n: int) -> BoolArray:
 
 
 def _scaled(parts: Enclosures | None) -> Enclosures | None:
-    """The realisation with its states scaled by powers of two, exactly; None for none.
+    """The realisation with balanced states; None for none.
 
     Modes of a cluster of poles come with entries of very different size.
     """
-    if parts is None:
-        return None
-    A, B, C = parts
+    return parts and balanced_states(*parts)
+
+
+def balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures:
+    """The realisation with its states scaled by powers of two, exactly, to entries of like size."""
     n, outputs, inputs = len(A.mid), len(C.mid), B.mid.shape[1]
     whole = np.block([[A.mid, B.mid], [C.mid, np.zeros((outputs, inputs))]])
     scale = balancing(np.abs(whole), n)[0][:n]

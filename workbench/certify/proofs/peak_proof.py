@@ -1,5 +1,7 @@
 """The proof of a peak: multipliers that prove one bound on intervals which cover a band.
 
+Scalings that are functions of frequency take the place of nearly all intervals, where there are any.
+
 Nothing is searched when it is proven again: the multipliers are those stored, and what the kernel
 needs besides them is recomputed from the system.
 """
@@ -19,6 +21,7 @@ from workbench.certify.interval import (
     proven_in_doubles,
 )
 from workbench.certify.mu_bound import structured
+from workbench.certify.proofs.scaled_system import ScalingFunctions, scaled_interval
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.structure import Structure
 
@@ -30,11 +33,15 @@ BEYOND = 1.1
 
 @dataclass(frozen=True, eq=False)
 class PeakProof:
-    """Intervals with multipliers that prove the bound ``beta`` of mu on a band [rad/s]."""
+    """Intervals with multipliers that prove the bound ``beta`` of mu on a band [rad/s].
+
+    Where there are ``scalings``, intervals need to cover only what these leave open.
+    """
 
     beta: float
     intervals: tuple[CertifiedInterval, ...]
     band: tuple[float, float] = (0.0, math.inf)
+    scalings: ScalingFunctions | None = None
 
 
 def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) -> str:
@@ -62,7 +69,12 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
         return ""
     intervals = sorted(proof.intervals, key=lambda interval: interval.low)
     found = [_ends(stable, structure, one, proof.beta) for one in intervals]
-    for low, high in _gaps([ends for ends in found if ends is not None], proof.band):
+    if proof.scalings is not None:
+        fault = proof.scalings.fault(len(structure))
+        if fault:
+            return fault
+        found.append(scaled_interval(stable, structure, proof.scalings, proof.beta))
+    for low, high in gaps([ends for ends in found if ends is not None], proof.band):
         about = [one for one in intervals if one.low <= high and low <= one.high]
         if not _closed(stable, structure, about, (low, high), proof.beta):
             nearest = _nearest(about, _between(low, high))
@@ -100,20 +112,20 @@ def _multipliers(
     return structured(structure, *interval.multipliers(omega)), slopes
 
 
-def _gaps(
+def gaps(
     intervals: list[tuple[float, float]], band: tuple[float, float]
 ) -> list[tuple[float, float]]:
     """Parts of the band that no interval covers."""
-    (reached, top), gaps = band, []
+    (reached, top), found = band, []
     for low, high in sorted(intervals):
         if low > top or high < reached:
             continue
         if low > reached:
-            gaps.append((reached, low))
+            found.append((reached, low))
         reached = max(reached, high)
     if reached < top or not any(low <= top and band[0] <= high for low, high in intervals):
-        gaps.append((reached, top))
-    return gaps
+        found.append((reached, top))
+    return found
 
 
 def _nearest(intervals: list[CertifiedInterval], omega: float) -> list[CertifiedInterval]:
@@ -136,7 +148,7 @@ def _closed(
         if one.slopes is None and pieces:
             (D_left, D_right, G), _ = _multipliers(structure, one, one.omega)
             ends = proven_in_balls(system, (D_left, D_right, G), beta, one.omega)
-            pieces = [rest for piece in pieces for rest in _gaps([ends] if ends else [], piece)]
+            pieces = [rest for piece in pieces for rest in gaps([ends] if ends else [], piece)]
     for _ in range(PIECES):
         if not pieces:
             return True

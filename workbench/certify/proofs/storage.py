@@ -9,16 +9,19 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.proofs.peak_proof import PeakProof
+from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.heavy_types import Dataset
 
 MULTIPLIERS = ("D_left", "D_right", "G")
 """Names of an interval's multipliers."""
+FACTORS = ("numerators", "denominators")
+"""Names of the quadratic factors of scalings."""
 
 
 def stored_proof(name: str, proof: PeakProof) -> dict[str, Any]:
     """The proof as variables of a dataset, under a name; `restored_proof` reads them back.
 
-    A proof without intervals has only its bound and its band.
+    A proof without intervals has only its bound, its band and its scalings.
     """
     about = {"long_name": f"bound that the multipliers of the {name} prove"}
     band = {"units": "rad/s", "long_name": f"band on which the {name} is proven"}
@@ -26,6 +29,8 @@ def stored_proof(name: str, proof: PeakProof) -> dict[str, Any]:
         f"{name}_beta": ((), proof.beta, about),
         f"{name}_band": (("end",), np.array(proof.band), band),
     }
+    if proof.scalings is not None:
+        parts |= _stored_scalings(name, proof.scalings)
     if not proof.intervals:
         return parts
     interval, output, entering = (f"{name}_{kind}" for kind in ("interval", "output", "input"))
@@ -50,6 +55,19 @@ def stored_proof(name: str, proof: PeakProof) -> dict[str, Any]:
     return parts
 
 
+def _stored_scalings(name: str, scalings: ScalingFunctions) -> dict[str, Any]:
+    """Scalings as variables of a dataset."""
+    block = f"{name}_block"
+    parts: dict[str, Any] = {
+        f"{name}_gain": (block, scalings.gain, {"units": "1", "long_name": "gain of the scalings"})
+    }
+    for key in FACTORS:
+        about = {"long_name": f"n1 [rad/s], n0 [rad^2/s^2] of s^2 + n1 s + n0 in the {key}"}
+        shape = block, f"{name}_section", f"{name}_coefficient"
+        parts[f"{name}_{key}"] = (shape, getattr(scalings, key), about)
+    return parts
+
+
 def restored_proof(data: Dataset, name: str) -> PeakProof:
     """The proof that `stored_proof` put into the dataset under this name."""
     low, high = (float(end) for end in data[f"{name}_band"].values)
@@ -70,7 +88,11 @@ def restored_proof(data: Dataset, name: str) -> PeakProof:
                     slopes if any(slope.any() for slope in slopes) else None,
                 )
             )
-    return PeakProof(float(data[f"{name}_beta"]), tuple(intervals), (low, high))
+    scalings = None
+    if f"{name}_gain" in data:
+        parts = (data[f"{name}_{key}"].values for key in ("gain", *FACTORS))
+        scalings = ScalingFunctions(*parts)
+    return PeakProof(float(data[f"{name}_beta"]), tuple(intervals), (low, high), scalings)
 
 
 def _complex(data: Dataset, name: str) -> Array:

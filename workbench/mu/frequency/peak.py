@@ -14,6 +14,7 @@ from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds
 from workbench.certify.proofs.peak_proof import PeakProof
+from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
@@ -49,6 +50,7 @@ class Peak:
     complex_part: float = 0.0
     band: tuple[float, float] = (0.0, math.inf)
     period: float = 0.0
+    scalings: ScalingFunctions | None = None
 
     @property
     def proof(self) -> PeakProof | None:
@@ -58,7 +60,7 @@ class Peak:
         """
         if math.isinf(self.upper):
             return None
-        return PeakProof(self.upper, self.intervals, self.intervals_band)
+        return PeakProof(self.upper, self.intervals, self.intervals_band, self.scalings)
 
     @property
     def intervals_band(self) -> tuple[float, float]:

@@ -93,4 +93,5 @@ def restored_peak(data: Dataset, name: str) -> Peak | None:
         float(data[f"{name}_complex_part"]),
         (angular_frequency(low, period), angular_frequency(high, period)),
         period,
+        proof.scalings if proof else None,
     )

@@ -110,6 +110,11 @@ def central_of(
     return _made(normal, [gamma], 0.0)
 
 
+def central_above(normal: Scaled, least: float, tolerance: float) -> Central:
+    """As `central_of` where the least level is known already."""
+    return _made(normal, [least * (1.0 + tolerance * k) for k in LEVEL_RISE_MULTIPLES], 0.0)
+
+
 def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
     """The controller of the first of the levels that its loop holds.
 

@@ -13,6 +13,7 @@ from functools import reduce
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.heavy_types import StateSpace
 
 FrequencyRange = tuple[float, float]
@@ -78,6 +79,15 @@ class Biquads:
     def systems(self, x: RealArray) -> list[StateSpace]:
         """The function d of each row as a StateSpace."""
         return [reduce(lambda a, b: a * b, map(_biquad, *_split(row))) for row in x]
+
+    def functions(self, x: RealArray) -> ScalingFunctions:
+        """The functions by the coefficients of their quadratic factors."""
+        biquads = x[:, 1:].reshape(self.rows, self.biquads, 2, 2)
+        corner, damping = np.exp(biquads[..., 0]), np.exp(biquads[..., 1])
+        factors = np.stack([2.0 * damping * corner, corner**2], axis=-1)
+        above, below = factors[:, :, 0], factors[:, :, 1]
+        gain = np.exp(x[:, 0]) * (below[..., 1] / above[..., 1]).prod(axis=1)
+        return ScalingFunctions(gain, above, below)
 
     def inverse(self, x: RealArray) -> RealArray:
         """The parameters of 1 / d, whose zeros are the poles of d and the reverse."""

@@ -8,8 +8,9 @@ bound. Since gamma depends on K, it moves only a share of the way in each round.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,14 +26,16 @@ from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
-from workbench.synthesis.hinf.riccati import central
-from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.hinf.normalised import normalised_plant
+from workbench.synthesis.hinf.riccati import central_above, central_of
+from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
-from workbench.synthesis.mu.scaling_fit import ScalingFit, worth
+from workbench.synthesis.mu.scaling_fit import SCALING_FIT_TOLERANCE, ScalingFit, worth
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
+from workbench.systems.standard_plant import standard_plant
 
 MOST_ROUNDS = 30
 """Most rounds of an iteration."""
@@ -52,6 +55,8 @@ LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
 """Least gamma asked for, and least weight of a frequency in the fit of gamma."""
 TARGET_REACHED = "reached the target"
 """Message of an iteration that ends at its target."""
+FIT_SHARE = 0.1
+"""Share of the logarithmic distance from a target by which scalings may miss the bound of a loop."""
 REFERENCE_FLOOR = 0.5
 """Scalings need not follow the bound where it is below this share of its peak."""
 
@@ -92,6 +97,7 @@ class DKState:
             one: Round | None = getattr(self, name)
             if one is not None:
                 parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
+                parts["level"] = np.array(one.level)
                 found |= {f"{name}_{part}": value for part, value in parts.items()}
         return found | packed(self.history)
 
@@ -104,7 +110,8 @@ class DKState:
                 rounds.append(None)
                 continue
             D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
-            rounds.append(Round((Scalings.of(D), D), *rest))
+            level = float(arrays[f"{name}_level"])
+            rounds.append(Round((Scalings.of(D), D), *rest, level))
         return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
 
 
@@ -131,6 +138,9 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
                 K, level, now.used = _best_step(program, now.used)
             except (SolverError, InputError) as error:
                 said, K = f"its H-infinity step failed: {error}", None
+            proven = None if K is None else _proven(program, now, K, level)
+            if proven is not None:
+                return proven, Outcome.SOLVED, TARGET_REACHED
         loop = None if K is None else _loop(program, K)
         if K is None or loop is None:
             said = said if K is None else "rounding made a loop unstable"
@@ -163,6 +173,25 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
 
 
+def _proven(
+    program: MuSynthesis, now: DKState, K: StateSpace, level: float
+) -> MuController | None:
+    """The answer for a controller whose level is below the target, proven by its own scalings.
+
+    None without a target, or where gamma of the (mu, D)-K iteration is among the scalings.
+    """
+    used, target = now.used, program.target
+    if target is None or used is None or used.gamma.any() or not level < target:
+        return None
+    upper = min(target, (1.0 + PEAK_TOLERANCE) * level)
+    scalings, x = used.D
+    answer = program.scaled_answer(K, scalings.functions(x), upper)
+    if answer is None:
+        return None
+    last = Iterate(upper, level, math.nan, answer.K, used.parameters)
+    return replace(answer, history=(*now.history, last))
+
+
 def _loop(program: MuSynthesis, K: StateSpace) -> LoopResponse | None:
     """The response of the loop; None where the loop is not stable."""
     system = program.plant.close(K)
@@ -174,26 +203,25 @@ def _best_step(program: MuSynthesis, now: Round | None) -> tuple[StateSpace, flo
 
     D is used as the fit to the last loop left it, and where the level descends from there.
     """
-    K, level = k_step(program, now)
-    if now is None:
-        return K, level, None
-    lower = level_descent(program.plant, now, ENOUGH_SHARE * (program.target or 0.0))
-    try:
-        better = k_step(program, lower)
-    except (SolverError, InputError):
-        return K, level, now
-    return (*better, lower) if better[1] < level else (K, level, now)
+    if now is not None:
+        lower = level_descent(program.plant, now, ENOUGH_SHARE * (program.target or 0.0))
+        try:
+            return *k_step(program, lower), lower
+        except (SolverError, InputError):  # the scalings of least level are too ill-conditioned
+            now = replace(now, level=math.nan)
+    return *k_step(program, now), now
 
 
 def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
-    """The H-infinity controller of the scaled plant and its level."""
+    """The H-infinity controller of the scaled plant, just above its least level, and its level."""
     import control
 
-    plant = program.plant
-    system = plant.system if used is None else scaled_plant(plant, used).system
-    made = central(
-        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
-    )
+    plant = program.plant if used is None else scaled_plant(program.plant, used)
+    normal = normalised_plant(standard_plant(plant))
+    if used is None or math.isnan(used.level):
+        made = central_of(normal, LEVEL_TOLERANCE)
+    else:
+        made = central_above(normal, used.level, LEVEL_TOLERANCE)
     return control.ss(*made.K), made.gamma
 
 
@@ -217,8 +245,14 @@ def _scalings(
         size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
     weighted = LoopResponse(loop.omega, size[:, None, None] * loop.M)
     blocks = len(program.structure or ())
-    D, missed = d_step(structure, weighted, blocks, before.D if before else None)
-    return Round(D, gamma, at, target), missed
+    tolerance = SCALING_FIT_TOLERANCE
+    if program.target is not None:
+        distance = math.log(float(mixed.max()) / program.target)
+        tolerance = max(tolerance, FIT_SHARE * distance)
+    D, missed, level = d_step(
+        structure, weighted, blocks, before.D if before else None, tolerance
+    )
+    return Round(D, gamma, at, target, level), missed
 
 
 def _smoothed(at: RealArray, values: RealArray) -> RealArray:
@@ -233,11 +267,14 @@ def d_step(
     loop: LoopResponse,
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
-) -> tuple[tuple[Scalings, RealArray], float]:
-    """Scalings of the first `blocks` blocks with as few biquads as needed, and what they miss.
+    tolerance: float,
+) -> tuple[tuple[Scalings, RealArray], float, float]:
+    """Scalings of the first `blocks` blocks with as few biquads as needed, their miss and level.
 
     The miss is the logarithm of the worst ratio of sigma_max(D M D^-1) to the upper bound, or to
-    `REFERENCE_FLOOR` times the peak of the bound where this is larger.
+    `REFERENCE_FLOOR` times the peak of the bound where this is larger. Fewer biquads are preferred
+    where they miss more by up to the tolerance. The level is one that the loop reaches with these
+    scalings.
     """
     found = upper_bound(loop.M, structure)
     bound, D = found.value, found.D_left
@@ -247,4 +284,6 @@ def d_step(
     high = bound > 0.8 * bound.max()
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     start = before or (Scalings(blocks, 0), gains[:, None])
-    return worth(ScalingFit.of(structure, loop.omega, loop.M, reference), start)
+    fit = ScalingFit.of(structure, loop.omega, loop.M, reference, tolerance)
+    fitted, missed = worth(fit, start)
+    return fitted, missed, float(bound.max() * np.exp(missed))

@@ -10,12 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench.certificate import EVERY_PERTURBATION, Check, quantified
+from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
+from workbench.mu.frequency.scaled_peak import scaled_peak
 from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
 from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
@@ -299,14 +301,29 @@ class MuSynthesis(Program):
     ) -> MuController | None:
         """The answer for K: K with balanced states and its certified peak.
 
-        None where the loop is unstable. The states are balanced because tools that do not balance
-        give responses with errors of 1e-3 for fifty badly scaled states.
+        None where the loop is unstable.
         """
-        K = self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
+        K = self._balanced(K)
         found = self.certified(K, tolerance)
-        if found is None:
-            return None
-        return MuController(K, found.lower, found.upper, found.omega, history, found)
+        return found and MuController(K, found.lower, found.upper, found.omega, history, found)
+
+    def _balanced(self, K: StateSpace) -> StateSpace:
+        """K with balanced states and the plant's names of signals.
+
+        Tools that do not balance give responses with errors of 1e-3 for fifty badly scaled states.
+        """
+        return self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
+
+    def scaled_answer(
+        self, K: StateSpace, scalings: ScalingFunctions, upper: float
+    ) -> MuController | None:
+        """The answer for K with the bound `upper` that scalings prove; None where they do not."""
+        K = self._balanced(K)
+        loop = self.plant.close(K)
+        found = None
+        if stability_of(loop).holds:
+            found = scaled_peak(loop, self.closed, scalings, upper)
+        return found and MuController(K, found.lower, upper, found.omega, (), found)
 
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,13 +37,16 @@ SUFFICIENT_FALL = 1e-3
 class Round:
     """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
 
-    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``.
+    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``. ``level`` is the level
+    that some controller reaches with these scalings, and from which the least one is found (NaN: not
+    known).
     """
 
     D: tuple[Scalings, RealArray]
     gamma: RealArray
     at: RealArray
     target: RealArray
+    level: float = math.nan
 
     @property
     def parameters(self) -> dict[str, RealArray]:
@@ -81,15 +85,15 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     The level of the next controller is a smooth function of the parameters of D, whose gradient
     costs no more than the level itself (see `worst_signals`). D-K iteration alone descends in
     single directions and stops where the bound of its loop is flat over frequency. The descent ends
-    at a level that is ``enough``.
+    at a level that is ``enough``. The scalings returned have their least level.
     """
     scalings, x = used.D
     low, high = scalings.limits(np.exp(used.at))
     flat = np.clip(x.ravel(), low, high)
-    now = _slope(plant, used, flat, None)
-    curvature = None
+    now = _slope(plant, used, flat, used.level) or _slope(plant, used, flat, math.nan)
+    curvature, fall = None, math.inf
     for _ in range(MOST_DESCENT_STEPS):
-        if now is None:
+        if now is None or fall < LEAST_DESCENT_FALL or np.exp(now[0]) <= enough:
             break
         value, gradient = now
         free = (flat > low) | (gradient < 0.0)
@@ -113,18 +117,16 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
         if curvature is None:
             curvature = np.eye(len(flat)) * float(np.linalg.norm(bend) / np.linalg.norm(change))
         curvature = updated_hessian(curvature, change, bend)
-        if fall < LEAST_DESCENT_FALL or np.exp(new[0]) <= enough:
-            break
-
-    return replace(used, D=(scalings, flat.reshape(x.shape)))
+    level = used.level if now is None else float(np.exp(now[0]))
+    return replace(used, D=(scalings, flat.reshape(x.shape)), level=level)
 
 
 def _slope(
-    plant: GeneralisedPlant, used: Round, flat: RealArray, guess: float | None
+    plant: GeneralisedPlant, used: Round, flat: RealArray, guess: float
 ) -> tuple[float, RealArray] | None:
     """The logarithm of the least level, near a guess, and its gradient by the parameters of D.
 
-    None where no level is found.
+    The guess may be NaN. None where no level is found.
     """
     assert plant.structure is not None
     scalings, x = used.D
@@ -133,7 +135,7 @@ def _slope(
         normal = normalised_plant(
             standard_plant(scaled_plant(plant, replace(used, D=(scalings, D))))
         )
-        if guess is None:
+        if math.isnan(guess):
             guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
     except (InputError, SolverError):
         return None

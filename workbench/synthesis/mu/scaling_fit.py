@@ -21,8 +21,8 @@ Fitted = tuple[Scalings, RealArray]
 """Scalings and their parameters (blocks, P)."""
 SCALING_SHARPNESS_STAGES = (8.0, 60.0, 400.0)
 """Exponents s; the fit of each starts from the minimum of the one before."""
-SETTLED_FIT_FALL = 2e-5
-"""A fit ends when a step promises, or brings, a smaller fall of the logarithm."""
+SETTLED_SHARE = 0.04
+"""A fit ends when a step promises, or brings, a fall below this share of its tolerance."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
 """Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
 DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
@@ -33,39 +33,47 @@ not need other values."""
 MOST_SCALING_BIQUADS = 4
 """Most biquads of a scaling."""
 SCALING_FIT_TOLERANCE = 5e-4
-"""More biquads must lower the logarithm of the miss by more than this to be used."""
+"""Least tolerance of the logarithm of the miss: more biquads must lower it by more to be used."""
 BIQUAD_SPLIT = 0.3
 """Distance, in log frequency, of a new biquad's zeros and poles from its place."""
 LEAST_EIGENVALUE = 1e-100
 """Least eigenvalue used; zero rows and columns give eigenvalues 0 with infinite logarithms."""
 EQUAL_EIGENVALUES = 1e-7
 """Relative distance of eigenvalues up to which a divided difference is computed as derivative."""
-RESPONSE_CHANGE = 1e-3
-"""A frequency is left out if the response changed by less than this share since the last one."""
+RESPONSE_CHANGE = 2.0
+"""A frequency is left out if the response changed by less than this multiple of the tolerance, as a
+share, since the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScalingFit:
     """Data to which scalings of the first blocks of a structure are fitted.
 
-    ``M`` (F, n, n) is the response over the reference, made square by zeros.
+    ``M`` (F, n, n) is the response over the reference, made square by zeros. ``tolerance`` is that
+    of the logarithm of the miss.
     """
 
     structure: Structure
     omega: RealArray
     M: Array
+    tolerance: float
 
     @classmethod
     def of(
-        cls, structure: Structure, omega: RealArray, M: Array, reference: RealArray
+        cls,
+        structure: Structure,
+        omega: RealArray,
+        M: Array,
+        reference: RealArray,
+        tolerance: float = SCALING_FIT_TOLERANCE,
     ) -> ScalingFit:
         """The data from responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
-        kept = _telling(M)
+        kept = _telling(M, RESPONSE_CHANGE * tolerance)
         M = M[kept] / reference[kept, None, None]
         n = max(M.shape[1:])
         square = np.zeros((len(M), n, n), complex)
         square[:, : M.shape[1], : M.shape[2]] = M
-        return cls(structure, omega[kept], square)
+        return cls(structure, omega[kept], square, tolerance)
 
     def missed(self, scalings: Scalings, x: RealArray) -> tuple[float, float]:
         """log of the worst sigma_max(D M D^-1) over the reference, and its frequency [rad/s]."""
@@ -95,6 +103,7 @@ class ScalingFit:
         """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
         damping = 1e-2 * float(np.abs(np.diag(hessian)).max())
+        settled = SETTLED_SHARE * self.tolerance
         for _ in range(MOST_STEPS):
             free = (flat > low) | (gradient < 0.0)
             free &= (flat < high) | (gradient > 0.0)
@@ -104,7 +113,7 @@ class ScalingFit:
             step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max(initial=0.0)), LARGEST_STEP))
             trial = np.clip(flat + step, low, high)
             step = trial - flat
-            if -float(gradient @ step) < SETTLED_FIT_FALL:
+            if -float(gradient @ step) < settled:
                 break
             promised = -float(gradient @ step + step @ hessian @ step / 2)
             new = self._cost(scalings, trial, sharpness)
@@ -115,7 +124,7 @@ class ScalingFit:
             if fall > promised / 2:
                 damping *= DAMPING_FALL
             flat, (value, gradient, hessian) = trial, new
-            if fall < SETTLED_FIT_FALL:
+            if fall < settled:
                 break
         return flat
 
@@ -209,11 +218,11 @@ def worth(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float]:
         tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
-    while missed > SCALING_FIT_TOLERANCE and found[0].biquads < MOST_SCALING_BIQUADS:
+    while missed > fit.tolerance and found[0].biquads < MOST_SCALING_BIQUADS:
         found, missed, at = _near(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
-    good = [one for one in tried if one[1] <= least + SCALING_FIT_TOLERANCE]
+    good = [one for one in tried if one[1] <= least + fit.tolerance]
     found, missed, _ = min(good, key=lambda one: (one[0][0].biquads, one[1]))
     return found, missed
 
@@ -234,12 +243,15 @@ def _divided(values: RealArray, first: RealArray, m: float) -> RealArray:
     return np.where(near, (same[:, :, None] + same[:, None, :]) / 2, apart)
 
 
-def _telling(M: Array) -> NDArray[np.bool_]:
-    """Mark both ends and the frequencies at which the response differs from the last one marked."""
+def _telling(M: Array, change: float) -> NDArray[np.bool_]:
+    """Mark both ends and the frequencies at which the response differs from the last one marked.
+
+    It differs if its largest change is more than the share `change` of its largest entry.
+    """
     kept = np.zeros(len(M), dtype=bool)
     kept[[0, -1]] = True
     last = M[0]
     for k, one in enumerate(M):
-        if np.abs(one - last).max() > RESPONSE_CHANGE * np.abs(last).max():
+        if np.abs(one - last).max() > change * np.abs(last).max():
             kept[k], last = True, one
     return kept

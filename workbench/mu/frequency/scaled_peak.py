@@ -1,0 +1,69 @@
+"""The supremum of mu over frequency, proven by scalings that are functions of frequency."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+from workbench.certify.agreement import need_agreement
+from workbench.certify.cover import BandCover, refined_bounds
+from workbench.certify.proofs.peak_proof import gaps
+from workbench.certify.proofs.scaled_system import ScalingFunctions, scaled_interval
+from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
+from workbench.mu.frequency.peak import Peak
+from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
+from workbench.mu.frequency.sweep import bounds_at, fitting
+from workbench.structure import Structure
+
+SCALINGS_PROVE = "scalings that are functions of frequency prove it"
+"""What upper bounds of such a peak rest on."""
+EVERY_FREQUENCY = (0.0, math.inf)
+"""The band [rad/s] of such a peak."""
+REST_TOLERANCE, REST_STEPS = 1e-4, 20
+"""Tolerance and most steps of the intervals that cover what scalings leave open."""
+
+
+def scaled_peak(
+    system: Any, structure: Structure, scalings: ScalingFunctions, upper: float
+) -> Peak | None:
+    """The peak whose upper bound `upper` the scalings prove; None where they do not.
+
+    Parameters
+    ----------
+    system
+        The stable system that Delta closes, in continuous time.
+    structure
+        Blocks of Delta. Real scalars count as complex ones in the upper bound.
+    scalings
+        Of the first blocks.
+    upper
+        The bound to prove.
+
+    Raises
+    ------
+    InputError
+        The system does not fit the structure, or is unstable or improper.
+    ContradictionError
+        The lower bound is above the upper one.
+    """
+    stable = fitting(system, structure)
+    ends = scaled_interval(stable, structure, scalings, upper)
+    if ends is None:
+        return None
+    sweep = PeakSweep(stable, structure)
+    found = refined_bounds(sweep, stable.poles, sweep.settled)
+    at = partial(bounds_at, stable, structure)
+    cover = BandCover(stable, at, REST_TOLERANCE, found, holds=sweep.holds)
+    cover.beta, cover.open = upper, gaps([ends], EVERY_FREQUENCY)
+    cover.complete(REST_STEPS, upper)
+    if cover.proven > upper:
+        return None
+    found = with_least_near_top(cover.found, structure, LOWER_BOUND_SHARE)
+    below = attained_peak(stable, structure, found, whole_axis=True)
+    need_agreement(below.value, upper, "the peak of mu", upper_claim=SCALINGS_PROVE)
+    message = f"scalings from {ends[0]:.3g} to {ends[1]:.3g} rad/s"
+    intervals = tuple(cover.intervals)
+    return Peak(
+        below.value, upper, below.omega, below.Delta, intervals, message, scalings=scalings
+    )
