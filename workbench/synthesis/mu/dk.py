@@ -31,7 +31,7 @@ from workbench.synthesis.hinf.riccati import central_above, central_of
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
-from workbench.synthesis.mu.scaling_fit import SCALING_FIT_TOLERANCE, ScalingFit, worth
+from workbench.synthesis.mu.scaling_fit import COARSE, FINE, Fineness, ScalingFit, worth
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
@@ -55,8 +55,6 @@ LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
 """Least gamma asked for, and least weight of a frequency in the fit of gamma."""
 TARGET_REACHED = "reached the target"
 """Message of an iteration that ends at its target."""
-FIT_SHARE = 0.1
-"""Share of the logarithmic distance from a target by which scalings may miss the bound of a loop."""
 REFERENCE_FLOOR = 0.5
 """Scalings need not follow the bound where it is below this share of its peak."""
 
@@ -245,12 +243,10 @@ def _scalings(
         size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
     weighted = LoopResponse(loop.omega, size[:, None, None] * loop.M)
     blocks = len(program.structure or ())
-    tolerance = SCALING_FIT_TOLERANCE
-    if program.target is not None:
-        distance = math.log(float(mixed.max()) / program.target)
-        tolerance = max(tolerance, FIT_SHARE * distance)
+    # With a target the first scalings only have to be near: the descent of the level is fast then.
+    near = program.target is not None and before is None
     D, missed, level = d_step(
-        structure, weighted, blocks, before.D if before else None, tolerance
+        structure, weighted, blocks, before.D if before else None, COARSE if near else FINE
     )
     return Round(D, gamma, at, target, level), missed
 
@@ -267,14 +263,13 @@ def d_step(
     loop: LoopResponse,
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
-    tolerance: float,
+    fineness: Fineness,
 ) -> tuple[tuple[Scalings, RealArray], float, float]:
     """Scalings of the first `blocks` blocks with as few biquads as needed, their miss and level.
 
     The miss is the logarithm of the worst ratio of sigma_max(D M D^-1) to the upper bound, or to
-    `REFERENCE_FLOOR` times the peak of the bound where this is larger. Fewer biquads are preferred
-    where they miss more by up to the tolerance. The level is one that the loop reaches with these
-    scalings.
+    `REFERENCE_FLOOR` times the peak of the bound where this is larger. The level is the one that the
+    loop reaches with these scalings.
     """
     found = upper_bound(loop.M, structure)
     bound, D = found.value, found.D_left
@@ -284,6 +279,6 @@ def d_step(
     high = bound > 0.8 * bound.max()
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     start = before or (Scalings(blocks, 0), gains[:, None])
-    fit = ScalingFit.of(structure, loop.omega, loop.M, reference, tolerance)
+    fit = ScalingFit.of(structure, loop.omega, loop.M, reference, fineness)
     fitted, missed = worth(fit, start)
     return fitted, missed, float(bound.max() * np.exp(missed))

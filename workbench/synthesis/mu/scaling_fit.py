@@ -9,6 +9,7 @@ method therefore takes tens of steps where gradient methods take hundreds.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,26 @@ from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 Fitted = tuple[Scalings, RealArray]
 """Scalings and their parameters (blocks, P)."""
-SCALING_SHARPNESS_STAGES = (8.0, 60.0, 400.0)
-"""Exponents s; the fit of each starts from the minimum of the one before."""
-SETTLED_SHARE = 0.04
-"""A fit ends when a step promises, or brings, a fall below this share of its tolerance."""
+class Fineness(NamedTuple):
+    """How finely scalings are fitted.
+
+    ``sharpness`` are the exponents s; the fit of each starts from the minimum of the one before. A
+    fit ends when a step promises, or brings, a fall of the logarithm below ``settled``. A frequency
+    is left out if the response changed by less than the share ``change`` since the last one.
+    ``biquads`` is the largest number of biquads of a scaling.
+    """
+
+    sharpness: tuple[float, ...]
+    settled: float
+    change: float
+    biquads: int
+
+
+FINE = Fineness((8.0, 60.0, 400.0), 2e-5, 1e-3, 4)
+COARSE = Fineness((8.0,), 2e-4, 0.1, 2)
+"""For scalings from which a descent of the level starts: a fourth of the time of a fine fit."""
+GROWING_SHARPNESS = 60.0
+"""Exponent of the slope that says in which direction a new biquad is split."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
 """Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
 DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
@@ -30,33 +47,27 @@ DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
 DAMPING_WEIGHT = 1e-4
 """Weight of the squared logarithms of damping ratios, which keeps them near 1 where the loop does
 not need other values."""
-MOST_SCALING_BIQUADS = 4
-"""Most biquads of a scaling."""
 SCALING_FIT_TOLERANCE = 5e-4
-"""Least tolerance of the logarithm of the miss: more biquads must lower it by more to be used."""
+"""More biquads must lower the logarithm of the miss by more than this to be used."""
 BIQUAD_SPLIT = 0.3
 """Distance, in log frequency, of a new biquad's zeros and poles from its place."""
 LEAST_EIGENVALUE = 1e-100
 """Least eigenvalue used; zero rows and columns give eigenvalues 0 with infinite logarithms."""
 EQUAL_EIGENVALUES = 1e-7
 """Relative distance of eigenvalues up to which a divided difference is computed as derivative."""
-RESPONSE_CHANGE = 2.0
-"""A frequency is left out if the response changed by less than this multiple of the tolerance, as a
-share, since the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScalingFit:
     """Data to which scalings of the first blocks of a structure are fitted.
 
-    ``M`` (F, n, n) is the response over the reference, made square by zeros. ``tolerance`` is that
-    of the logarithm of the miss.
+    ``M`` (F, n, n) is the response over the reference, made square by zeros.
     """
 
     structure: Structure
     omega: RealArray
     M: Array
-    tolerance: float
+    fineness: Fineness
 
     @classmethod
     def of(
@@ -65,15 +76,15 @@ class ScalingFit:
         omega: RealArray,
         M: Array,
         reference: RealArray,
-        tolerance: float = SCALING_FIT_TOLERANCE,
+        fineness: Fineness = FINE,
     ) -> ScalingFit:
         """The data from responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
-        kept = _telling(M, RESPONSE_CHANGE * tolerance)
+        kept = _telling(M, fineness.change)
         M = M[kept] / reference[kept, None, None]
         n = max(M.shape[1:])
         square = np.zeros((len(M), n, n), complex)
         square[:, : M.shape[1], : M.shape[2]] = M
-        return cls(structure, omega[kept], square, tolerance)
+        return cls(structure, omega[kept], square, fineness)
 
     def missed(self, scalings: Scalings, x: RealArray) -> tuple[float, float]:
         """log of the worst sigma_max(D M D^-1) over the reference, and its frequency [rad/s]."""
@@ -85,7 +96,7 @@ class ScalingFit:
     def grown(self, start: Fitted, omega: float) -> Fitted:
         """Scalings with one more biquad at omega [rad/s], split in the direction that helps."""
         scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].rows))
-        _, gradient, _ = self._cost(scalings, x.ravel(), SCALING_SHARPNESS_STAGES[1])
+        _, gradient, _ = self._cost(scalings, x.ravel(), GROWING_SHARPNESS)
         slope = gradient.reshape(x.shape)[:, start[0].size]
         return start[0].grown(start[1], omega, -BIQUAD_SPLIT * np.sign(slope))
 
@@ -93,7 +104,7 @@ class ScalingFit:
         """The best parameters (blocks, P) found from x."""
         low, high = scalings.limits(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
         flat = np.clip(x.ravel(), low, high)
-        for sharpness in SCALING_SHARPNESS_STAGES:
+        for sharpness in self.fineness.sharpness:
             flat = self._minimum(scalings, flat, sharpness, low, high)
         return flat.reshape(x.shape)
 
@@ -103,7 +114,6 @@ class ScalingFit:
         """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
         damping = 1e-2 * float(np.abs(np.diag(hessian)).max())
-        settled = SETTLED_SHARE * self.tolerance
         for _ in range(MOST_STEPS):
             free = (flat > low) | (gradient < 0.0)
             free &= (flat < high) | (gradient > 0.0)
@@ -113,7 +123,7 @@ class ScalingFit:
             step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max(initial=0.0)), LARGEST_STEP))
             trial = np.clip(flat + step, low, high)
             step = trial - flat
-            if -float(gradient @ step) < settled:
+            if -float(gradient @ step) < self.fineness.settled:
                 break
             promised = -float(gradient @ step + step @ hessian @ step / 2)
             new = self._cost(scalings, trial, sharpness)
@@ -124,7 +134,7 @@ class ScalingFit:
             if fall > promised / 2:
                 damping *= DAMPING_FALL
             flat, (value, gradient, hessian) = trial, new
-            if fall < settled:
+            if fall < self.fineness.settled:
                 break
         return flat
 
@@ -218,11 +228,11 @@ def worth(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float]:
         tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
-    while missed > fit.tolerance and found[0].biquads < MOST_SCALING_BIQUADS:
+    while missed > SCALING_FIT_TOLERANCE and found[0].biquads < fit.fineness.biquads:
         found, missed, at = _near(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
-    good = [one for one in tried if one[1] <= least + fit.tolerance]
+    good = [one for one in tried if one[1] <= least + SCALING_FIT_TOLERANCE]
     found, missed, _ = min(good, key=lambda one: (one[0][0].biquads, one[1]))
     return found, missed
 
