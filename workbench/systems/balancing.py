@@ -33,16 +33,19 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     row, as in a change of coordinates; the other factors are free. All are powers of two, so that
     scaling causes no rounding (Osborne 1960).
     """
+    # In squares, of which norms of rows and columns are sums: a step is two products with vectors.
+    square = abs(M) ** 2
     rows, columns = np.ones(M.shape[0]), np.ones(M.shape[1])
     for _ in range(50):
-        scaled = rows[:, None] * abs(M) * columns
-        into, out = np.linalg.norm(scaled, axis=1), np.linalg.norm(scaled, axis=0)
+        into, out = rows * (square @ columns), columns * (rows @ square)
         into[into == 0.0], out[out == 0.0] = 1.0, 1.0
         # All factors change at once, so each makes half of the change that it would make alone.
-        inner = (into[:channels] / out[:channels]) ** 0.25
-        rows /= np.concatenate([inner, into[channels:] ** 0.5])
-        columns /= np.concatenate([1.0 / inner, out[channels:] ** 0.5])
-    rows, columns = (np.exp2(np.round(np.log2(factors))) for factors in (rows, columns))
+        inner = np.sqrt(np.sqrt(into[:channels] / out[:channels]))
+        rows[:channels] /= inner
+        columns[:channels] *= inner
+        rows[channels:] /= np.sqrt(into[channels:])
+        columns[channels:] /= np.sqrt(out[channels:])
+    rows, columns = (np.exp2(np.round(np.log2(factors) / 2)) for factors in (rows, columns))
     columns[:channels] = 1.0 / rows[:channels]
     return rows, columns
 

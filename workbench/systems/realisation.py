@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
@@ -48,6 +50,29 @@ def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
     import control
 
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
+
+
+def series(first: Matrices, second: Matrices) -> Matrices:
+    """A signal passes the first system, then the second."""
+    (A, B, C, D), (A2, B2, C2, D2) = first, second
+    return (
+        np.block([[A2, B2 @ C], [np.zeros((len(A), len(A2))), A]]),
+        np.vstack([B2 @ D, B]),
+        np.hstack([C2, D2 @ C]),
+        D2 @ D,
+    )
+
+
+def beside(systems: Sequence[Matrices], signals: int) -> Matrices:
+    """Systems of one input and output side by side; the last of so many signals pass unchanged."""
+    A, B, C, D = (block_diag(*parts) for parts in zip(*systems, strict=True))
+    rest = signals - len(systems)
+    return (
+        A,
+        np.hstack([B, np.zeros((len(A), rest))]),
+        np.vstack([C, np.zeros((rest, len(A)))]),
+        block_diag(D, np.eye(rest)),
+    )
 
 
 def transposed_system(system: StateSpace) -> StateSpace:

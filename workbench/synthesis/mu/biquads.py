@@ -8,13 +8,13 @@ The zeros and poles have any damping. Every parameter is positive, so its logari
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.heavy_types import StateSpace
+from workbench.systems.realisation import Matrices, realisation
 
 FrequencyRange = tuple[float, float]
 """Lowest and highest frequency [rad/s]."""
@@ -78,7 +78,11 @@ class Biquads:
 
     def systems(self, x: RealArray) -> list[StateSpace]:
         """The function d of each row as a StateSpace."""
-        return [reduce(lambda a, b: a * b, map(_biquad, *_split(row))) for row in x]
+        return [realisation(each, 0.0) for each in self.realised(x)]
+
+    def realised(self, x: RealArray) -> list[Matrices]:
+        """The matrices of the function of each row."""
+        return [_realised(row) for row in x]
 
     def functions(self, x: RealArray) -> ScalingFunctions:
         """The functions by the coefficients of their quadratic factors."""
@@ -118,24 +122,20 @@ class Biquads:
         return found
 
 
-def _split(row: RealArray) -> tuple[list[float], RealArray]:
-    """Log gains and log corners of the factors of a row; the first factor holds the gain."""
-    biquads = row[1:].reshape(-1, 4)
-    none = np.full((1, 4), np.nan)
-    factors = np.concatenate([none, biquads])
-    return [row[0], *np.zeros(len(biquads))], factors
+def _realised(row: RealArray) -> Matrices:
+    """The function of a row of parameters: its biquads in series.
 
-
-def _biquad(log_gain: float, corners: RealArray) -> StateSpace:
-    """exp(log_gain) times the biquad of log corners; only the gain where the corners are NaN."""
-    import control
-
-    gain = np.exp(log_gain)
-    if np.isnan(corners).any():
-        return control.ss([], [], [], [[gain]])
-    z, a, p, b = np.exp(corners)
-    direct = gain * p**2 / z**2
-    # (s^2 + 2 a z s + z^2) - (s^2 + 2 b p s + p^2) over the latter, in units of p
-    constant, linear = direct * (z**2 - p**2) / p, direct * (2 * a * z - 2 * b * p)
-    A = p * np.array([[0.0, 1.0], [-1.0, -2.0 * b]])
-    return control.ss(A, [[0.0], [1.0]], [[constant, linear]], [[direct]])
+    The output of each biquad enters all those after it.
+    """
+    z, a, p, b = np.exp(row[1:].reshape(-1, 4).T)
+    gain, n = float(np.exp(row[0])), 2 * len(z)
+    # (s^2 + 2 a z s + z^2) over (s^2 + 2 b p s + p^2) is 1 plus this over the latter, in units of p.
+    C = np.stack([(z**2 - p**2) / p, 2.0 * (a * z - b * p)], axis=1).reshape(1, n)
+    A, B = np.zeros((n, n)), np.zeros((n, 1))
+    for k in range(len(z)):
+        first, second = 2 * k, 2 * k + 1
+        A[second, :first] = C[0, :first]
+        A[first, second], A[second, first], A[second, second] = p[k], -p[k], -2.0 * b[k] * p[k]
+        B[second] = 1.0
+    gain *= float((p**2 / z**2).prod())
+    return A, B, gain * C, np.array([[gain]])

@@ -15,6 +15,7 @@ from workbench.synthesis.hinf.worst_signals import worst_densities
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import beside, realisation, series
 from workbench.systems.standard_plant import standard_plant
 
 GAMMA_FUNCTION = Scalings(1, 2)
@@ -59,24 +60,19 @@ def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
 
     Gamma multiplies all outputs except the measurements.
     """
-    import control
-
     assert plant.structure is not None
     scalings, x = used.D
-    pairs = zip(plant.structure, scalings.systems(x), strict=True)
-    inverses = zip(plant.structure, scalings.systems(scalings.inverse(x)), strict=True)
+    system, rest = plant.system, plant.measurements
+    pairs = zip(plant.structure, scalings.realised(x), strict=True)
+    inverses = zip(plant.structure, scalings.realised(scalings.inverse(x)), strict=True)
     out = [d for block, d in pairs for _ in range(block.columns)]
     into = [d for block, d in inverses for _ in range(block.rows)]
-    system = plant.system
-    one = control.ss([], [], [], [[1.0]])
-    left = control.append(*out, *[one] * (system.noutputs - len(out)))
-    right = control.append(*into, *[one] * (system.ninputs - len(into)))
-    found = left * system * right
+    found = series(beside(into, system.ninputs), (system.A, system.B, system.C, system.D))
+    found = series(found, beside(out, system.noutputs))
     if used.gamma.any():
-        (gamma,) = GAMMA_FUNCTION.systems(used.gamma)
-        rest = plant.measurements
-        found = control.append(*[gamma] * (system.noutputs - rest), *[one] * rest) * found
-    return replace(plant, system=found)
+        gamma = GAMMA_FUNCTION.realised(used.gamma) * (system.noutputs - rest)
+        found = series(found, beside(gamma, system.noutputs))
+    return replace(plant, system=realisation(found, 0.0))
 
 
 def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> Round:
