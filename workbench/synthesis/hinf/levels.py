@@ -34,6 +34,8 @@ PROBED_SHARES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
 """Shares of the least level found that are tried again, since rounding may hide feasible levels."""
 MOST_SECANT_STEPS, SECANT_REACH = 25, 1.1
 """Most steps of the secant method, and the largest factor of one step."""
+EVEN_STEEPNESS = 2.0
+"""Derivative of the inverse coupling by log gamma where X and Y do not depend on gamma."""
 NEAR_SHARES = (0.04, 0.08, 0.12)
 """Shares of the tolerance above an infeasible level at which it is tried again."""
 
@@ -85,10 +87,14 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
     return low, best
 
 
-def level_from(plant: StandardPlant, guess: float, tolerance: float) -> Level | None:
+def level_from(
+    plant: StandardPlant, guess: float, tolerance: float, steepness: float = EVEN_STEEPNESS
+) -> tuple[Level, float] | None:
     """The level with a coupling of 1, found from a guess by the secant method; None: not found.
 
-    Levels without X and Y, or with a coupling above 1, bound it from below, others from above.
+    Levels without X and Y, or with a coupling above 1, bound it from below, others from above. The
+    ``steepness`` is the derivative of the inverse coupling by log gamma, as guessed for the first
+    step; the one last seen is returned too.
     """
     gamma, low, high = guess, 0.0, math.inf
     last: Level | None = None
@@ -101,10 +107,13 @@ def level_from(plant: StandardPlant, guess: float, tolerance: float) -> Level | 
                 high = gamma
             else:
                 low = gamma
-            alone = last is None or last.coupling == level.coupling
-            new = gamma * math.sqrt(level.coupling) if alone else _root(last or level, level)
+            if last is not None and last.coupling != level.coupling:
+                rise = 1.0 / level.coupling - 1.0 / last.coupling
+                seen = rise / math.log(level.gamma / last.gamma)
+                steepness = seen if seen > 0.0 else EVEN_STEEPNESS
+            new = gamma * math.exp((1.0 - 1.0 / level.coupling) / steepness)
             if abs(new - gamma) <= tolerance * gamma:
-                return level
+                return level, steepness
             last = level
         if not low < new < high:
             new = math.sqrt(low * high) if high < math.inf else SECANT_REACH * low

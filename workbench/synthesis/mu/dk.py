@@ -95,7 +95,7 @@ class DKState:
             one: Round | None = getattr(self, name)
             if one is not None:
                 parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
-                parts["level"] = np.array(one.level)
+                parts |= {"level": np.array(one.level), "curvature": one.curvature}
                 found |= {f"{name}_{part}": value for part, value in parts.items()}
         return found | packed(self.history)
 
@@ -108,8 +108,8 @@ class DKState:
                 rounds.append(None)
                 continue
             D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
-            level = float(arrays[f"{name}_level"])
-            rounds.append(Round((Scalings.of(D), D), *rest, level))
+            level, curvature = float(arrays[f"{name}_level"]), arrays[f"{name}_curvature"]
+            rounds.append(Round((Scalings.of(D), D), *rest, level, curvature))
         return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
 
 
@@ -245,10 +245,11 @@ def _scalings(
     blocks = len(program.structure or ())
     # With a target the first scalings only have to be near: the descent of the level is fast then.
     near = program.target is not None and before is None
-    D, missed, level = d_step(
+    fit, D, missed = d_step(
         structure, weighted, blocks, before.D if before else None, COARSE if near else FINE
     )
-    return Round(D, gamma, at, target, level), missed
+    level = fit.peak * math.exp(missed)  # that of the loop
+    return Round(D, gamma, at, target, level, fit.curvature(*D)), missed
 
 
 def _smoothed(at: RealArray, values: RealArray) -> RealArray:
@@ -264,12 +265,12 @@ def d_step(
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
     fineness: Fineness,
-) -> tuple[tuple[Scalings, RealArray], float, float]:
-    """Scalings of the first `blocks` blocks with as few biquads as needed, their miss and level.
+) -> tuple[ScalingFit, tuple[Scalings, RealArray], float]:
+    """Scalings of the first `blocks` blocks with as few biquads as needed, and what they miss.
 
     The miss is the logarithm of the worst ratio of sigma_max(D M D^-1) to the upper bound, or to
-    `REFERENCE_FLOOR` times the peak of the bound where this is larger. The level is the one that the
-    loop reaches with these scalings.
+    `REFERENCE_FLOOR` times the peak of the bound where this is larger. The data to
+    which they are fitted come first.
     """
     found = upper_bound(loop.M, structure)
     bound, D = found.value, found.D_left
@@ -280,5 +281,4 @@ def d_step(
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     start = before or (Scalings(blocks, 0), gains[:, None])
     fit = ScalingFit.of(structure, loop.omega, loop.M, reference, fineness)
-    fitted, missed = worth(fit, start)
-    return fitted, missed, float(bound.max() * np.exp(missed))
+    return fit, *worth(fit, start)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError, SolverError
-from workbench.synthesis.hinf.levels import least_level, level_from
+from workbench.synthesis.hinf.levels import EVEN_STEEPNESS, least_level, level_from
 from workbench.synthesis.hinf.normalised import normalised_plant
 from workbench.synthesis.hinf.worst_signals import worst_densities
 from workbench.synthesis.mu.quasi_newton import updated_hessian
@@ -26,8 +27,8 @@ DESCENT_START_TOLERANCE = 1e-3
 """Relative tolerance of the first level, from which the next ones are found."""
 MOST_DESCENT_STEPS, LEAST_DESCENT_FALL = 60, 1e-5
 """Most steps of a descent, and the fall of the logarithm of the level by which a step must pay."""
-FIRST_DESCENT_STEP, LARGEST_DESCENT_STEP = 0.3, 1.0
-"""Length of the first step, and largest change of a parameter in a step."""
+LARGEST_DESCENT_STEP = 1.0
+"""Largest change of a parameter in a step."""
 DESCENT_SHARES = tuple(0.4**k for k in range(7))
 """Shares of a step that are tried in turn."""
 SUFFICIENT_FALL = 1e-3
@@ -40,14 +41,16 @@ class Round:
 
     ``target`` is the logarithm of the wanted gamma at log frequencies ``at``. ``level`` is the level
     that some controller reaches with these scalings, and from which the least one is found (NaN: not
-    known).
+    known). ``curvature`` (n, n) is a positive definite guess of the second derivative of its
+    logarithm by the parameters of D.
     """
 
     D: tuple[Scalings, RealArray]
     gamma: RealArray
     at: RealArray
     target: RealArray
-    level: float = math.nan
+    level: float
+    curvature: RealArray
 
     @property
     def parameters(self) -> dict[str, RealArray]:
@@ -79,7 +82,8 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     """Scalings of less level, found from those given by a quasi-Newton descent.
 
     The level of the next controller is a smooth function of the parameters of D, whose gradient
-    costs no more than the level itself (see `worst_signals`). D-K iteration alone descends in
+    costs no more than the level itself (see `worst_signals`). The first steps follow the curvature
+    of the fit to the last loop, which knows how far each parameter may go. D-K iteration alone descends in
     single directions and stops where the bound of its loop is flat over frequency. The descent ends
     at a level that is ``enough``. The scalings returned have their least level.
     """
@@ -87,39 +91,49 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     low, high = scalings.limits(np.exp(used.at))
     flat = np.clip(x.ravel(), low, high)
     now = _slope(plant, used, flat, used.level) or _slope(plant, used, flat, math.nan)
-    curvature, fall = None, math.inf
+    curvature, fall = used.curvature, math.inf
     for _ in range(MOST_DESCENT_STEPS):
-        if now is None or fall < LEAST_DESCENT_FALL or np.exp(now[0]) <= enough:
+        if now is None or fall < LEAST_DESCENT_FALL or np.exp(now.value) <= enough:
             break
-        value, gradient = now
+        value, gradient, steepness = now
         free = (flat > low) | (gradient < 0.0)
         free &= (flat < high) | (gradient > 0.0)
         step = np.zeros_like(flat)
-        if curvature is None:
-            step[free] = -FIRST_DESCENT_STEP * gradient[free] / np.linalg.norm(gradient[free])
-        else:
-            step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], gradient[free])
+        step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], gradient[free])
         step *= min(1.0, LARGEST_DESCENT_STEP / float(np.abs(step).max(initial=EPS)))
         for share in DESCENT_SHARES:
             trial = np.clip(flat + share * step, low, high)
             promised = -float(gradient @ (trial - flat))
-            new = _slope(plant, used, trial, np.exp(value))
-            if new is not None and new[0] < value - SUFFICIENT_FALL * promised:
+            new = _slope(plant, used, trial, math.exp(value), steepness)
+            if new is not None and new.value < value - SUFFICIENT_FALL * promised:
                 break
         else:
             break
-        change, bend = trial - flat, new[1] - gradient
-        fall, flat, now = value - new[0], trial, new
-        if curvature is None:
-            curvature = np.eye(len(flat)) * float(np.linalg.norm(bend) / np.linalg.norm(change))
-        curvature = updated_hessian(curvature, change, bend)
-    level = used.level if now is None else float(np.exp(now[0]))
+        change, turn = trial - flat, new.gradient - gradient
+        fall, flat, now = value - new.value, trial, new
+        curvature = updated_hessian(curvature, change, turn)
+    level = used.level if now is None else math.exp(now.value)
     return replace(used, D=(scalings, flat.reshape(x.shape)), level=level)
 
 
+class Slope(NamedTuple):
+    """Logarithm of the least level, its gradient by the parameters of D, and its steepness.
+
+    The steepness is the one of `level_from`, from which the next level is found in fewer steps.
+    """
+
+    value: float
+    gradient: RealArray
+    steepness: float
+
+
 def _slope(
-    plant: GeneralisedPlant, used: Round, flat: RealArray, guess: float
-) -> tuple[float, RealArray] | None:
+    plant: GeneralisedPlant,
+    used: Round,
+    flat: RealArray,
+    guess: float,
+    steepness: float = EVEN_STEEPNESS,
+) -> Slope | None:
     """The logarithm of the least level, near a guess, and its gradient by the parameters of D.
 
     The guess may be NaN. None where no level is found.
@@ -135,12 +149,13 @@ def _slope(
             guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
     except (InputError, SolverError):
         return None
-    level = level_from(normal.plant, guess, DESCENT_LEVEL_TOLERANCE)
-    if level is None:
+    found = level_from(normal.plant, guess, DESCENT_LEVEL_TOLERANCE, steepness)
+    if found is None:
         return None
+    level, steepness = found
     w, z = worst_densities(normal, level, omega)
     _, slope = scalings.log_magnitude(D, omega)
     blocks = zip(plant.structure.row_slices, plant.structure.column_slices, strict=True)
     share = np.array([z[:, out].sum(axis=1) - w[:, into].sum(axis=1) for into, out in blocks])
     gradient = np.trapezoid(slope * share[:, None], omega, axis=-1)
-    return float(np.log(level.gamma)), gradient.ravel()
+    return Slope(math.log(level.gamma), gradient.ravel(), steepness)

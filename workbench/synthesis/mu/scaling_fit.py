@@ -40,6 +40,8 @@ COARSE = Fineness((8.0,), 2e-4, 0.1, 2)
 """For scalings from which a descent of the level starts: a fourth of the time of a fine fit."""
 GROWING_SHARPNESS = 60.0
 """Exponent of the slope that says in which direction a new biquad is split."""
+CURVATURE_SHARPNESS, LEAST_CURVATURE = 8.0, 1e-2
+"""Exponent of the curvature at a fit, and its least eigenvalue, as a share of the largest."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
 """Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
 DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
@@ -61,12 +63,14 @@ EQUAL_EIGENVALUES = 1e-7
 class ScalingFit:
     """Data to which scalings of the first blocks of a structure are fitted.
 
-    ``M`` (F, n, n) is the response over the reference, made square by zeros.
+    ``M`` (F, n, n) is the response over the reference, made square by zeros. ``peak`` is the
+    largest reference.
     """
 
     structure: Structure
     omega: RealArray
     M: Array
+    peak: float
     fineness: Fineness
 
     @classmethod
@@ -84,7 +88,7 @@ class ScalingFit:
         n = max(M.shape[1:])
         square = np.zeros((len(M), n, n), complex)
         square[:, : M.shape[1], : M.shape[2]] = M
-        return cls(structure, omega[kept], square, fineness)
+        return cls(structure, omega[kept], square, float(reference.max()), fineness)
 
     def missed(self, scalings: Scalings, x: RealArray) -> tuple[float, float]:
         """log of the worst sigma_max(D M D^-1) over the reference, and its frequency [rad/s]."""
@@ -99,6 +103,16 @@ class ScalingFit:
         _, gradient, _ = self._cost(scalings, x.ravel(), GROWING_SHARPNESS)
         slope = gradient.reshape(x.shape)[:, start[0].size]
         return start[0].grown(start[1], omega, -BIQUAD_SPLIT * np.sign(slope))
+
+    def curvature(self, scalings: Scalings, x: RealArray) -> RealArray:
+        """A positive definite second derivative (n, n) of the smoothed maximum by the parameters.
+
+        Its eigenvalues are the sizes of those of the true one, and not too small.
+        """
+        values, turn = np.linalg.eigh(self._cost(scalings, x.ravel(), CURVATURE_SHARPNESS)[2])
+        size = np.abs(values)
+        found: RealArray = (turn * np.maximum(size, LEAST_CURVATURE * size.max())) @ turn.T
+        return found
 
     def near(self, scalings: Scalings, x: RealArray) -> RealArray:
         """The best parameters (blocks, P) found from x."""
