@@ -1,5 +1,7 @@
 """Worst signals at the least level, its gradient by scalings, and the descent of the level."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from workbench.plants.textbook.controller import PLANTS
@@ -24,7 +26,8 @@ def start(plant, biquads, seed):
     scalings = Scalings(len(plant.structure), biquads)
     x = scalings.guess(rng.normal(size=scalings.rows), 0.0, 0.6)
     x += 0.2 * rng.normal(size=x.shape)
-    return Round((scalings, x), np.zeros((1, 9)), np.log(OMEGA), np.zeros(len(OMEGA)))
+    at = np.log(OMEGA)
+    return Round((scalings, x), np.zeros((1, 9)), at, np.zeros_like(at), np.nan, np.eye(x.size))
 
 
 def normal_of(plant, used):
@@ -37,13 +40,13 @@ def test_the_gradient_is_that_of_differences(name):
     plant = PLANTS[name]()
     used = start(plant, 1, 3)
     scalings, x = used.D
-    _, gradient = scaled_plant._slope(plant, used, x.ravel(), None)
+    _, gradient, _ = scaled_plant._slope(plant, used, x.ravel(), np.nan)
     step = 1e-4
     for k, along in enumerate(step * np.eye(x.size)):
         ends = []
         for sign in (1, -1):
             flat = (x.ravel() + sign * along).reshape(x.shape)
-            moved = Round((scalings, flat), used.gamma, used.at, used.target)
+            moved = replace(used, D=(scalings, flat))
             _, level = least_level(normal_of(plant, moved).plant, 1e-9)
             ends.append(np.log(level.gamma))
         assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(gradient[k], abs=2e-3)
@@ -53,7 +56,7 @@ def test_the_gradient_is_that_of_differences(name):
 def test_worst_signals_reach_the_level(name):
     """||z|| is gamma ||w||: by Plancherel both come from the same trajectories."""
     normal = normal_of(PLANTS[name](), start(PLANTS[name](), 1, 5))
-    level = level_from(normal.plant, least_level(normal.plant, 1e-3)[1].gamma, 1e-9)
+    level, _ = level_from(normal.plant, least_level(normal.plant, 1e-3)[1].gamma, 1e-9)
     densities = worst_densities(normal, level, OMEGA)
     for each in densities:
         assert np.trapezoid(each.sum(axis=1), OMEGA) == pytest.approx(1.0)
@@ -87,7 +90,9 @@ def test_a_level_is_found_from_a_guess_on_either_side():
     normal = normal_of(PLANTS["distillation"](), start(PLANTS["distillation"](), 1, 1))
     low, best = least_level(normal.plant, 1e-8)
     for share in (0.97, 0.999, 1.001, 1.1, 1.5):
-        found = level_from(normal.plant, share * best.gamma, 1e-6)
+        found, steepness = level_from(normal.plant, share * best.gamma, 1e-6)
+        again, _ = level_from(normal.plant, share * best.gamma, 1e-6, steepness)
+        assert again.gamma == pytest.approx(best.gamma, rel=1e-5)
         assert found.gamma == pytest.approx(best.gamma, rel=1e-5)
         assert found.coupling == pytest.approx(1.0, rel=1e-4)
     assert low < best.gamma

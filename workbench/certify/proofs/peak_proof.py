@@ -1,6 +1,6 @@
 """The proof of a peak: multipliers that prove one bound on intervals which cover a band.
 
-Scalings that are functions of frequency take the place of nearly all intervals, where there are any.
+Scalings that are functions of frequency, where there are any, take the place of most intervals.
 
 Nothing is searched when it is proven again: the multipliers are those stored, and what the kernel
 needs besides them is recomputed from the system.

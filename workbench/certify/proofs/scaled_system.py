@@ -1,9 +1,10 @@
 """A bound of mu on nearly all frequencies at once, by scalings that are functions of frequency.
 
-Let every block b of Delta have a function d_b, stable as its inverse is. Delta commutes with
-diag(d_b), so that mu of M is at most the norm of D M D^-1: one Hamiltonian matrix without
-eigenvalues on the axis proves the bound beta from 0 to infinity, as far as rounding lets it. A D-K iteration ends with such
-functions, and its controller was made for the norm that they scale.
+Let every block b of Delta have a function d_b that is stable, as its inverse is. Delta commutes
+with D = diag(d_b), so that mu of M is at most the largest singular value of D M D^-1. One
+Hamiltonian matrix shows on which frequencies this is below beta: on all of them, unless rounding
+hides some. D-K iteration ends with such functions, and with a controller made for this norm (Doyle,
+Structured uncertainty in control system design, IEEE Conf. Decision and Control (1985) 260-265).
 """
 
 from __future__ import annotations
@@ -145,19 +146,19 @@ def scaled_system(
     place = inputs[inputs < count]
     right = _Filters.of(below[place], above[place], np.arange(len(place)))
     through = right.before(D)
-    nothing = exact(np.zeros((len(A.mid), len(left.A.mid))))
-    none, low = exact(np.zeros((len(right.A.mid), len(left.A.mid)))), exact(
-        np.zeros((len(right.A.mid), len(A.mid)))
-    )
-    entering = right.after(exact(np.eye(len(inputs))))
+    n = [len(part.mid) for part in (left.A, A, right.A)]
+
+    def nothing(row: int, column: int) -> Enclosure:
+        return exact(np.zeros((n[row], n[column])))
+
     whole = stacked_enclosures(
         [
             [left.A, left.after(C), left.after(through)],
-            [nothing, A, right.before(B)],
-            [none, low, right.A],
+            [nothing(1, 0), A, right.before(B)],
+            [nothing(2, 0), nothing(2, 1), right.A],
         ]
     )
-    into = stacked_enclosures([[left.after(D)], [B], [entering]])
+    into = stacked_enclosures([[left.after(D)], [B], [right.after(exact(np.eye(len(inputs))))]])
     out = stacked_enclosures([[left.before(exact(np.eye(len(outputs)))), C, through]])
     gain = np.ones(len(structure))
     gain[:count] = scalings.gain

@@ -64,6 +64,4 @@ def scaled_peak(
     need_agreement(below.value, upper, "the peak of mu", upper_claim=SCALINGS_PROVE)
     message = f"scalings from {ends[0]:.3g} to {ends[1]:.3g} rad/s"
     intervals = tuple(cover.intervals)
-    return Peak(
-        below.value, upper, below.omega, below.Delta, intervals, message, scalings=scalings
-    )
+    return Peak(below.value, upper, below.omega, below.Delta, intervals, message, scalings=scalings)

@@ -129,7 +129,7 @@ def _realised(row: RealArray) -> Matrices:
     """
     z, a, p, b = np.exp(row[1:].reshape(-1, 4).T)
     gain, n = float(np.exp(row[0])), 2 * len(z)
-    # (s^2 + 2 a z s + z^2) over (s^2 + 2 b p s + p^2) is 1 plus this over the latter, in units of p.
+    # (s^2 + 2 a z s + z^2) - (s^2 + 2 b p s + p^2), in units of p.
     C = np.stack([(z**2 - p**2) / p, 2.0 * (a * z - b * p)], axis=1).reshape(1, n)
     A, B = np.zeros((n, n)), np.zeros((n, 1))
     for k in range(len(z)):

@@ -171,9 +171,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
 
 
-def _proven(
-    program: MuSynthesis, now: DKState, K: StateSpace, level: float
-) -> MuController | None:
+def _proven(program: MuSynthesis, now: DKState, K: StateSpace, level: float) -> MuController | None:
     """The answer for a controller whose level is below the target, proven by its own scalings.
 
     None without a target, or where gamma of the (mu, D)-K iteration is among the scalings.

@@ -39,10 +39,10 @@ SUFFICIENT_FALL = 1e-3
 class Round:
     """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
 
-    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``. ``level`` is the level
-    that some controller reaches with these scalings, and from which the least one is found (NaN: not
-    known). ``curvature`` (n, n) is a positive definite guess of the second derivative of its
-    logarithm by the parameters of D.
+    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``. ``level`` is a level
+    that some controller reaches with these scalings; the search for the least one begins there
+    (NaN: not known). ``curvature`` (n, n), positive definite, is a guess of the second derivative
+    of the logarithm of the least level by the parameters of D.
     """
 
     D: tuple[Scalings, RealArray]
@@ -83,9 +83,9 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
 
     The level of the next controller is a smooth function of the parameters of D, whose gradient
     costs no more than the level itself (see `worst_signals`). The first steps follow the curvature
-    of the fit to the last loop, which knows how far each parameter may go. D-K iteration alone descends in
-    single directions and stops where the bound of its loop is flat over frequency. The descent ends
-    at a level that is ``enough``. The scalings returned have their least level.
+    of the fit to the last loop, which tells how far each parameter may go. D-K iteration alone
+    descends in single directions and stops where the bound of its loop is flat over frequency. The
+    descent ends at a level that is ``enough``. The scalings returned have their least level.
     """
     scalings, x = used.D
     low, high = scalings.limits(np.exp(used.at))

@@ -20,6 +20,8 @@ from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 Fitted = tuple[Scalings, RealArray]
 """Scalings and their parameters (blocks, P)."""
+
+
 class Fineness(NamedTuple):
     """How finely scalings are fitted.
 
