@@ -78,8 +78,7 @@ class DKState:
     """State of an iteration after a number of rounds tried.
 
     ``used`` are the scalings fitted to the last loop, and ``well`` those fitted to the loop of the
-    best controller. ``blend`` is the share of the way that
-    gamma moves in a round.
+    best controller. ``blend`` is the share of the way that gamma moves in a round.
     """
 
     blend: float
@@ -94,9 +93,7 @@ class DKState:
         for name in ("used", "well"):
             one: Round | None = getattr(self, name)
             if one is not None:
-                parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
-                parts |= {"level": np.array(one.level), "curvature": one.curvature}
-                found |= {f"{name}_{part}": value for part, value in parts.items()}
+                found |= {f"{name}_{part}": value for part, value in one.arrays().items()}
         return found | packed(self.history)
 
     @classmethod
@@ -104,12 +101,12 @@ class DKState:
         """The state that `arrays` gave."""
         rounds: list[Round | None] = []
         for name in ("used", "well"):
-            if f"{name}_D" not in arrays:
-                rounds.append(None)
-                continue
-            D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
-            level, curvature = float(arrays[f"{name}_level"]), arrays[f"{name}_curvature"]
-            rounds.append(Round((Scalings.of(D), D), *rest, level, curvature))
+            parts = {
+                key.removeprefix(f"{name}_"): array
+                for key, array in arrays.items()
+                if key.startswith(f"{name}_")
+            }
+            rounds.append(Round.restored(parts) if parts else None)
         return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
 
 

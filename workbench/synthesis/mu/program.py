@@ -305,7 +305,7 @@ class MuSynthesis(Program):
         """
         K = self._balanced(K)
         found = self.certified(K, tolerance)
-        return found and MuController(K, found.lower, found.upper, found.omega, history, found)
+        return None if found is None else _answer(K, found, history)
 
     def _balanced(self, K: StateSpace) -> StateSpace:
         """K with balanced states and the plant's names of signals.
@@ -323,7 +323,7 @@ class MuSynthesis(Program):
         found = None
         if stability_of(loop).holds:
             found = scaled_peak(loop, self.closed, scalings, upper)
-        return found and MuController(K, found.lower, upper, found.omega, (), found)
+        return None if found is None else _answer(K, found)
 
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
@@ -448,6 +448,11 @@ class MuSynthesis(Program):
         return found | (
             {"rounds": rounds_figure(answer.history, answer.upper)} if answer.history else {}
         )
+
+
+def _answer(K: StateSpace, found: Peak, history: tuple[Iterate, ...] = ()) -> MuController:
+    """The answer for a controller and the peak of its loop."""
+    return MuController(K, found.lower, found.upper, found.omega, history, found)
 
 
 def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:

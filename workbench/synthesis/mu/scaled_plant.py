@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -56,6 +57,21 @@ class Round:
     def parameters(self) -> dict[str, RealArray]:
         """Parameters of the scalings by name, with gamma where there is one."""
         return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
+
+    def arrays(self) -> dict[str, RealArray]:
+        """All parts as arrays by name, for a checkpoint."""
+        level = {"level": np.array(self.level), "curvature": self.curvature}
+        return {
+            "D": self.D[1], "gamma": self.gamma, "at": self.at, "target": self.target, **level
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, RealArray]) -> Round:
+        """The scalings that `arrays` gave."""
+        D, gamma, at, target, level, curvature = (
+            arrays[name] for name in ("D", "gamma", "at", "target", "level", "curvature")
+        )
+        return cls((Scalings.of(D), D), gamma, at, target, float(level), curvature)
 
 
 def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
