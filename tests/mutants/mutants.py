@@ -90,6 +90,7 @@ PROVEN = "certify.singularity:proven_bound"
 FULL, MIXED, REPEATED = "mu_upper_full", "mu_upper_mixed", "mu_upper_repeated"
 FREE_RUN = "identification.innovations.model:InnovationsModel.free_run"
 LOOP, FILTER = "mu_synthesis", "fault_filter"
+SCALED, TARGET = "mu.frequency.scaled_peak:scaled_peak", "mu_synthesis_target"
 
 MUTANTS = [
     # --- the bound at one frequency -----------------------------------------------------------
@@ -153,6 +154,41 @@ MUTANTS = [
         PEAK,
         result(lambda p: p and replace(p, intervals=p.intervals[:-1])),
         LOOP,
+    ),
+    *(
+        Mutant(f"peak proven by scalings times {factor}", SCALED, field("upper", factor), TARGET)
+        for factor in (0.5, 0.99)
+    ),
+    Mutant("lower bound of that peak too large", SCALED, field("lower", 1.01), TARGET),
+    Mutant(
+        "scalings lost",
+        SCALED,
+        result(lambda p: p and replace(p, scalings=None)),
+        TARGET,
+    ),
+    Mutant(
+        "scalings of twice the gain",
+        SCALED,
+        result(lambda p: p and replace(p, scalings=replace(p.scalings, gain=2 * p.scalings.gain))),
+        TARGET,
+    ),
+    Mutant(
+        "scalings upside down",
+        SCALED,
+        result(
+            lambda p: (
+                p
+                and replace(
+                    p,
+                    scalings=replace(
+                        p.scalings,
+                        numerators=p.scalings.denominators,
+                        denominators=p.scalings.numerators,
+                    ),
+                )
+            )
+        ),
+        TARGET,
     ),
     # --- responses and loops ----------------------------------------------------------------------
     *(

@@ -203,6 +203,11 @@ PLANTED: dict[str, dict[str, Wrong]] = {
         "peak a constant": lambda a: replace(a, upper=0.02, lower=0.01),
         "gain 30 % smaller": controller(gain(0.7)),
     },
+    "mu_synthesis_target": CONTROLLERS
+    | {
+        "peak 1 % too small": scaled("upper", 0.99),
+        "gain 30 % smaller": controller(gain(0.7)),
+    },
     "fault_filter": CONTROLLERS
     | {
         "peaks 1 % too small": lambda a: replace(a, peaks=0.99 * a.peaks, stacked=0.99 * a.stacked),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -131,6 +132,11 @@ def mu_synthesis() -> Program:
             measurement="m",
         )
     )
+
+
+def mu_synthesis_target() -> Program:
+    """The same with a target just above the least peak found; scalings prove the bound."""
+    return replace(mu_synthesis(), target=0.507)
 
 
 def fault_filter() -> Program:
@@ -274,7 +280,8 @@ PROGRAMS = {
     for make in (
         circle, stadium, small_stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated,
         mu_lower_full,
-        mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
+        mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, mu_synthesis_target, fault_filter,
+        switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
         parameter_fit, matrix_sets, matrix_traces, matrix_cover, record_decay, record_h2,
         record_hinf, experiment_design,

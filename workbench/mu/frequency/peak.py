@@ -68,6 +68,15 @@ class Peak:
         low, high = (bilinear_frequency(omega, self.period) for omega in self.band)
         return low, high
 
+    def multipliers(self, structure: Structure) -> tuple[Array, Array, Array] | None:
+        """D_left (c, c), D_right (r, r) and G (r, c) of the proof at ``omega``; None: none."""
+        of = next((one for one in self.intervals if one.low <= self.omega <= one.high), None)
+        if of is not None:
+            return of.multipliers(self.omega)
+        if self.scalings is None:
+            return None
+        return self.scalings.multipliers(structure, self.omega)
+
     def __repr__(self) -> str:
         return f"Peak(lower={self.lower:.6g}, upper={self.upper:.6g}, omega={self.omega:.6g} rad/s)"
 

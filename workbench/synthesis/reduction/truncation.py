@@ -185,13 +185,13 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
 
 def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealArray]:
     """Real scalings of N at the peak of mu: D of the outputs, and the inverse D of the inputs."""
-    of = next((one for one in peak.intervals if one.low <= peak.omega <= one.high), None)
-    if of is None:
+    multipliers = peak.multipliers(plant.performance_structure)
+    if multipliers is None:
         raise InputError(
             f"mu of the loop is certified nowhere about its peak ({peak.message}), so that there "
             'is nothing to weigh with; ask "balanced", "matchdc" or "hankel"'
         )
-    D_left, D_right, _ = of.multipliers(peak.omega)
+    D_left, D_right, _ = multipliers
     rows = plant.system.noutputs - plant.measurements
     columns = plant.system.ninputs - plant.controls
     # The real part of a positive definite matrix is positive definite.
