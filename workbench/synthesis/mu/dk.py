@@ -22,7 +22,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.mu import upper_bound
+from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
@@ -144,8 +144,8 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
             # go back to the scalings of the best controller and continue more slowly
             now.used, now.blend, K = now.well, now.blend / 2, None
             continue
-        mixed = upper_bound(loop.M, program.closed).value
-        peak = float(mixed.max())
+        mixed = upper_bound(loop.M, program.closed)
+        peak = float(mixed.value.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
             return reached, Outcome.SOLVED, TARGET_REACHED
@@ -219,7 +219,7 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
 
 
 def _scalings(
-    program: MuSynthesis, loop: LoopResponse, mixed: RealArray, before: Round | None, blend: float
+    program: MuSynthesis, loop: LoopResponse, mixed: UpperBound, before: Round | None, blend: float
 ) -> tuple[Round, float]:
     """The next scalings, and the logarithm by which D misses its bound.
 
@@ -227,21 +227,22 @@ def _scalings(
     mixed to the complex bound.
     """
     structure, at = program.closed.complexified(), np.log(loop.omega)
-    gamma, target, size = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at)), np.ones(len(at))
+    gamma, target = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at))
+    bound = mixed if structure == program.closed else upper_bound(loop.M, structure)
     if blend:
-        bound = upper_bound(loop.M, structure).value
-        wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST_GAMMA)))
+        wanted = _smoothed(at, np.log(np.maximum(mixed.value / bound.value, LEAST_GAMMA)))
         old = np.interp(at, before.at, before.target) if before else target
         target = (1 - blend) * old + blend * wanted
-        weight = np.maximum(mixed / mixed.max(), LEAST_WEIGHT)
+        weight = np.maximum(mixed.value / mixed.value.max(), LEAST_WEIGHT)
         gamma = GAMMA_FUNCTION.follow(target[None], loop.omega, weight)
         size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
-    weighted = LoopResponse(loop.omega, size[:, None, None] * loop.M)
+        loop = LoopResponse(loop.omega, size[:, None, None] * loop.M)
+        bound = upper_bound(loop.M, structure)
     blocks = len(program.structure or ())
     # With a target the first scalings only have to be near: the descent of the level is fast then.
     near = program.target is not None and before is None
     fit, D, missed = d_step(
-        structure, weighted, blocks, before.D if before else None, COARSE if near else FINE
+        structure, loop, bound, blocks, before.D if before else None, COARSE if near else FINE
     )
     level = fit.peak * math.exp(missed)  # that of the loop
     return Round(D, gamma, at, target, level, fit.curvature(*D)), missed
@@ -257,17 +258,17 @@ def _smoothed(at: RealArray, values: RealArray) -> RealArray:
 def d_step(
     structure: Structure,
     loop: LoopResponse,
+    found: UpperBound,
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
     fineness: Fineness,
 ) -> tuple[ScalingFit, tuple[Scalings, RealArray], float]:
     """Scalings of the first `blocks` blocks with as few biquads as needed, and what they miss.
 
-    The miss is the logarithm of the worst ratio of sigma_max(D M D^-1) to the upper bound, or to
-    `REFERENCE_FLOOR` times the peak of the bound where this is larger. The data to
-    which they are fitted come first.
+    ``found`` are the upper bounds of the loop. The miss is the logarithm of the worst ratio of
+    sigma_max(D M D^-1) to the bound, or to `REFERENCE_FLOOR` times the peak of the bound where this
+    is larger. The data to which the scalings are fitted come first.
     """
-    found = upper_bound(loop.M, structure)
     bound, D = found.value, found.D_left
     reference = np.maximum(bound, REFERENCE_FLOOR * bound.max())
     first = [row.start for row in structure.column_slices]
