@@ -88,9 +88,15 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
 
 
 def level_from(
-    plant: StandardPlant, guess: float, tolerance: float, steepness: float = EVEN_STEEPNESS
+    plant: StandardPlant,
+    guess: float,
+    tolerance: float,
+    steepness: float = EVEN_STEEPNESS,
+    most: float = math.inf,
 ) -> tuple[Level, float] | None:
-    """The level with a coupling of 1, found from a guess by the secant method; None: not found.
+    """The level with a coupling of 1, found from a guess by the secant method.
+
+    None where it is not found, or is at least ``most``.
 
     Levels without X and Y, or with a coupling above 1, bound it from below, others from above. The
     ``steepness`` is the derivative of the inverse coupling by log gamma, as guessed for the first
@@ -115,6 +121,8 @@ def level_from(
             if abs(new - gamma) <= tolerance * gamma:
                 return level, steepness
             last = level
+        if low >= most:
+            return None
         if not low < new < high:
             new = math.sqrt(low * high) if high < math.inf else SECANT_REACH * low
         gamma = min(max(new, gamma / SECANT_REACH), gamma * SECANT_REACH)

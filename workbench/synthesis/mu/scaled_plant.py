@@ -120,7 +120,7 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
         for share in DESCENT_SHARES:
             trial = np.clip(flat + share * step, low, high)
             promised = -float(gradient @ (trial - flat))
-            new = _slope(plant, used, trial, math.exp(value), steepness)
+            new = _slope(plant, used, trial, math.exp(value), steepness, math.exp(value))
             if new is not None and new.value < value - SUFFICIENT_FALL * promised:
                 break
         else:
@@ -149,10 +149,11 @@ def _slope(
     flat: RealArray,
     guess: float,
     steepness: float = EVEN_STEEPNESS,
+    most: float = math.inf,
 ) -> Slope | None:
     """The logarithm of the least level, near a guess, and its gradient by the parameters of D.
 
-    The guess may be NaN. None where no level is found.
+    The guess may be NaN. None where no level below ``most`` is found.
     """
     assert plant.structure is not None
     scalings, x = used.D
@@ -165,7 +166,7 @@ def _slope(
             guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
     except (InputError, SolverError):
         return None
-    found = level_from(normal.plant, guess, DESCENT_LEVEL_TOLERANCE, steepness)
+    found = level_from(normal.plant, guess, DESCENT_LEVEL_TOLERANCE, steepness, most)
     if found is None:
         return None
     level, steepness = found
