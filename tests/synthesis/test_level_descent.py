@@ -143,5 +143,31 @@ def test_the_column_in_two_rounds():
     """Alternation alone stops between 0.97 and 1.02, and needs ten rounds or more."""
     solution = wb.solve(MuSynthesis(PLANTS["distillation"](), target=0.975), "dk")
     assert solution.certificate.holds, solution.certificate
-    assert solution.answer.upper <= 0.975
-    assert len(solution.answer.history) <= 3
+    answer = solution.answer
+    assert answer.upper <= 0.975
+    assert len(answer.history) <= 3
+    # Few biquads are enough, and their scalings prove the bound that is hardly above the peak.
+    assert answer.K.nstates <= 22
+    assert answer.peak.scalings is not None
+    assert answer.upper <= 1.01 * answer.lower
+
+
+def test_a_proof_by_scalings_is_stored_with_its_answer():
+    program = MuSynthesis(PLANTS["distillation"](), target=1.036)
+    answer = wb.solve(program, "dk").answer
+    back = program.from_dataset(program.to_dataset(answer))
+    assert program.certify(back, 1e-6).valid
+    other = replace(back, K=1.02 * back.K)
+    assert not program.certify(other, 1e-6).valid
+    scalings = replace(back.peak.scalings, gain=1.2 * back.peak.scalings.gain)
+    assert not program.certify(
+        replace(back, peak=replace(back.peak, scalings=scalings)), 1e-6
+    ).valid
+
+
+def test_a_level_beyond_what_is_asked_is_not_searched():
+    normal = normal_of(PLANTS["distillation"](), start(PLANTS["distillation"](), 1, 1))
+    low, best = least_level(normal.plant, 1e-8)
+    assert level_from(normal.plant, 0.99 * low, 1e-6, most=0.99 * low) is None
+    found, _ = level_from(normal.plant, 1.01 * low, 1e-6, most=1.01 * low)
+    assert found.gamma == pytest.approx(best.gamma, rel=1e-5)

@@ -54,7 +54,7 @@ class MuController(DrawnController):
 
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
     frequency of the lower bound. ``history`` has the rounds of the iteration, and ``peak`` the
-    multipliers and the perturbation that prove the bounds.
+    multipliers or scalings and the perturbation that prove the bounds.
 
     Examples
     --------

@@ -25,7 +25,8 @@ CONTROLLER_PREFIX, SCALINGS_PREFIX = "controller_", "scalings_"
 class Iterate:
     """One round of an iteration.
 
-    ``peak`` is the largest mixed bound at the frequencies of the round. ``level`` is the level
+    ``peak`` is the largest mixed bound at the frequencies of the round, or the bound that its
+    scalings prove on all frequencies. ``level`` is the level
     gamma of its H-infinity controller (NaN: there is none). ``fit`` is the largest relative miss of
     the fitted scalings (NaN: there are none). ``K`` is the controller. ``scalings`` are the
     parameters (blocks, P), by name, of the scalings fitted to its loop, as in `Scalings`.
