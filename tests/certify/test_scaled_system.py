@@ -122,6 +122,7 @@ def spoilt(**changes):
         (spoilt(numerators=lambda n: -n), "not stable functions"),
         (spoilt(denominators=lambda m: 0.0 * m), "not stable functions"),
         (spoilt(denominators=lambda m: m[:, :1]), "shapes"),
+        (spoilt(numerators=lambda n: n.ravel()), "shapes"),
         (spoilt(gain=lambda g: g[:1]), "shapes"),
         (
             spoilt(

@@ -332,10 +332,10 @@ def _scaled(parts: Enclosures | None) -> Enclosures | None:
 
     Modes of a cluster of poles come with entries of very different size.
     """
-    return parts and balanced_states(*parts)
+    return parts and with_balanced_states(*parts)
 
 
-def balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures:
+def with_balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures:
     """The realisation with its states scaled by powers of two, exactly, to entries of like size."""
     n, outputs, inputs = len(A.mid), len(C.mid), B.mid.shape[1]
     whole = np.block([[A.mid, B.mid], [C.mid, np.zeros((outputs, inputs))]])

@@ -52,7 +52,7 @@ def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
 
 
-def series(first: Matrices, second: Matrices) -> Matrices:
+def in_series(first: Matrices, second: Matrices) -> Matrices:
     """A signal passes the first system, then the second."""
     (A, B, C, D), (A2, B2, C2, D2) = first, second
     return (
@@ -63,7 +63,7 @@ def series(first: Matrices, second: Matrices) -> Matrices:
     )
 
 
-def beside(systems: Sequence[Matrices], signals: int) -> Matrices:
+def side_by_side(systems: Sequence[Matrices], signals: int) -> Matrices:
     """Systems of one input and output side by side; the last of so many signals pass unchanged."""
     A, B, C, D = (block_diag(*parts) for parts in zip(*systems, strict=True))
     rest = signals - len(systems)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from workbench.arrays import EPS, Array, BoolArray, RealArray
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact, stacked_enclosures
-from workbench.certify.stable_system import StableSystem, balanced_states, enclosed_system
+from workbench.certify.stable_system import StableSystem, enclosed_system, with_balanced_states
 from workbench.structure import Structure
 
 
@@ -46,7 +46,7 @@ class ScalingFunctions:
     def fault(self, blocks: int) -> str:
         """Why these are no scalings of a structure with so many blocks; empty where they are."""
         parts = self.gain, self.numerators, self.denominators
-        count, sections = len(self.gain), self.numerators.shape[1]
+        count, sections = self.gain.size, self.numerators.size // max(2 * self.gain.size, 1)
         shapes = (count,), (count, sections, 2), (count, sections, 2)
         if count > blocks or tuple(part.shape for part in parts) != shapes:
             return f"the scalings have shapes {[part.shape for part in parts]}"
@@ -166,7 +166,7 @@ def scaled_system(
     into, D = (Enclosure(p.mid, p.rad + EPS * np.abs(p.mid) * UPWARD) for p in (into, D))
     out, D = (part.times(gain[outputs][:, None]) for part in (out, D))
     poles = np.linalg.eigvals(whole.mid).astype(complex)
-    return enclosed_system(balanced_states(whole, into, out), D, poles)
+    return enclosed_system(with_balanced_states(whole, into, out), D, poles)
 
 
 def scaled_interval(

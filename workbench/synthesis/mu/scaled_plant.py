@@ -17,7 +17,7 @@ from workbench.synthesis.hinf.worst_signals import worst_densities
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import beside, realisation, series
+from workbench.systems.realisation import in_series, realisation, side_by_side
 from workbench.systems.standard_plant import standard_plant
 
 GAMMA_FUNCTION = Scalings(1, 2)
@@ -86,11 +86,11 @@ def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
     inverses = zip(plant.structure, scalings.realised(scalings.inverse(x)), strict=True)
     out = [d for block, d in pairs for _ in range(block.columns)]
     into = [d for block, d in inverses for _ in range(block.rows)]
-    found = series(beside(into, system.ninputs), (system.A, system.B, system.C, system.D))
-    found = series(found, beside(out, system.noutputs))
+    found = in_series(side_by_side(into, system.ninputs), (system.A, system.B, system.C, system.D))
+    found = in_series(found, side_by_side(out, system.noutputs))
     if used.gamma.any():
         gamma = GAMMA_FUNCTION.realised(used.gamma) * (system.noutputs - rest)
-        found = series(found, beside(gamma, system.noutputs))
+        found = in_series(found, side_by_side(gamma, system.noutputs))
     return replace(plant, system=realisation(found, 0.0))
 
 

@@ -185,7 +185,10 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
 
 def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealArray]:
     """Real scalings of N at the peak of mu: D of the outputs, and the inverse D of the inputs."""
-    multipliers = peak.multipliers(plant.performance_structure)
+    performs = plant.performance and plant.exogenous
+    structure = plant.performance_structure if performs else plant.structure
+    assert structure is not None
+    multipliers = peak.multipliers(structure)
     if multipliers is None:
         raise InputError(
             f"mu of the loop is certified nowhere about its peak ({peak.message}), so that there "
