@@ -23,7 +23,7 @@ MIN_LIKELIHOOD_GAIN = 1.0
 
 Iterations that gain less fit the noise of this record.
 """
-COARSE_SAMPLES = 100_000
+COARSE_SAMPLES = 20_000
 """Leading samples of a longer record on which iterations begin, as they are cheap there."""
 LONG = 4
 """Lengths of the coarse part from which on a record is long."""

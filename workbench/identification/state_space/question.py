@@ -46,7 +46,7 @@ REST_SAMPLES = 50
 """Samples at rest that are put before a record whose inputs never move."""
 USUAL_WASHOUT = 50
 """Longest washout [samples] where none is given."""
-MOST_VALIDATED = 1_000_000
+MOST_VALIDATED = 200_000
 """Most samples, from the first one on, that are divided into folds to choose an order."""
 MOST_LINES = 50_000
 """Most lines at which the nonparametric response is computed, evenly spread over all."""
