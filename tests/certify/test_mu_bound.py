@@ -6,7 +6,8 @@ from exact_rational import is_positive_definite, rational, real_form
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.certify.mu_bound import certified_bound, structured
+from workbench.certify.mu_bound import SAID_ALLOWANCES, certified_bound, structured
+from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 
 STRUCTURES = [
@@ -90,3 +91,16 @@ def test_multipliers_that_are_not_positive_prove_nothing():
     M = np.eye(2)
     for D in (np.diag([1.0, -1.0]), np.diag([1.0, 0.0]), np.diag([1.0, np.nan])):
         assert certified_bound(M, structure, D, D, np.zeros((2, 2))) == np.inf
+
+
+def test_what_is_said_is_proven_where_rounding_makes_both_search():
+    """Bounds of real scalars are small beside the terms that cancel in them."""
+    rng = np.random.default_rng(7)
+    M = rng.normal(size=(400, 4, 4)) + 1j * rng.normal(size=(400, 4, 4))
+    structure = Structure([Real(1)] * 4)
+    answer = upper_bound(M, structure)
+    multipliers = answer.D_left, answer.D_right, answer.G
+    said = certified_bound(M, structure, *multipliers, allowances=SAID_ALLOWANCES)
+    proven = certified_bound(M, structure, *multipliers)
+    assert (proven <= said).all() and (said <= proven * (1 + 1e-9)).all()
+    assert (said > proven).sum() > 40  # the searches differ

@@ -27,11 +27,12 @@ ACCEPTED_ROUNDING = 1e-9
 """Rounding errors below this share of beta^2 are accepted without a search."""
 SAID_ALLOWANCES = 1.125
 """Allowances in a bound that is said: rounding takes up far less than an eighth of one."""
-BISECTIONS = 40
+BISECTIONS = 45
 """Most bisections of beta^2 on a logarithmic scale."""
-SHARPNESS = 2.0**-34
-"""Relative width of the interval of beta^2 at which its search ends: a sixteenth of what is
-accepted without one."""
+SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
+"""Relative widths of the interval of beta^2 at which its search ends: for a bound that is proven,
+and for one that is said, a sixteenth of what is accepted without a search. The first is the second
+over `WIDENING`: every beta that the search of the second tries, that of the first tries too."""
 WIDENING = 2.0**8
 """Factor of the distance from a guess to the next one that is tried."""
 
@@ -244,11 +245,12 @@ def _searched(
         rounding = EPS * (_norm(bound * root[:, :, None] * root[:, None, :]) + count * _norm(S))
         return np.asarray(np.linalg.eigvalsh(S)[:, 0] > allowances * rounding)
 
-    low, high, found = _around(holds, guess)
+    sharp = SHARPNESS if allowances <= 1.0 else SAID_SHARPNESS
+    low, high, found = _around(holds, guess, sharp)
     rest = np.flatnonzero(~found)
     low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
-        open_ = np.flatnonzero(found & (high - low > SHARPNESS * high))
+        open_ = np.flatnonzero(found & (high - low > sharp * high))
         if not open_.size:
             break
         middle = np.sqrt(low[open_] * high[open_])
@@ -263,14 +265,14 @@ Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
 
 
 def _around(
-    holds: Test, guess: NDArray[np.float64]
+    holds: Test, guess: NDArray[np.float64], sharp: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found."""
     low, high, found = np.zeros_like(guess), np.zeros_like(guess), np.zeros(len(guess), bool)
     left = np.flatnonzero(guess > 0)
     below = holds(guess[left], left)
     for side, numbers in ((-1, left[below]), (1, left[~below])):
-        last, share = guess.copy(), SHARPNESS
+        last, share = guess.copy(), sharp
         while numbers.size and share < 1.0:
             t = guess[numbers] * (1 + side * share)
             passed = holds(t, numbers)
