@@ -36,6 +36,6 @@ def ratios_by_size(over: DataArray, wanted: Mapping[int, float]) -> Figure:
     panel.plot(list(wanted), list(wanted.values()), "k:", label="asked for at most")
     figures.label(panel, "size of the matrix", "time over that of eigenvalues", log="xy")
     panel.set_xticks(list(wanted), map(str, wanted), minor=False)
-    panel.minorticks_off()
+    panel.set_xticks([], minor=True)  # those of y are labelled
     figures.legend_below(figure, panel, 2)
     return figure

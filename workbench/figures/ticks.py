@@ -13,6 +13,8 @@ NARROW_AXIS = 1.7
 """Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
 NARROWEST_AXIS = 0.5
 """Decades of a logarithmic axis up to which every tick between powers of ten is labelled."""
+FEWEST = 2
+"""Fewest labels of an axis by 1, 2 and 5 times powers of ten; with fewer every tick is labelled."""
 PLAIN_DECADES = (-3, 4)
 """Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""
 
@@ -42,7 +44,9 @@ def _log_tick(axis: Any, minor: bool) -> Any:
 
     def labelled() -> tuple[int, ...]:
         low, high = decades()
-        return tuple(range(2, 10)) if high - low <= NARROWEST_AXIS else (2, 5)
+        usual = math.log10(2), math.log10(5), 1.0
+        seen = sum(math.floor(high - at + 1e-9) - math.ceil(low - at - 1e-9) + 1 for at in usual)
+        return tuple(range(2, 10)) if high - low <= NARROWEST_AXIS or seen < FEWEST else (2, 5)
 
     def plain() -> bool:
         low, high = decades()
