@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.state_space.identified import USES
 from workbench.tables import markdown
@@ -87,14 +88,19 @@ def _told(fit: float) -> str:
 def verdict(found: list[Cell], nonlinear: bool) -> str:
     """In how many cells ours are level with the best peer or ahead, and where they are farthest."""
     ahead = np.array([cell.ahead(nonlinear) for cell in found])
-    worst = found[int(ahead.argmin())]
     kind = "all peers" if nonlinear else "linear peers"
     return (
         f"{kind}: level within {NEAR} points or ahead in {(ahead >= -NEAR).sum()} of {len(found)} "
         f"({100 * (ahead >= -NEAR).mean():.0f} %); more than {FAR:g} points below in "
-        f"{(ahead < -FAR).sum()}; worst {ahead.min():+.2f} ({worst.record}, "
-        f"{worst.use.replace('_', ' ')})"
+        f"{(ahead < -FAR).sum()}; worst {_worst(found, ahead)}"
     )
+
+
+def _worst(found: list[Cell], ahead: RealArray) -> str:
+    """The least distance ahead of all cells, and which cell has it."""
+    place = int(ahead.argmin())
+    cell = found[place]
+    return f"{ahead[place]:+.2f} ({cell.record}, {cell.use.replace('_', ' ')})"
 
 
 def standings(found: list[Cell]) -> str:
@@ -103,14 +109,13 @@ def standings(found: list[Cell]) -> str:
     for package in dict.fromkeys(package for cell in found for package in cell.fits):
         ahead = np.array([cell.ahead(True, package) for cell in found])
         known = np.isfinite(ahead)
-        worst = found[int(np.where(known, ahead, np.inf).argmin())]
         rows.append(
             [
                 package,
                 f"{100 * (ahead >= -NEAR).mean():.0f} %",
                 str(int((ahead < -FAR).sum())),
                 f"{np.median(ahead):+.2f}",
-                f"{ahead[known].min():+.2f} ({worst.record}, {worst.use.replace('_', ' ')})",
+                _worst(found, np.where(known, ahead, np.inf)),
                 str(int((~known).sum())),
             ]
         )
@@ -131,7 +136,6 @@ def duels(found: list[Cell]) -> str:
             [cell.fits[OURS] - cell.fits.get(package, np.nan) for cell in found], dtype=float
         )
         known = np.isfinite(ahead)
-        worst = found[int(np.where(known, ahead, np.inf).argmin())]
         level = ~(ahead < -NEAR)
         shares = [level[[cell.use == use for cell in found]].mean() for use in USES]
         rows.append(
@@ -140,7 +144,7 @@ def duels(found: list[Cell]) -> str:
                 *(f"{100 * share:.0f} %" for share in (*shares, level.mean())),
                 str(int((ahead[known] < -FAR).sum())),
                 f"{np.median(ahead[known]):+.2f}",
-                f"{ahead[known].min():+.2f} ({worst.record}, {worst.use.replace('_', ' ')})",
+                _worst(found, np.where(known, ahead, np.inf)),
             ]
         )
     uses = [use.replace("_", " ") for use in USES]

@@ -24,6 +24,7 @@ from workbench.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.closed_loop.methods import (
     CleanInput,
+    all_but_gain,
     explained_input,
     filtered_by_poles,
     instrumental_arx,
@@ -133,8 +134,7 @@ def _of_errors(
     errors, entries = None, None
     if clean_input is not None:
         model = replace(model, K=np.zeros_like(model.K))
-        sizes = [getattr(model, name).size for name in "ABCDK"]
-        entries = np.arange(sum(sizes)) < sum(sizes[:4])
+        entries = all_but_gain(model)
         errors = record.y - model.free_run(record.u, record.y, program.washed)
         record = replace(record, u=clean_input(program, record, _explained(program, record)))
     criterion = Criterion(model, record, 0.0, program.direct, entries)

@@ -180,11 +180,16 @@ def _simulator(
     start = least_of(still, lambda model: program.misfit(model, clean))
     if start is None:
         return None
-    sizes = [getattr(start, name).size for name in "ABCDK"]
-    entries = np.arange(sum(sizes)) < sum(sizes[:4])
-    return refine(
-        start, record, 0.0, direct=program.direct, largest_radius=largest, entries=entries
-    )[0]
+    free = all_but_gain(start)
+    return refine(start, record, 0.0, direct=program.direct, largest_radius=largest, entries=free)[
+        0
+    ]
+
+
+def all_but_gain(model: InnovationsModel) -> BoolArray:
+    """Marks of the entries of A, B, C and D among those of A, B, C, D and K."""
+    sizes = [getattr(model, name).size for name in "ABCDK"]
+    return np.arange(sum(sizes)) < sum(sizes[:4])
 
 
 def _allowed_instruments(

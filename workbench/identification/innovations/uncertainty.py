@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.gain_surface import GainSurface
@@ -107,9 +107,7 @@ def response_along(
     criterion: Criterion, theta: RealArray, step: RealArray, frequency: ArrayLike
 ) -> ComplexArray:
     """Change (F, ny, nu) of the response for a small step of the parameters, to first order."""
-    small = 1e-4
-    ahead, behind = (criterion.model(theta + sign * small * step) for sign in (1, -1))
-    return (ahead.response(frequency) - behind.response(frequency)) / (2 * small)
+    return _slope(lambda t: criterion.model(t).response(frequency), theta, step)
 
 
 def static_gain(model: InnovationsModel) -> RealArray:
@@ -129,9 +127,7 @@ def root_of_inverse(hessian: RealArray) -> RealArray:
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
 
 
-def _slope(
-    function: Callable[[RealArray], RealArray], theta: RealArray, step: RealArray
-) -> RealArray:
+def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealArray) -> Array:
     """Derivative of a function along one standard deviation, by central differences."""
     small = 1e-4
     return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)

@@ -20,7 +20,7 @@ from workbench.structure import Structure
 
 SCALINGS_PROVE = "scalings that are functions of frequency prove it"
 """What upper bounds of such a peak rest on."""
-EVERY_FREQUENCY = (0.0, math.inf)
+WHOLE_AXIS = (0.0, math.inf)
 """The band [rad/s] of such a peak."""
 REST_TOLERANCE, REST_STEPS = 1e-4, 20
 """Tolerance and most steps of the intervals that cover what scalings leave open."""
@@ -58,7 +58,7 @@ def scaled_peak(
     found = refined_bounds(sweep, stable.poles, lambda some: np.ones(some.omega.size - 1, bool))
     at = partial(bounds_at, stable, structure)
     cover = BandCover(stable, at, REST_TOLERANCE, found, holds=sweep.holds)
-    cover.beta, cover.open = upper, gaps([ends], EVERY_FREQUENCY)
+    cover.beta, cover.open = upper, gaps([ends], WHOLE_AXIS)
     cover.complete(REST_STEPS, upper)
     if cover.proven > upper:
         return None

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from workbench.compiled import compiled
+from workbench.mu.upper.linear_algebra import inner
 from workbench.mu.upper.pattern import Pattern
 
 MOST_SWEEPS = 60
@@ -38,7 +39,7 @@ def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
     left, right = pattern.left, pattern.right
     c, r = M.shape
     for _ in range(MOST_SWEEPS):
-        norm, moved = _norm(M), False
+        norm, moved = math.sqrt(inner(M, M)), False
         if norm <= NILPOTENT_NORM:
             return norm
         for k in range(E.size):
@@ -67,14 +68,4 @@ def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
                             M[i, j] /= scale
         if not moved:
             return norm
-    return _norm(M)
-
-
-@compiled
-def _norm(M: np.ndarray) -> float:
-    """The Frobenius norm."""
-    square = 0.0
-    for i in range(M.shape[0]):
-        for j in range(M.shape[1]):
-            square += M[i, j].real ** 2 + M[i, j].imag ** 2
-    return math.sqrt(square)
+    return math.sqrt(inner(M, M))

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two
-from workbench.mu.upper.linear_algebra import factor
+from workbench.mu.upper.linear_algebra import factor, inner
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill, slack
@@ -157,11 +157,7 @@ def _unit(M: np.ndarray) -> float:
     return scale
 
 
-@unchecked_kernel
+@compiled
 def _above(M: np.ndarray) -> float:
     """A number above the square of the largest singular value."""
-    total = 0.0
-    for i in range(M.shape[0]):
-        for j in range(M.shape[1]):
-            total += M[i, j].real ** 2 + M[i, j].imag ** 2
-    return 1.05 * total
+    return 1.05 * inner(M, M)
