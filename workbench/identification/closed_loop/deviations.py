@@ -30,6 +30,7 @@ from workbench.identification.closed_loop.methods import (
     instrumental_arx,
     rebuilt_input,
 )
+from workbench.identification.closed_loop.of_lines import moves_of_lines
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
@@ -92,16 +93,63 @@ def closed_loop_deviations(
     >>> found.shape, bool((found < 0.05).all())
     ((2, 1, 1), True)
     """
+    covariance = closed_loop_covariance(program, method, model, frequency)
+    return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
+
+
+def closed_loop_covariance(
+    program: ClosedLoopFit, method: str, model: InnovationsModel, frequency: ArrayLike
+) -> RealArray:
+    """Covariances (F, ny, nu, 2, 2) of real and imaginary part of the response of a model.
+
+    Arguments, meaning and errors are those of `closed_loop_deviations`, whose square is their
+    trace. The response at frequency 0 is the static gain.
+
+    Examples
+    --------
+    A 95 % band of the magnitude:
+
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.identification import ClosedLoopFit, closed_loop_covariance
+    >>> rng = np.random.default_rng(0)
+    >>> r, v = rng.standard_normal((2, 2000))
+    >>> G, C = control.tf([0.5], [1, -0.5], 1.0), control.ss([], [], [], [[0.4]], 1.0)
+    >>> S = control.feedback(1, G * C)
+    >>> y = control.forced_response(G * S, inputs=r).outputs
+    >>> y = y + 0.1 * control.forced_response(S, inputs=v).outputs
+    >>> program = ClosedLoopFit(r - 0.4 * y, y, orders=[1], direct=False, excitation=r)
+    >>> model = wb.solve(program, "instrumental-variables").answer.simulator
+    >>> at = np.array([0.1, 0.2])
+    >>> covariance = closed_loop_covariance(program, "instrumental-variables", model, at)[:, 0, 0]
+    >>> found = model.response(at)[:, 0, 0]
+    >>> radial = np.array([found.real, found.imag]).T / abs(found)[:, None]
+    >>> half = 1.96 * np.sqrt(np.einsum("fa,fab,fb->f", radial, covariance, radial))
+    >>> exact = abs(0.5 / (np.exp(2j * np.pi * at) - 0.5))
+    >>> bool((abs(abs(found) - exact) < 2 * half).all())
+    True
+    """
     if method not in INPUTS:
         raise InputError(f"method is {method!r}; it must be one of {', '.join(INPUTS)}")
-    record = program.used
-    parts = _parts(len(record), program.period)
-    if method == "instrumental-variables":
+    record, period, clean_input = program.used, program.period, INPUTS[method]
+    if period is not None and len(record) < FEWEST * period:
+        period = None
+    if period is not None and clean_input is not None:
+        record = record.part(0, len(record) // period * period)
+    parts = _parts(len(record), period)
+    if clean_input is None:
+        moves = _of_errors(program, None, model, record, parts, frequency)
+    elif period is not None:
+        moves = moves_of_lines(program, clean_input, model, record, parts, frequency)
+    elif method == "instrumental-variables":
         moves = _of_instruments(program, model, record, parts, frequency)
     else:
-        moves = _of_errors(program, INPUTS[method], model, record, parts, frequency)
-    total = (np.abs(moves - moves.mean(axis=0)) ** 2).sum(axis=0)
-    return np.asarray(np.sqrt(total * (len(moves) - 1) / len(moves)))
+        moves = _of_errors(program, clean_input, model, record, parts, frequency)
+    apart = moves - moves.mean(axis=0)
+    both = np.stack([apart.real, apart.imag], axis=-1)
+    share = (len(moves) - 1) / len(moves)
+    return np.asarray(share * np.einsum("pfoua,pfoub->fouab", both, both))
 
 
 def _of_instruments(
@@ -130,7 +178,7 @@ def _of_errors(
     parts: IntegerArray,
     frequency: ArrayLike,
 ) -> ComplexArray:
-    """Changes of the response (parts, F, ny, nu) by what each part adds to the slopes."""
+    """Changes of the response (parts, F, ny, nu) where a part is left out, to first order."""
     errors, entries = None, None
     if clean_input is not None:
         model = replace(model, K=np.zeros_like(model.K))
@@ -141,7 +189,8 @@ def _of_errors(
     theta = criterion.start(model)
     root = root_of_inverse(criterion.expand(theta)[2])
     along = np.array([response_along(criterion, theta, step, frequency) for step in root.T])
-    return np.tensordot(criterion.slopes(theta, parts, errors) @ root, along, 1)
+    rest = 1 - np.bincount(parts)[:, None] / len(parts)
+    return np.tensordot(criterion.slopes(theta, parts, errors) @ root / rest, along, 1)
 
 
 def _explained(program: ClosedLoopFit, record: Experiments) -> Experiments:
@@ -154,7 +203,7 @@ def _explained(program: ClosedLoopFit, record: Experiments) -> Experiments:
 def _parts(samples: int, period: int | None) -> IntegerArray:
     """The number of the part to which each sample (N,) belongs; parts are whole periods."""
     time = np.arange(samples)
-    if period is None or samples < FEWEST * period:
+    if period is None:
         return time * PARTS // samples
     count = -(-samples // period)
     return time // period * min(PARTS, count) // count

@@ -31,16 +31,23 @@ def explained_part(record: Experiments, period: int | None) -> Experiments | Non
     needed, and no noise is left but that at these lines. Without one it is what impulse responses
     of the excitation make, at most 70 samples long.
     """
-    r, joint = excitation_of(record), np.hstack([record.u, record.y])
     if period is not None:
-        found = _mean_period(r, joint, period)
-    else:
-        model = impulse_response(Experiments(r, joint))
-        if model is None:
-            return None
-        found = model.free_run(r, joint, model.order)
+        return mean_period(record, period)
+    r, joint = excitation_of(record), np.hstack([record.u, record.y])
+    model = impulse_response(Experiments(r, joint))
+    return None if model is None else _with(record, model.free_run(r, joint, model.order))
+
+
+def mean_period(record: Experiments, period: int) -> Experiments:
+    """The record with u and y by the mean of their whole periods, at the lines of r alone."""
+    r, joint = excitation_of(record), np.hstack([record.u, record.y])
+    return _with(record, _mean_period(r, joint, period))
+
+
+def _with(record: Experiments, signals: RealArray) -> Experiments:
+    """The record with other signals, inputs beside outputs (N, nu + ny)."""
     nu = record.u.shape[1]
-    return replace(record, u=found[:, :nu], y=found[:, nu:], starts=(0,))
+    return replace(record, u=signals[:, :nu], y=signals[:, nu:], starts=(0,))
 
 
 def excitation_of(record: Experiments) -> RealArray:

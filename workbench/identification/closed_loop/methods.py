@@ -153,9 +153,11 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
             clean = program.explained(record)
             if clean is None:
                 return None
-            u = clean_input(program, record, clean)
-            simulated = replace(record, u=u, starts=(0,))
-            model = _simulator(program, replace(clean, u=u), order, simulated)
+            clean = replace(clean, u=clean_input(program, record, clean))
+            # Of a periodic excitation the noise between the lines tells nothing, but would move the
+            # modes that no line excites.
+            y = record.y if program.period is None else clean.y
+            model = _simulator(program, clean, order, replace(record, u=clean.u, y=y, starts=(0,)))
             return model and _with_gain(program, model, record)
 
         return fit

@@ -110,6 +110,26 @@ def response_along(
     return _slope(lambda t: criterion.model(t).response(frequency), theta, step)
 
 
+def response_slopes(
+    model: InnovationsModel, frequency: ArrayLike, direct: bool = True
+) -> ComplexArray:
+    """Derivatives (F, ny, nu, P) of the response by the entries of A, B, C and, if direct, D."""
+    z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
+    resolvent = np.linalg.inv(z * np.eye(model.order) - model.A)
+    states, seen = resolvent @ model.B, model.C @ resolvent
+    outputs, inputs = np.eye(len(model.C)), np.eye(model.B.shape[1])
+    one = np.ones_like(z)
+    found = [
+        np.einsum("foi,fju->fouij", seen, states),
+        np.einsum("foi,ju->fouij", seen, inputs),
+        np.einsum("oi,fju->fouij", outputs, states),
+        np.einsum("f,oi,ju->fouij", one[:, 0, 0], outputs, inputs),
+    ]
+    flat = [each.reshape(*each.shape[:3], -1) for each in found[: 4 if direct else 3]]
+    late = z ** -np.asarray(model.delay or (0,), dtype=float)
+    return np.concatenate(flat, axis=-1) * late[..., None]
+
+
 def static_gain(model: InnovationsModel) -> RealArray:
     """Static gains (ny, nu); infinite where A has a pole at 1."""
     rest = np.eye(model.order) - model.A
