@@ -2,7 +2,10 @@
 
 from workbench.identification.choice import methods as choice_methods
 from workbench.identification.closed_loop import methods as closed_loop_methods
-from workbench.identification.closed_loop.deviations import closed_loop_deviations
+from workbench.identification.closed_loop.deviations import (
+    closed_loop_covariance,
+    closed_loop_deviations,
+)
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments import crest_factor_methods, design_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
@@ -126,6 +129,7 @@ __all__ = [
     "as_record",
     "best_linear_approximation",
     "choice_methods",
+    "closed_loop_covariance",
     "closed_loop_deviations",
     "closed_loop_methods",
     "crest_factor_methods",

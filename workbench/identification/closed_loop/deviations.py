@@ -135,13 +135,11 @@ def closed_loop_covariance(
     record, period, clean_input = program.used, program.period, INPUTS[method]
     if period is not None and len(record) < FEWEST * period:
         period = None
-    if period is not None and clean_input is not None:
-        record = record.part(0, len(record) // period * period)
     parts = _parts(len(record), period)
     if clean_input is None:
         moves = _of_errors(program, None, model, record, parts, frequency)
     elif period is not None:
-        moves = moves_of_lines(program, clean_input, model, record, parts, frequency)
+        moves = moves_of_lines(program, clean_input, model, record, PARTS, frequency)
     elif method == "instrumental-variables":
         moves = _of_instruments(program, model, record, parts, frequency)
     else:

@@ -48,13 +48,18 @@ SETTLED, SLOWEST = 1e-3, 0.9999
 is not waited for any longer."""
 REFINEMENTS = 8
 """Times that instruments are filtered by the poles of the model before."""
+TRIED, CONVERGED = 2, 0.01
+"""Starts of the direct method's search, and gain in log likelihood below which it ends.
+
+Where no model follows the noise, one search of eight ends in a local minimum, and steps that gain 1
+are far from the end of it: estimates would scatter by where each search stopped.
+"""
 
 
 @method(ClosedLoopFit, "direct", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _direct(program: ClosedLoopFit, context: Context) -> Claim:
     """Prediction errors of u and y; assumes that the model of the noise is rich enough."""
-    starts = SubspaceStarts(program)
-    way = refined_fits(program, starts, 0.0)
+    way = refined_fits(program, SubspaceStarts(program), 0.0, TRIED, CONVERGED)
     return claim(identify(program, way, way, context))
 
 

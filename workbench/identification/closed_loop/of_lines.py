@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, IntegerArray
-from workbench.identification.closed_loop.explained import mean_period
+from workbench.arrays import ComplexArray
+from workbench.identification.closed_loop.explained import excitation_of, mean_period
 from workbench.identification.closed_loop.methods import CleanInput
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
@@ -31,37 +31,49 @@ def moves_of_lines(
     clean_input: CleanInput,
     model: InnovationsModel,
     record: Experiments,
-    parts: IntegerArray,
+    groups: int,
     frequency: ArrayLike,
 ) -> ComplexArray:
     """Changes of the response (parts, F, ny, nu) where a group of periods is left out.
 
-    They are of first order. ``parts`` (N,) is the number of each sample's group; groups are whole
-    periods.
+    They are of first order. There are about so many ``groups``, of whole periods.
     """
     direct, period = program.direct, int(program.period or 0)
     lines = np.arange(1, (period + 1) // 2)
     response = model.response(lines / period)
-    filler = mean_period(record, period).y
-    record = replace(record, y=np.where(np.isnan(record.y), filler, record.y))
+    mean = mean_period(record, period)
+    record = replace(record, y=np.where(np.isnan(record.y), mean.y, record.y))
 
     def input_and_error(part: Experiments) -> tuple[ComplexArray, ComplexArray]:
         """Lines (L, channels) of the input, and of y less what the model makes of it."""
-        clean = mean_period(part, period)
-        signals = clean_input(program, part, clean), clean.y
+        signals = clean_input(program, part, part), part.y
         u, y = (np.fft.rfft(one[:period], axis=0)[lines] for one in signals)
         return u, y - np.einsum("lou,lu->lo", response, u)
 
-    u, error = input_and_error(record)
+    u, error = input_and_error(mean)
     slopes = np.einsum("loup,lu->lop", response_slopes(model, lines / period, direct), u)
     weight = np.linalg.pinv((error.T @ error.conj()).real, hermitian=True)
     weighted = np.einsum("lop,oq->lqp", slopes.conj(), weight)
     root = root_of_inverse(np.einsum("lqp,lqr->pr", weighted, slopes).real)
     along = response_slopes(model, frequency, direct) @ root
+    pairs = len(record) // period - 1
+    size = max(1, pairs // groups)
     moves = []
-    for number, size in enumerate(np.bincount(parts)):
-        first = int(np.searchsorted(parts, number))
-        error = input_and_error(record.part(first, first + int(size)))[1]
-        gradient = np.einsum("lqp,lq->p", weighted, error).real
-        moves.append(along @ (root.T @ gradient) * size / (len(parts) - size))
-    return np.array(moves)
+    for first in range(0, pairs - size + 1, size):
+        faded = _faded(record.part(first * period, (first + size + 1) * period), period)
+        gradient = np.einsum("lqp,lq->p", weighted, input_and_error(faded)[1]).real
+        moves.append(along @ (root.T @ gradient))
+    overlap = np.sqrt(size / (size - 1 / 4))  # a squared fade has 3/8 of the power, not 1/2
+    return np.array(moves) * overlap / (len(moves) - 1)
+
+
+def _faded(part: Experiments, period: int) -> Experiments:
+    """The mean period of a part, its last period faded into its first.
+
+    So it repeats itself without a jump: what u moved before the part is no error of the plant.
+    """
+    rise = np.sin(np.pi * np.arange(period) / (2 * period)) ** 2
+    count = len(part) // period - 1
+    weights = np.concatenate([rise, np.ones((count - 1) * period), 1 - rise])[:, None] / count
+    u, y = ((weights * one).reshape(count + 1, period, -1).sum(axis=0) for one in (part.u, part.y))
+    return replace(part, u=u, y=y, excitation=excitation_of(part)[:period], starts=(0,))

@@ -18,7 +18,9 @@ from workbench.identification.closed_loop.explained import (
 )
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.state_space.facts import facts_of
 from workbench.identification.state_space.folds import scored_fit
+from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.input_checks import need_count
 
@@ -130,6 +132,10 @@ class ClosedLoopFit(StateSpaceFit):
         if self.period is None:
             return scored_fit(model.free_run, clean, self.washed)
         return steady_fit(model, clean, self.period)
+
+    def facts(self, answer: IdentifiedModels) -> list[str]:
+        where = "standard deviations depend on the method: closed_loop_deviations tells them"
+        return [*facts_of(self, answer, self.tasks), where]
 
     def misfit(self, model: InnovationsModel, clean: Experiments) -> float:
         """Relative error of a free run on what an excitation explains, by which starts are chosen.

@@ -49,6 +49,7 @@ def refine(
     largest_radius: float = 1.0,
     entries: BoolArray | None = None,
     known: Knowledge | None = None,
+    least_gain: float = MIN_LIKELIHOOD_GAIN,
 ) -> tuple[InnovationsModel, int]:
     """Refine a model on experiments by Levenberg-Marquardt iterations.
 
@@ -73,6 +74,8 @@ def refine(
     known
         Gains to keep; each step stays on the surface of the models that have them. Known poles are
         kept by entries that are not free.
+    least_gain
+        Gain in log likelihood below which an iteration is the last.
 
     Returns
     -------
@@ -85,7 +88,8 @@ def refine(
     """
     if not refinable(model, largest_radius):
         raise InputError("the model to start from or its predictor is unstable; lower the order")
-    total, rest = 0, (simulation_weight, iterations, direct, largest_radius, entries, known)
+    total = 0
+    rest = (simulation_weight, iterations, direct, largest_radius, entries, known, least_gain)
     *begin, last = _stages(record, model)
     for part in begin:
         near, done = _refined(model, part, *rest)
@@ -123,6 +127,7 @@ def _refined(
     largest_radius: float,
     entries: BoolArray | None,
     known: Knowledge | None,
+    least_gain: float,
 ) -> tuple[InnovationsModel, int]:
     """The refined model of one part of a record, and the number of iterations."""
     slowest = 1 - CIRCLE_ROUNDING
@@ -165,7 +170,7 @@ def _refined(
         if decrease <= 0:
             break
         theta, damping, done = trial, max(damping / 5, 1e-8), done + 1
-        if decrease < MIN_LIKELIHOOD_GAIN:
+        if decrease < least_gain:
             break
         value, gradient, hessian = criterion.expand(theta)
     moved = done or surface is not None

@@ -20,7 +20,7 @@ POLE_GIVEN = 1e-6
 def facts_of(
     program: RecordedQuestion, answer: IdentifiedModels, tasks: Sequence[str]
 ) -> list[str]:
-    """Sentences on the record, on how the models were chosen, and on how well they are known.
+    """Sentences on the record and on how the models were chosen.
 
     ``tasks`` are what predictor and simulator are chosen for.
     """
@@ -51,9 +51,14 @@ def facts_of(
         words.append("orders chosen by the final prediction error: no part could be held back")
     if answer.candidates is not None:
         words += [answer.candidates.words(use, task) for use, task in enumerate(tasks)]
-    for name in MODELS:
-        words += _uncertainty(program, getattr(answer, name), name)
     return words
+
+
+def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
+    """How well the record determines both models, if their prediction errors are white."""
+    return [
+        word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)
+    ]
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:

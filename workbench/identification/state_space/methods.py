@@ -13,7 +13,11 @@ from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.prediction_error import refinable, refine
+from workbench.identification.innovations.prediction_error import (
+    MIN_LIKELIHOOD_GAIN,
+    refinable,
+    refine,
+)
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
@@ -149,9 +153,17 @@ def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
 
 
 def refined_fits(
-    program: StateSpaceFit, starts: SubspaceStarts, simulation_weight: float
+    program: StateSpaceFit,
+    starts: SubspaceStarts,
+    simulation_weight: float,
+    tried: int = 1,
+    least_gain: float = MIN_LIKELIHOOD_GAIN,
 ) -> FitterOfOrder:
-    """Fitting functions that refine the subspace model at which the criterion is least."""
+    """Fitting functions that refine the subspace models at which the criterion is least.
+
+    So many are ``tried``, and the best is kept. Iterations end where one gains less than
+    ``least_gain`` in log likelihood.
+    """
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
@@ -160,13 +172,17 @@ def refined_fits(
                 return criterion(criterion.start(model))
 
             usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
-            start = least_of(usable, value)
             known = program.known
-            return start and refine(
-                start, record, simulation_weight,
-                direct=program.direct, largest_radius=program.largest_radius, known=known,
-                entries=None if known is None else known.free_entries(start),
-            )[0]  # fmt: skip
+            found = [
+                refine(
+                    start, record, simulation_weight,
+                    direct=program.direct, largest_radius=program.largest_radius, known=known,
+                    entries=None if known is None else known.free_entries(start),
+                    least_gain=least_gain,
+                )[0]
+                for start in sorted(usable, key=value)[:tried]
+            ]  # fmt: skip
+            return least_of(found, value)
 
         return fit
 

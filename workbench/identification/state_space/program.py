@@ -24,7 +24,7 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
 from workbench.identification.state_space.control_weight import control_fit, need_bandwidth
-from workbench.identification.state_space.facts import facts_of
+from workbench.identification.state_space.facts import deviations_told, facts_of
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
 from workbench.identification.state_space.known import known_checks
 from workbench.identification.state_space.physical import PhysicalModel
@@ -256,7 +256,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         return float(np.max(np.abs(again - plain))) / 100
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
-        return facts_of(self, answer, self.tasks)
+        return facts_of(self, answer, self.tasks) + deviations_told(self, answer)
 
     # --- what is shown ---------------------------------------------------------------------------
 
