@@ -59,8 +59,25 @@ are far from the end of it: estimates would scatter by where each search stopped
 @method(ClosedLoopFit, "direct", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _direct(program: ClosedLoopFit, context: Context) -> Claim:
     """Prediction errors of u and y; assumes that the model of the noise is rich enough."""
-    way = refined_fits(program, SubspaceStarts(program), 0.0, TRIED, CONVERGED)
+    way = refined_fits(program, _LoopStarts(program), 0.0, TRIED, CONVERGED)
     return claim(identify(program, way, way, context))
+
+
+class _LoopStarts(SubspaceStarts):
+    """Subspace models, and that by instruments: it stands where lines are few and samples dense."""
+
+    def __init__(self, program: ClosedLoopFit) -> None:
+        super().__init__(program)
+        self._loop = program
+
+    def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
+        program, found = self._loop, super()._computed(record, order)
+        clean = program.explained(record)
+        if clean is None or program.known is not None or program.delays:
+            return found
+        models = _allowed_instruments(program, record, clean, order, program.largest_radius)
+        best = least_of(models, lambda model: program.misfit(model, clean))
+        return found if best is None else [*found, _with_gain(program, best, record)]
 
 
 def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
