@@ -2,7 +2,8 @@
 
 The record is cut into parts. What each part adds to the equations that a method solves scatters as
 the noise does, over many samples too, and tells how the estimate scatters, whether or not a model
-of the noise is right.
+of the noise is right. With a periodic excitation the parts are groups of its periods, and the
+equations those at its lines (`of_lines`).
 
 What the excitation explains of the input is an estimate too. Its error, through the plant, and the
 closed loop's noise of the output together are the plant's own noise: y less what the model makes of
@@ -22,12 +23,11 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
+from workbench.identification.closed_loop.instruments import filtered_by_poles, instrumental_arx
 from workbench.identification.closed_loop.methods import (
     CleanInput,
     all_but_gain,
     explained_input,
-    filtered_by_poles,
-    instrumental_arx,
     rebuilt_input,
 )
 from workbench.identification.closed_loop.of_lines import moves_of_lines
@@ -54,8 +54,10 @@ def closed_loop_deviations(
     """Standard deviations (F, ny, nu) of |G - mean of G| for the model of a method.
 
     They are those of the estimate's scatter from record to record, for noise of any spectrum that
-    is forgotten within a thirtieth of the record. A bias of the model is not in them: the order
-    must be that of the plant. Thirty parts tell a deviation to about 13 percent.
+    is forgotten within a part: a thirtieth of the record or, with a period, one period or more.
+    They are of first order: where a criterion has several minima, estimates scatter more. A bias of
+    the model is not in them: the order must be that of the plant and, for the direct method, of the
+    noise. Thirty parts tell a deviation to about 13 percent.
 
     They are far too large where the model has a mode that the excitation hardly reaches.
 

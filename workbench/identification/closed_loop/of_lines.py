@@ -6,8 +6,10 @@ in the input that they take; to first order all of them solve sum Re(P' W E) = 0
 derivatives of G U by the parameters and W the weight of the outputs. So a sandwich of P' W P and of
 the scatter of P' W E over the groups is the covariance of each.
 
-Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
-2012, section 9.11 (the sample covariance of periods in place of that of the noise).
+Sources: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+2012 (the sample covariance of periods in place of a model of the noise); P. Welch, "The use of fast
+Fourier transform for the estimation of power spectra", IEEE Transactions on Audio and
+Electroacoustics 15(2), 1967 (parts that overlap and fade into each other).
 """
 
 from __future__ import annotations

@@ -56,9 +56,7 @@ def facts_of(
 
 def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
     """How well the record determines both models, if their prediction errors are white."""
-    return [
-        word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)
-    ]
+    return [word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)]
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:

@@ -1,0 +1,113 @@
+"""Models of loops by instruments: what the excitation explains of the signals.
+
+Sources: L. Ljung, System Identification, 2nd ed., 1999, section 7.6; P. Young, Recursive Estimation
+and Time-Series Analysis, 2nd ed., 2011, chapter 7 (refined instruments).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from workbench.arrays import BoolArray, RealArray
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.polynomials.regressions import arx_from_lags
+
+SETTLED, SLOWEST = 1e-3, 0.9999
+"""Share of a filter's first state that is left when it has settled; radius of a pole from which it
+is not waited for any longer."""
+REFINEMENTS = 8
+"""Times that instruments are filtered by the poles of the model before."""
+
+
+def refined_instruments(
+    record: Experiments, clean: Experiments, order: int, direct: bool, period: int | None
+) -> Iterator[InnovationsModel]:
+    """ARX models by instruments, each after the first by signals filtered by the poles before.
+
+    The equation errors of the first are the noise times the denominator. Where samples are dense
+    the denominator is small but at the highest frequencies, and they would count alone.
+    """
+    model = instrumental_arx(record, clean, order, direct)
+    yield model
+    for _ in range(REFINEMENTS):
+        model = instrumental_arx(*filtered_by_poles(model, period, record, clean), order, direct)
+        means = record.u.mean(axis=0), record.y.mean(axis=0)
+        model = replace(model, u_offset=means[0], y_offset=means[1])
+        yield model
+
+
+def filtered_by_poles(
+    model: InnovationsModel, period: int | None, record: Experiments, clean: Experiments
+) -> tuple[Experiments, Experiments]:
+    """A record and what explains it, without means, filtered by the poles of a model made stable.
+
+    Where the excitation repeats itself, the filter has run over periods of it before: from rest, it
+    would take slow modes long to settle.
+    """
+    poles = np.linalg.eigvals(model.A)
+    outside = np.abs(poles) >= 1
+    poles[outside] = 1 / poles[outside].conj()
+    denominator = np.asarray(np.poly(poles).real, dtype=float)
+    lead = 0
+    if period is not None:
+        slowest = np.log(SETTLED) / np.log(min(np.abs(poles).max(initial=0.1), SLOWEST))
+        lead = period * min(math.ceil(slowest / period), len(clean) // period)
+
+    def filtered(signals: RealArray, before: RealArray) -> RealArray:
+        whole = np.vstack([before[:lead], signals]) - signals.mean(axis=0)
+        return np.asarray(lfilter([1.0], denominator, whole, axis=0)[lead:])
+
+    first, second = (
+        replace(one, u=filtered(one.u, clean.u), y=filtered(one.y, clean.y))
+        for one in (record, clean)
+    )
+    return first, second
+
+
+def instrumental_arx(
+    record: Experiments,
+    clean: Experiments,
+    order: int,
+    direct: bool,
+    kept: BoolArray | None = None,
+) -> InnovationsModel:
+    """ARX model of a record by instruments: the record without its noise.
+
+    ``kept`` (N,) marks the samples of y whose equations count; None: all.
+    """
+    means = record.u.mean(axis=0), record.y.mean(axis=0)
+    u, y = record.u - means[0], record.y - means[1]
+    lags = range(1, order + 1)
+
+    def rows(inputs: RealArray, outputs: RealArray) -> RealArray:
+        parts = [part[order - lag : len(part) - lag] for lag in lags for part in (inputs, outputs)]
+        return np.hstack([*parts, inputs[order:]]) if direct else np.hstack(parts)
+
+    regressors = rows(u, y)
+    instruments = rows(clean.u - means[0], clean.y - means[1])
+    if kept is not None:
+        instruments = instruments * kept[order:, None]
+    moments = instruments.T @ regressors
+    scale = np.sqrt(np.sum(regressors**2, axis=0))
+    scale[scale == 0] = 1.0
+    theta = np.linalg.lstsq(moments / scale, instruments.T @ y[order:], rcond=None)[0]
+    found = (theta / scale[:, None]).T
+    nu, ny = u.shape[1], y.shape[1]
+    coefficients = found[:, : order * (nu + ny)].reshape(ny, order, nu + ny)
+    D = found[:, order * (nu + ny) :] if direct else np.zeros((ny, nu))
+    model = arx_from_lags(coefficients, D, np.zeros(ny))
+    return replace(
+        model,
+        K=np.zeros_like(model.K),
+        u_offset=means[0],
+        y_offset=means[1],
+        sample_time=record.sample_time,
+        inputs=record.inputs,
+        outputs=record.outputs,
+    )
