@@ -161,8 +161,9 @@ def refined_fits(
 ) -> FitterOfOrder:
     """Fitting functions that refine the subspace models at which the criterion is least.
 
-    So many are ``tried``, and the best is kept. Iterations end where one gains less than
-    ``least_gain`` in log likelihood.
+    So many are ``tried``, the best is kept, and iterations end where one gains less than
+    ``least_gain`` in log likelihood. Parts that are fitted to choose an order have one start, and
+    the usual end.
     """
 
     def way(order: int) -> Fitter:
@@ -172,15 +173,15 @@ def refined_fits(
                 return criterion(criterion.start(model))
 
             usable = [m for m in starts.of(record, order) if refinable(m, program.largest_radius)]
-            known = program.known
+            known, whole = program.known, record is program.used
             found = [
                 refine(
                     start, record, simulation_weight,
                     direct=program.direct, largest_radius=program.largest_radius, known=known,
                     entries=None if known is None else known.free_entries(start),
-                    least_gain=least_gain,
+                    least_gain=least_gain if whole else MIN_LIKELIHOOD_GAIN,
                 )[0]
-                for start in sorted(usable, key=value)[:tried]
+                for start in sorted(usable, key=value)[: tried if whole else 1]
             ]  # fmt: skip
             return least_of(found, value)
 
