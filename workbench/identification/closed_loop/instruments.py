@@ -25,7 +25,7 @@ REFINEMENTS = 8
 """Times that instruments are filtered by the poles of the model before."""
 
 
-def refined_instruments(
+def refined_arx(
     record: Experiments, clean: Experiments, order: int, direct: bool, period: int | None
 ) -> Iterator[InnovationsModel]:
     """ARX models by instruments, each after the first by signals filtered by the poles before.

@@ -18,7 +18,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.identification.closed_loop.explained import excitation_of, steady_response
-from workbench.identification.closed_loop.instruments import refined_instruments
+from workbench.identification.closed_loop.instruments import refined_arx
 from workbench.identification.closed_loop.program import ClosedLoopFit
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.gains import innovation_gain
@@ -212,7 +212,7 @@ def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
     """Models by refined instruments with poles within the largest radius."""
-    models = refined_instruments(record, clean, order, program.direct, program.period)
+    models = refined_arx(record, clean, order, program.direct, program.period)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
 
