@@ -133,3 +133,14 @@ def test_an_unstable_controller_may_close_a_stable_loop(cover, parts, gain, stab
     assert (control.feedback(loop).poles().real < 0).all() == stable
     found = cover.loop(parts | {"controller": from_system(K)})
     assert (found is not None) == stable
+
+
+def test_no_model_has_a_lower_peak_than_its_radii(cover, parts):
+    model = cover.model(parts, Context())
+    loop = cover.loop(parts)
+    covered = replace(loop.weights, circular=abs(model.W_c.response(cover.omega)))
+    assert covered.mu(loop.T).max() >= cover.least_peak(parts) * (1 - 1e-6)
+
+
+def test_an_unstable_loop_has_no_finite_peak(cover, parts):
+    assert cover.least_peak(parts | {"controller": Rational([], [], -9.0)}) == np.inf

@@ -167,6 +167,20 @@ class ControlCover:
         """
         return self._loop(self._responses(parts), _unstable_poles(parts.values()))
 
+    def least_peak(self, parts: dict[Name, Rational]) -> float:
+        """Largest mu with |W_c| at the radii that it must cover; infinite if the loop is unstable.
+
+        A `model` of these parts has no lower peak, but for rounding. Where a plant is not known,
+        only the responses' frequencies are looked at: W_c covers such a plant there alone.
+        """
+        loop = self.loop(parts)
+        if loop is None:
+            return np.inf
+        mu = loop.weights.mu(loop.T)
+        if len(self.responses.known_plants) < len(self.responses.plants):
+            mu = mu[np.isin(self.omega, self.responses.omega)]
+        return float(mu.max())
+
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
         """The model about nominal and real weight, with a complex weight for the controller's loop.
 

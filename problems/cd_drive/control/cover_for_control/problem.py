@@ -218,18 +218,27 @@ class CoverForControl(Study):
     def _chosen(
         self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
     ) -> DesignStage:
-        """The best of the choices by its certified peak."""
+        """The best of the choices by its certified peak.
+
+        A weight W_c is fitted only where mu with the radii that it must cover, at the frequencies
+        of the cover, is below the best peak so far: a larger W_c does not lower mu.
+        """
         assert stage.model.W_r is not None
         parts: dict[Name, Rational] = {
             "nominal": stage.model.nominal,
             "real": stage.model.W_r,
             "controller": from_system(stage.K),
         }
-        found = []
-        for each in cover.chosen(parts, moving, context):
+        choices = [(cover.least_peak(each), each) for each in cover.chosen(parts, moving, context)]
+        best: DesignStage | None = None
+        for least, each in sorted(choices, key=lambda choice: choice[0]):
+            if best is not None and least >= best.peak:
+                break
             K = stage.K if "controller" not in moving else each["controller"].state_space()
-            found.append(self._stage(cover.model(each, context), K))
-        return min(found, key=lambda each: each.peak)
+            found = self._stage(cover.model(each, context), K)
+            best = found if best is None or found.peak < best.peak else best
+        assert best is not None  # the first choice is always tried
+        return best
 
     def _designed(self, stage: DesignStage) -> DesignStage:
         """The best controller of the same order that "fixed" finds from that of a stage or anew."""
