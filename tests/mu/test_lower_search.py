@@ -14,6 +14,7 @@ from workbench.mu.lower.methods import _Search, proposals
 from workbench.mu.lower.program import MuLowerBound
 from workbench.mu.lower.rayleigh import LOOP, X, Y, rayleigh_step
 from workbench.mu.lower.realise import workspace
+from workbench.mu.lower.search import search_batch
 from workbench.solvers import Options
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -126,3 +127,20 @@ def test_an_ascent_ends_where_no_neighbour_is_better():
         values = np.linalg.eigvals(M @ near)
         values = values[np.abs(values.imag) < 1e-4 * np.abs(values)]
         assert (values.real <= best * (1 + 1e-3)).all()
+
+
+@pytest.mark.parametrize(
+    "blocks", [[Real(1)] * 3 + [Complex(1)], [Real(1), Complex(1), Full(2, 2)]]
+)
+def test_ends_that_are_known_hide_no_higher_one(blocks):
+    """Ascents that stop at ends of earlier ones find what they find alone, in 200 matrices."""
+    structure, rng = Structure(blocks), np.random.default_rng(4)
+    search = _Search(MuLowerBound(random(rng, 200, 4, 4), structure), Context(Options()))
+    vectors, reals, moving, levels = search.varied_starts(12)
+    starts = vectors, reals, moving, np.zeros_like(levels)
+    together = search_batch(search.M, search.table, *starts, 100)[0]
+    alone = [
+        search_batch(search.M, search.table, *(each[s : s + 1] for each in starts), 100)[0]
+        for s in range(12)
+    ]
+    np.testing.assert_allclose(together, np.max(alone, axis=0), rtol=1e-6)

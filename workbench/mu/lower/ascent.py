@@ -31,7 +31,7 @@ BLOCKED_LENGTHS = 3
 """Step lengths tried before a real block that cannot keep the eigenvalue real is given up."""
 SETTLED_GAIN = 1e-9
 """An ascent ends when a step raises the eigenvalue by less than this share."""
-SAME_DELTA = 0.1
+SAME_DELTA = 0.03
 """An ascent leads to a known Delta if it comes as near to it as this."""
 P, G, TRIAL, NEW, D, MOVED, CHANGE, HY, HELD, BOUNDED = range(10)
 """Rows of the parameters and the gradient, of those that are tried, of the direction, of the last
@@ -51,11 +51,10 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
     full blocks; it is changed in place.
     """
     w, v = workspace(table, delta.shape[0], delta.shape[1])
+    none = np.zeros(0), np.zeros((0, 0, 0), np.complex128)
     x, y = eigenvectors(M @ delta, value + 0j)
     w[X, : len(M)], w[Y, : len(M)] = x, y
-    return polished_perturbation(
-        M, table, delta, climb(M, table, delta, value, 0.0, delta, w, v), w
-    )
+    return polished_perturbation(M, table, delta, climb(M, table, delta, value, none, w, v), w)
 
 
 @unchecked_kernel
@@ -92,12 +91,12 @@ def polished_perturbation(M, table, delta, value, w):  # type: ignore[no-untyped
 
 
 @unchecked_kernel
-def climb(M, table, delta, value, known, known_delta, w, v):  # type: ignore[no-untyped-def]
+def climb(M, table, delta, value, known, w, v):  # type: ignore[no-untyped-def]
     """Climb from a Delta whose real eigenvalue and vectors x, y (in the workspace) are known.
 
     An ascent stops when a real block that is the unknown reaches an end of its interval; another
-    ascent with a new unknown follows. An ascent that comes near a Delta whose value is ``known``,
-    and larger, ends with that value.
+    ascent with a new unknown follows. ``known`` are the values (K,) and Deltas (K, rows, columns)
+    at which ascents ended before. One that comes near such a Delta from below ends with its value.
     """
     last = len(table)
     for _ in range(len(table)):
@@ -105,17 +104,26 @@ def climb(M, table, delta, value, known, known_delta, w, v):  # type: ignore[no-
         free = best_unknown(table, delta, w)
         if free == last:
             break
-        last, reached = free, _climb_once(M, table, delta, value, free, known, known_delta, w, v)
-        small = reached <= value * (1 + UNKNOWN_GAIN) or reached == known
-        value = reached
-        if small:
+        last, before = free, value
+        value, met = _climb_once(M, table, delta, value, free, known, w, v)
+        if met or value <= before * (1 + UNKNOWN_GAIN):
             break
     return value
 
 
 @unchecked_kernel
-def _climb_once(M, table, delta, value, free, known, known_delta, w, v):  # type: ignore[no-untyped-def]
-    """One ascent with the same unknown throughout; arguments and result as `climb`."""
+def _value_near(delta, best, known):  # type: ignore[no-untyped-def]
+    """The known value (0: none), no less than the best so far, at a Delta near this one."""
+    values, deltas = known
+    for k in range(len(values)):
+        if best <= values[k] and _distance(delta, deltas[k]) < SAME_DELTA:
+            return values[k]
+    return 0.0
+
+
+@unchecked_kernel
+def _climb_once(M, table, delta, value, free, known, w, v):  # type: ignore[no-untyped-def]
+    """One ascent with the same unknown throughout, and whether it came to a known Delta."""
     there, count = w[LOOP + 2 * w.shape[1] :], v.shape[1]
     own, at = 0, 0
     for k in range(len(table)):
@@ -171,8 +179,9 @@ def _climb_once(M, table, delta, value, free, known, known_delta, w, v):  # type
         for i in range(count):
             v[P, i], v[G, i] = v[TRIAL, i], v[NEW, i]
         copy_delta(there, delta)
-        if best <= known and _distance(delta, known_delta) < SAME_DELTA:
-            return known
+        near_known = _value_near(delta, best, known)
+        if near_known > 0:
+            return near_known, True
         if small:
             break
         for i in range(count):
@@ -186,7 +195,7 @@ def _climb_once(M, table, delta, value, free, known, known_delta, w, v):  # type
             fresh, length = True, _set_direction(v, best, True)
         if not length > 0:
             break
-    return best
+    return best, False
 
 
 @unchecked_kernel

@@ -26,6 +26,8 @@ SAME_VALUE = 1e-6
 """Ascents whose ends differ by less than this share agree."""
 REFINED_EDGES = 12
 """Number of the most promising edges from which ascents start."""
+KNOWN_ENDS = 6
+"""Number of the highest ends of ascents that are kept, so that others to them need not finish."""
 
 
 @compiled
@@ -64,8 +66,10 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
     size = MOST_POINTS if edges else 0
     polynomials = np.zeros((size, columns + 1), np.complex128)
     determinants, found = np.zeros((2, size), np.complex128), np.zeros((REFINED_EDGES, 4))
+    known = np.zeros(KNOWN_ENDS), np.zeros((KNOWN_ENDS, rows, columns), np.complex128)
     for m in range(batch):
         met, first = 0, 0
+        known[0][:] = 0.0
         if edges:
             _search_edges(Ms[m], table, 0.0, delta, polynomials, determinants, found, w)
             first = -REFINED_EDGES
@@ -85,7 +89,8 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
                 )
             if not value > 0:
                 continue
-            value = climb(Ms[m], table, delta, value, values[m], deltas[m], w, v)
+            value = climb(Ms[m], table, delta, value, known, w, v)
+            _keep(value, delta, known)
             if abs(value - values[m]) <= SAME_VALUE * value:
                 met += 1
             elif value > values[m]:
@@ -98,6 +103,21 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
             copy_pair(w, BEST, X)
             values[m] = polished_perturbation(Ms[m], table, deltas[m], values[m], w)
     return values, deltas
+
+
+@unchecked_kernel
+def _keep(value, delta, known):  # type: ignore[no-untyped-def]
+    """Keep the end of an ascent, unless it is known, in place of the lowest one."""
+    values, deltas = known
+    lowest = 0
+    for k in range(len(values)):
+        if values[k] == value:
+            return
+        if values[k] < values[lowest]:
+            lowest = k
+    if value > values[lowest]:
+        values[lowest] = value
+        copy_delta(delta, deltas[lowest])
 
 
 @unchecked_kernel
