@@ -95,7 +95,7 @@ def plain(around, made, excitation, exogenous, noise):
     """Command, output, channels, measurement, position and saturated samples, one by one."""
     transition, drive, age, fraction, weights = around._advance
     C, levels = around.plant.C, (around.channel_levels, around.output_levels)
-    x, filtered, start = np.zeros(4), np.zeros(2), np.zeros(2)
+    x, at, filtered, start = np.zeros(4), [0.0, 0.0], np.zeros(2), np.zeros(2)
     sense(np.zeros(2), exogenous[0], around.sense_parameters, start)
     filtered[:] = start
     names, outputs = made.signals, np.zeros((0, 2))
@@ -103,7 +103,7 @@ def plain(around, made, excitation, exogenous, noise):
     known = dict.fromkeys(names, 0.0)
     found, over = ([], [], [], [], []), [np.zeros(2, int), np.zeros(3, int)]
     for k in range(len(noise)):
-        found[4].append([dot(C[i], x) for i in range(2)])
+        found[4].append(at)
         raw = [noise[k, 0] + filtered[0], noise[k, 1] + filtered[1], dot(C[2], x, noise[k, 2])]
         channels, many = zip(
             *(convert(r, *w) for r, w in zip(raw, levels[0], strict=True)), strict=True
@@ -126,29 +126,29 @@ def plain(around, made, excitation, exogenous, noise):
         outputs = np.vstack([outputs, output])
         for one, value in zip(found, (command, output, channels, measurement), strict=False):
             one.append(value)
-        for h in range(len(age)):
-            held = k - age[h]
-            moved = [dot(transition[h, i], x) for i in range(4)]
-            x = np.array(
-                [
-                    dot(drive[h, i], outputs[held], moved[i]) if held >= 0 else moved[i]
-                    for i in range(4)
-                ]
-            )
+        for h in range(2 * len(age)):
+            step, second = divmod(h, 2)
+            held = k - age[step]
+            moved = [
+                dot(drive[step, i], outputs[held], dot(transition[step, i], x))
+                if held >= 0
+                else dot(transition[step, i], x)
+                for i in range(8)
+            ]
             outside = exogenous[k] + fraction[h] * (exogenous[k + 1] - exogenous[k])
             signals = np.zeros(2)
             sense(
-                np.array([dot(C[i], x) for i in range(2)]),
+                np.array(moved[2 * second : 2 * second + 2]),
                 outside,
                 around.sense_parameters,
                 signals,
             )
-            if h % 2 == 0:
+            if not second:
                 middle = signals
             else:
-                w = weights[h // 2]
+                w = weights[step]
                 filtered = w[0] * filtered + (w[1] * start + w[2] * middle) + w[3] * signals
-                start = signals
+                start, at, x = signals, moved[2:4], np.array(moved[4:])
     return [np.array(one) for one in found] + over
 
 

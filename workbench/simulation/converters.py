@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +55,7 @@ class Converter:
 def convert(value: float, step: float, lowest: float, highest: float) -> tuple[float, bool]:
     """Converted value, and whether it saturated, for a converter with given levels."""
     if step > 0.0:
-        value = step * math.floor(value / step + 0.5)
+        value = step * np.floor(value / step + 0.5)  # math.floor would pass through an integer
     # Half a step of tolerance, so that rounding of the products does not count as saturation.
     if value < lowest - 0.5 * step:
         return lowest, True

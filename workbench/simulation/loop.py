@@ -185,7 +185,8 @@ class SampledLoop:
         excitation = _checked("excitation", excitation, samples, m)
         noise = _checked("noise", noise, samples, c)
         sizes = (m, m, c, self.measurements, self.positions)
-        command, output, channels, measurement, position = (np.zeros((samples, n)) for n in sizes)
+        # Every entry is written before it is read; a run that stops early has no trajectory.
+        command, output, channels, measurement, position = (np.empty((samples, n)) for n in sizes)
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)
         signals: dict[str, RealArray] = {}
         recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
@@ -261,7 +262,7 @@ class SampledLoop:
     ) -> RealArray:
         """Run samples first to last - 1, and return the rows (last - first, S) of their signals."""
         names = cascade.signals
-        rows, measured = np.zeros((last - first, len(names))), row[: self.measurements]
+        rows, measured = np.empty((last - first, len(names))), row[: self.measurements]
         ends = self.sense_parameters, self.read_parameters
         span = rows, first, last
         if cascade.plain:
@@ -282,26 +283,30 @@ class SampledLoop:
 
     @cached_property
     def _advance(self) -> tuple[RealArray, RealArray, IntegerArray, RealArray, RealArray]:
-        """Data of the H half steps of a period.
+        """Data of the W steps of a period, each of two halves.
 
-        Holds the transition and input matrices (H, n, n) and (H, n, m), the age (H,) [samples] of
-        the input that is held, the fraction (H,) of the period at the end of each half step, and
-        the weights (H / 2, 4) of the filter for each step.
+        Holds the matrices from the state at the start of a step (W, 2 q + n, n), and from the input
+        (W, 2 q + n, m), to the positions at its middle, those at its end, and the state at its end;
+        the age (W,) [samples] of the input that is held, the fraction (2 W,) of the period at the
+        end of each half step, and the weights (W, 4) of the filter for each step. The sensor sees
+        the middle by its positions alone, so no state is computed there.
         """
         whole, rest = split_delay(self.delay)
         pieces = [(rest, whole + 1), (1.0 - rest, whole)] if rest > 0.0 else [(1.0, whole)]
         transition, drive, age, length, weights = [], [], [], [], []
+        to_position = self.plant.C[: self.positions]
         for share, old in pieces:
             step = share / self.refine
-            matrices = hold(self.plant.A, self.plant.B, step / 2 * self.period)
+            half = np.hstack(hold(self.plant.A, self.plant.B, step / 2 * self.period))
+            full = np.hstack(hold(self.plant.A, self.plant.B, step * self.period))
+            rows = np.vstack([to_position @ half, to_position @ full, full])
             weight = lowpass_weights(self.corner, step * self.period)
             for _ in range(self.refine):
+                transition.append(rows[:, : self.plant.nstates])
+                drive.append(rows[:, self.plant.nstates :])
+                age.append(old)
                 weights.append(weight)
-                for _ in range(2):
-                    transition.append(matrices[0])
-                    drive.append(matrices[1])
-                    age.append(old)
-                    length.append(step / 2)
+                length += [step / 2] * 2
         ages, ends = np.array(age, np.int64), np.cumsum(length)
         return np.array(transition), np.array(drive), ages, ends, np.array(weights)
 

@@ -100,7 +100,7 @@ def _turn(
 
 # The groups of arguments that every sample needs, as `SampledLoop` makes them:
 #   memory  state x, positions, filters' outputs, their inputs at the start of a step
-#   desk    converted channels; state at the middle of a step; what the sensor is given from
+#   desk    converted channels; state at the end of a step; what the sensor is given from
 #           outside, and what it gives at the middle and the end of a step
 #   plant   transition, drive, age, fraction, weights (see `SampledLoop._advance`), x -> outputs
 #   levels  limits and step of every channel's converter, and of every output's
@@ -149,36 +149,27 @@ def look(
 
 
 @inlined
-def _half_step(
-    h: int,
-    k: int,
-    x: RealArray,
-    after: RealArray,
-    at: RealArray,
-    outside: RealArray,
-    plant: Any,
-    output: RealArray,
-    exogenous: RealArray,
+def _product(
+    w: int, first: int, held: int, x: RealArray, plant: Any, output: RealArray, into: RealArray
 ) -> None:
-    """Advance state x by half step h of sample k, and set what the sensor is given there."""
-    transition, drive, age, fraction, _, to_output = plant
-    n, m, held = len(x), output.shape[1], k - age[h]
-    for i in range(n):
+    """Rows of step w from ``first`` on, times state x and the output of sample ``held``."""
+    transition, drive = plant[0], plant[1]
+    for i in range(len(into)):
         total = 0.0
-        for j in range(n):
-            total += transition[h, i, j] * x[j]
+        for j in range(len(x)):
+            total += transition[w, first + i, j] * x[j]
         if held >= 0:
-            for j in range(m):
-                total += drive[h, i, j] * output[held, j]
-        after[i] = total
-    for i in range(len(at)):
-        total = 0.0
-        for j in range(n):
-            total += to_output[i, j] * after[j]
-        at[i] = total
+            for j in range(output.shape[1]):
+                total += drive[w, first + i, j] * output[held, j]
+        into[i] = total
+
+
+@inlined
+def _outside(k: int, fraction: float, exogenous: RealArray, outside: RealArray) -> None:
+    """Set the exogenous signals at a fraction of sample k."""
     for i in range(len(outside)):
         old = exogenous[k, i]
-        outside[i] = old + fraction[h] * (exogenous[k + 1, i] - old)
+        outside[i] = old + fraction * (exogenous[k + 1, i] - old)
 
 
 @inlined
@@ -196,8 +187,9 @@ def move(
 ) -> None:
     """Convert the command at the end of the row, and advance plant and filters by a sample."""
     x, at, filtered, start = memory
-    _, half, outside, middle, end = desk
-    weights, limits, excitation, exogenous = plant[4], levels[1], played[0], played[1]
+    _, after, outside, middle, end = desk
+    age, fraction, weights = plant[2], plant[3], plant[4]
+    limits, excitation, exogenous = levels[1], played[0], played[1]
     command, output, saturated = record[0], record[1], record[4]
     m = command.shape[1]
     for i in range(m):
@@ -205,10 +197,16 @@ def move(
         output[k, i], over = convert(command[k, i], limits[i, 0], limits[i, 1], limits[i, 2])
         saturated[i] += over
     for w in range(len(weights)):
-        _half_step(2 * w, k, x, half, at, outside, plant, output, exogenous)
+        held = k - age[w]
+        _product(w, 0, held, x, plant, output, at)
+        _outside(k, fraction[2 * w], exogenous, outside)
         sense(at, outside, sense_parameters, middle)
-        _half_step(2 * w + 1, k, half, x, at, outside, plant, output, exogenous)
+        _product(w, len(at), held, x, plant, output, at)
+        _outside(k, fraction[2 * w + 1], exogenous, outside)
         sense(at, outside, sense_parameters, end)
+        _product(w, 2 * len(at), held, x, plant, output, after)
+        for i in range(len(x)):
+            x[i] = after[i]
         for i in range(len(filtered)):
             inside = weights[w, 1] * start[i] + weights[w, 2] * middle[i]
             filtered[i] = weights[w, 0] * filtered[i] + inside + weights[w, 3] * end[i]

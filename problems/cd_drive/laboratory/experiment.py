@@ -192,7 +192,7 @@ class Laboratory:
         x_cd = disc.deviation(self.axis, time)
         light, f_sd = disc.surface(defects, time)
         exogenous = np.column_stack([x_cd, light, f_sd])
-        noise = _noise(self, seed, len(u)).copy()
+        noise = _noise(self, seed, len(u))
         run = _loop(self).run(controller, u[:, None], exogenous, noise)
         x_cd, light, f_sd = exogenous[:-1].T
         names = ("u", *CHANNELS)
