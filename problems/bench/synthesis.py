@@ -39,6 +39,8 @@ FASTER, SLOWER = 60.0, 5.0
 
 Ours has a proof of the peak between all frequencies in it; dkpy's has none.
 """
+PEAK = 0.975
+"""Peak of mu that ours must prove; dkpy ends with 1.036."""
 NORM_EXCESS = 1e-3
 """Largest relative excess of our norm over hinfsyn's let pass."""
 PLANT_DIFFERENCE = 1e-9
@@ -63,8 +65,8 @@ def synthesis(
 
     H-infinity synthesis is run on random plants of 10, 20 and 40 states, and on the control
     problems of the CD drive in SI units, nominal and with the channels of parametric uncertainty.
-    D-K iteration is run on the distillation column until the certified peak of mu is at most the
-    one that dkpy claims for the same plant.
+    D-K iteration is run on the distillation column until the certified peak of mu is at most 0.975,
+    and by dkpy to the end of its own example, which claims 1.036 for the same plant.
 
     largest: most states of a random plant. plants: random plants of each size. drives: whether the
     CD drive is among the plants. distillation: whether the column is; dkpy must be installed.
@@ -141,9 +143,7 @@ class SynthesisSpeed(Study):
             certified = MuSynthesis(distillation_column()).certified(restored(answer, "own"))
             if certified is not None:
                 upper = certified.upper
-            claimed = float(answer["dk_peak"].sel(package="dkpy"))
             apart = float(answer["dk_apart"])
-            statement = "certified peak of mu over the one dkpy claims, less 1"
             found += [
                 Check(
                     "same column",
@@ -151,10 +151,10 @@ class SynthesisSpeed(Study):
                     apart,
                     PLANT_DIFFERENCE,
                 ),
-                Check("peak", statement, upper / claimed - 1.0, 0.0),
+                Check("peak", "certified peak of mu", upper, PEAK),
                 Check(
-                    "time to dkpy's peak",
-                    f"over dkpy's, asked to be at most 1/{FASTER:g}",
+                    "time to the peak",
+                    f"over dkpy's to its own, asked to be at most 1/{FASTER:g}",
                     1.0 / _faster(answer),
                     1.0 / FASTER,
                 ),
@@ -224,7 +224,7 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
         theirs, plant = dk_iteration()
     own = distillation_column()
     a, b = response(own.system, OMEGA), response(plant, OMEGA)
-    program = MuSynthesis(own, target=theirs.claim)
+    program = MuSynthesis(own, target=PEAK)
     solve(program, "dk")  # compile before the clock starts
     runs = [solve(program, "dk") for _ in context.track(range(REPEATS), "D-K iteration")]
     answer: MuController = runs[0].answer
