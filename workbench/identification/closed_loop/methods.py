@@ -77,11 +77,20 @@ def _refuses_knowledge(program: ClosedLoopFit) -> str | None:
     return None if program.known is None else known
 
 
+def _needs_free_runs(program: ClosedLoopFit) -> str | None:
+    if program.poles == "any":
+        return (
+            'its models are stable, and poles is "any"; take method direct or '
+            "instrumental-variables, or say that the plant is stable by poles"
+        )
+    return _refuses_knowledge(program)
+
+
 @method(
     ClosedLoopFit,
     "two-stage",
     optimal=False,
-    unfit=_refuses_knowledge,
+    unfit=_needs_free_runs,
     accuracy=ANY_ACCURACY_ALIKE,
 )
 def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
@@ -117,12 +126,12 @@ def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
 def _no_controller(program: ClosedLoopFit) -> str | None:
     if program.controller is None:
         return "it needs the controller"
-    return _refuses_knowledge(program)
+    return _needs_free_runs(program)
 
 
 @method(ClosedLoopFit, "indirect", optimal=False, unfit=_no_controller, accuracy=ANY_ACCURACY_ALIKE)
 def _indirect(program: ClosedLoopFit, context: Context) -> Claim:
-    """What r explains of y, and u by the controller; assumes that it is known and r is added."""
+    """What r explains of y, and u by the controller; assumes that known, and a stable plant."""
     way = _simulators(program, rebuilt_input)
     return claim(identify(program, way, way, context))
 

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
+from workbench.identification.experiments.signals import SECONDS
 from workbench.identification.experiments.text_table import IN_BRACKETS, Columns
 from workbench.identification.experiments.variables import File, read_table
 from workbench.input_checks import as_list, need_positive
@@ -160,7 +161,6 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     )
 
 
-SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "rad/s": 1 / (2 * np.pi), "1/s": 1.0}
 COLUMN = re.compile(r"(.+)\[(\d+)\]")
 """A column of a matrix, such as ``y[0]``."""

@@ -13,6 +13,14 @@ from workbench.errors import InputError
 UNEVEN = 0.1
 """Largest deviation of a sampling interval from their mean, relative: instants are rounded."""
 
+UNEVEN_START = 0.5
+"""Largest distance of the first instants of u and y, in sampling intervals."""
+SECONDS = {
+    "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+    "min": 60.0,
+}  # fmt: skip
+"""Units of time [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Signals:
@@ -34,7 +42,8 @@ class Signals:
 class _Table:
     """An array with the names and units of its channels, and its instants [s], where known.
 
-    ``oriented`` says that the samples are known to be the rows.
+    ``oriented`` says that the samples are known to be the rows. Instants of dates count from the
+    first ``date``.
     """
 
     values: Any
@@ -42,6 +51,7 @@ class _Table:
     units: tuple[str, ...] | None = None
     instants: RealArray | None = None
     oriented: bool = False
+    date: Any = None
 
 
 def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
@@ -77,6 +87,11 @@ def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
             f"u is sampled every {steps[0]:.6g} s and y every {steps[1]:.6g} s; resample one of "
             "them to the instants of the other"
         )
+    later = _later(tables["u"], tables["y"])
+    if steps and abs(later) > UNEVEN_START * steps[0]:
+        raise InputError(
+            f"y begins {later:.6g} s after u; cut both to the instants that they share"
+        )
     return Signals(
         turned["u"], turned["y"], labels["u"], labels["y"], units["u"], units["y"],
         steps[0] if steps else None,
@@ -104,10 +119,10 @@ def _table(given: Any, name: str) -> _Table:
         return _labelled(given, name)
     if hasattr(given, "columns") and hasattr(given, "to_numpy"):
         frame = tuple(str(column) for column in given.columns)
-        return _Table(given.to_numpy(), frame, None, _instants_of_index(given.index), True)
+        return _Table(given.to_numpy(), frame, None, *_instants_of_index(given.index))
     if hasattr(given, "to_numpy") and hasattr(given, "index"):
         one = (str(given.name),) if given.name is not None else None
-        return _Table(given.to_numpy(), one, None, _instants_of_index(given.index), True)
+        return _Table(given.to_numpy(), one, None, *_instants_of_index(given.index))
     return _Table(given)
 
 
@@ -128,14 +143,42 @@ def _labelled(given: Any, name: str) -> _Table:
     else:
         names, count = ((str(given.name),) if given.name is not None else None), 1
     instants = given["time"].values if "time" in given.coords else None
-    return _Table(array.values, names, (unit,) * count, _seconds(instants), True)
+    seconds = _seconds(instants)
+    if instants is not None and seconds is not None and instants.dtype.kind not in "mM":
+        seconds = seconds * _factor(str(given["time"].attrs.get("units", "s")), name)
+    return _Table(array.values, names, (unit,) * count, seconds, True, _date(instants))
 
 
-def _instants_of_index(index: Any) -> RealArray | None:
-    """Instants [s] of an index of pandas; None for one that only counts rows."""
+def _factor(unit: str, name: str) -> float:
+    """Seconds in a unit of time; raises `InputError` for another unit."""
+    if unit not in SECONDS:
+        raise InputError(
+            f"the instants of {name} are in {unit!r}; {', '.join(SECONDS)} are known: convert them"
+        )
+    return SECONDS[unit]
+
+
+def _instants_of_index(index: Any) -> tuple[RealArray | None, bool, Any]:
+    """Instants [s] of an index of pandas, None for one that only counts rows; True; its date."""
     if type(index).__name__ == "RangeIndex":
-        return None
-    return _seconds(np.asarray(index))
+        return None, True, None
+    values = np.asarray(index)
+    return _seconds(values), True, _date(values)
+
+
+def _date(instants: Any) -> Any:
+    """The first of instants that are dates, else None."""
+    dates = instants is not None and len(instants) and instants.dtype.kind == "M"
+    return instants[0] if dates else None
+
+
+def _later(one: _Table, other: _Table) -> float:
+    """By how much another table begins later [s]; 0 where nothing tells."""
+    if one.date is not None and other.date is not None:
+        return float((other.date - one.date) / np.timedelta64(1, "ns") * 1e-9)
+    if one.instants is None or other.instants is None or one.date is not other.date:
+        return 0.0
+    return float(other.instants[0] - one.instants[0])
 
 
 def _seconds(instants: Any) -> RealArray | None:
@@ -143,7 +186,8 @@ def _seconds(instants: Any) -> RealArray | None:
     if instants is None or len(instants) < 2:
         return None
     if instants.dtype.kind in "mM":
-        return np.asarray((instants - instants[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
+        zero = instants[0] if instants.dtype.kind == "M" else np.timedelta64(0, "ns")
+        return np.asarray((instants - zero) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
     return np.asarray(instants, dtype=float) if instants.dtype.kind in "iuf" else None
 
 
@@ -163,7 +207,10 @@ def _step(instants: RealArray, name: str) -> float:
 def _numbers(table: _Table, name: str) -> RealArray:
     """The values as floats with one or two axes."""
     try:
-        values = np.asarray(table.values)
+        values = table.values
+        if np.ma.isMaskedArray(values):
+            values = np.ma.filled(values.astype(float), np.nan)
+        values = np.asarray(values)
         if values.dtype == object:  # tables may hold numbers as objects, with None where missing
             values = values.astype(float)
     except (TypeError, ValueError):

@@ -13,6 +13,7 @@ from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.regression import lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
+from workbench.identification.state_space.gaps import bridged
 from workbench.input_checks import need_whole
 
 LONGEST_DELAY = 25
@@ -67,10 +68,16 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
     longest = min(LONGEST_DELAY, len(record) // (4 * (nu + ny)) - REGRESSORS)
     if longest < 1:
         return (0,) * nu
+    record = bridged(record, past=longest + REGRESSORS)
     scaling = Scaling.of(record)
     pieces = [scaling.scaled(*piece) for piece in record.pieces()]
     lagged = lagged_triangle(pieces, longest + REGRESSORS, nu + ny)
     r, m = lagged.factor, nu + ny
+    if lagged.rows < len(r):
+        raise InputError(
+            f"too few stretches of {longest + REGRESSORS + 1} samples have no missing one to "
+            "estimate delays: give delay in samples"
+        )
     columns = {0: r.shape[1] - m} | {lag: 1 + (lag - 1) * m for lag in range(1, lagged.past + 1)}
     outputs = [columns[lag] + nu + i for lag in range(1, REGRESSORS + 1) for i in range(ny)]
 

@@ -18,6 +18,7 @@ from workbench.identification.innovations.prediction_error import (
     refinable,
     refine,
 )
+from workbench.identification.state_space.gaps import bridged
 from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
@@ -103,6 +104,7 @@ class SubspaceStarts:
         self._program = program
         self._regressions: dict[int, SubspaceModels] = {}
         self._found: dict[tuple[int, int], list[InnovationsModel]] = {}
+        self._bridged: dict[int, Experiments] = {}
 
     def of(self, record: Experiments, order: int) -> list[InnovationsModel]:
         """Models of an order, of a part that the program holds; none if it is too short."""
@@ -111,10 +113,17 @@ class SubspaceStarts:
             self._found[key] = self._computed(record, order)
         return self._found[key]
 
+    def _whole(self, record: Experiments) -> Experiments:
+        """The record with its inputs delayed, and its gaps bridged where they leave few rows."""
+        if id(record) not in self._bridged:
+            late = record.delayed(self._program.delays)
+            self._bridged[id(record)] = bridged(late, self._program.direct)
+        return self._bridged[id(record)]
+
     def _computed(self, record: Experiments, order: int) -> list[InnovationsModel]:
         program = self._program
         nu, ny = record.u.shape[1], record.y.shape[1]
-        late = record.delayed(program.delays)
+        late = self._whole(record)
         pasts = fitting_pasts(order, len(late), nu, ny)
         if pasts and id(record) not in self._regressions:
             orders = {order, *(program.orders or ())}

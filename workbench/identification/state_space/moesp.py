@@ -29,6 +29,7 @@ from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.regression import lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
+from workbench.identification.state_space.gaps import bridged
 from workbench.identification.state_space.methods import FitterOfOrder, claim, identify
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.state_space.question import Fitter
@@ -69,12 +70,19 @@ def _answer(program: StateSpaceFit, context: Context, weights: ProjectionWeights
 def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> FitterOfOrder:
     """Fitting functions for models by projections with the weights of a method."""
 
+    wholes: dict[int, Experiments] = {}
+
     def way(order: int) -> Fitter:
-        return lambda record: best_projection(
-            record, order, weights,
-            direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
-            known=program.known,
-        )  # fmt: skip
+        def fit(record: Experiments) -> InnovationsModel | None:
+            if id(record) not in wholes:  # the program holds its parts, so that ids stay their own
+                wholes[id(record)] = bridged(record.delayed(program.delays), program.direct)
+            return best_projection(
+                record, order, weights,
+                direct=program.direct, delay=program.delays, largest_radius=program.largest_radius,
+                known=program.known, whole=wholes[id(record)],
+            )  # fmt: skip
+
+        return fit
 
     return way
 
@@ -88,21 +96,25 @@ def best_projection(
     delay: Sequence[int] = (),
     largest_radius: float = 1.0,
     known: Knowledge | None = None,
+    whole: Experiments | None = None,
 ) -> InnovationsModel | None:
     """The best model of experiments by projections over several windows, or None.
 
     Its predictor is stable, and its poles lie within the largest radius. The best model fits its
-    own record best. The result is None if the record is too short for the order.
+    own record best. The result is None if the record is too short for the order. ``whole`` is the
+    record with its inputs delayed and its gaps bridged, where that is at hand.
     """
     nu, ny = record.u.shape[1], record.y.shape[1]
+    late = bridged(record.delayed(delay), direct) if whole is None else whole
     windows = [
         half
         for half in HALF_WINDOWS
         if order <= (half - 1) * ny and len(record) - 2 * half >= 4 * half * (nu + ny)
     ]
+    models = (projection_model(late, order, half, weights, direct=direct) for half in windows)
     found = (
-        projection_model(record, order, half, weights, direct=direct, delay=delay)
-        for half in windows
+        replace(model, delay=tuple(delay)) if model is not None and any(delay) else model
+        for model in models
     )
     return best_fitting(found, record, direct=direct, largest_radius=largest_radius, known=known)
 
@@ -118,7 +130,7 @@ def projection_model(
 ) -> InnovationsModel | None:
     """Innovations model of experiments by projections; None if no gain K exists.
 
-    It is None too where its simulation overflows.
+    It is None too where its simulation overflows, or too few windows have no missing sample.
 
     Parameters
     ----------
@@ -137,7 +149,10 @@ def projection_model(
     nu, ny = late.u.shape[1], late.y.shape[1]
     scaling = Scaling.of(late)
     pieces = [scaling.scaled(*piece) for piece in late.pieces()]
-    windows = _Windows(lagged_triangle(pieces, 2 * half - 1, nu + ny).factor, half, nu, ny)
+    lagged = lagged_triangle(pieces, 2 * half - 1, nu + ny)
+    if lagged.rows < len(lagged.factor):
+        return None
+    windows = _Windows(lagged.factor, half, nu, ny)
     future = windows.told(half)
     observability = _observability(windows, future, order, weights)
     shift = np.linalg.lstsq(observability[:-ny], observability[ny:], rcond=None)[0]

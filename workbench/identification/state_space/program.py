@@ -38,6 +38,11 @@ from workbench.tables import markdown
 
 CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
+RUN_ROUNDING = 1e-13
+"""Difference of two runs, relative to the largest output, that is rounding.
+
+Where an output has settled it may be all that is left of their errors.
+"""
 CONVOLVED = 20_000
 """Held-out samples that are simulated by convolution at most, of each experiment."""
 CHANCE = 3.0
@@ -251,9 +256,11 @@ class StateSpaceFit(RecordedQuestion, Program):
             drive, measured = one.acting(u) - one.u_offset, y - one.y_offset
             run = convolved((one.A, one.B, one.C, one.D), drive, measured, washout)
             runs.append(run + one.y_offset)
-        again = nrmse_fit(y[washout:], np.mean(runs, axis=0)[washout:])
-        plain = nrmse_fit(y[washout:], m.free_run(u, y, washout)[washout:])
-        return float(np.max(np.abs(again - plain))) / 100
+        again, plain = (run[washout:] for run in (np.mean(runs, axis=0), m.free_run(u, y, washout)))
+        judged = y[washout:]
+        apart = np.abs(nrmse_fit(judged, again) - nrmse_fit(judged, plain)) / 100
+        rounded = np.abs(again - plain).max(axis=0) <= RUN_ROUNDING * np.nanmax(np.abs(y), axis=0)
+        return float(np.max(np.where(rounded, 0.0, apart)))
 
     def facts(self, answer: IdentifiedModels) -> list[str]:
         return facts_of(self, answer, self.tasks) + deviations_told(self, answer)

@@ -104,7 +104,21 @@ class RecordedQuestion:
                 f"{self.washed + FEWEST_SCORED} are needed: "
                 "take a longer record or a shorter washout"
             )
+        self._refuse_unjudged()
         settle(self, "orders", self._limits.settled(self.orders))
+
+    def _refuse_unjudged(self) -> None:
+        """Raise `InputError` where hardly a sample of an output is left to estimate or to judge."""
+        for part, first in ((self.used, 0), (self.rest, self.washed)):
+            for i, name in enumerate(self.record.outputs):
+                known = sum(int(np.isfinite(y[first:, i]).sum()) for _, y in part.pieces())
+                if known < FEWEST_SCORED:
+                    use = "judges behind its washout" if part is self.rest else "is estimated from"
+                    raise InputError(
+                        f"y: channel {i} ({name}) has {known} measured samples in the part of the "
+                        f"record that {use}; {FEWEST_SCORED} are needed: give another estimation, "
+                        "cut the record, or leave the channel out"
+                    )
 
     @property
     def _limits(self) -> OrderLimits:
