@@ -111,3 +111,21 @@ def test_what_is_none_is_refused(kind):
             estimate.update(u, 0.0)
     with pytest.raises(InputError, match="y is"):
         estimate.update([1.0, 2.0], np.inf)
+
+
+@pytest.mark.parametrize("units", [(1e-6, 1e-6), (1e-12, 1e12), (1e12, 1e-12)])
+@pytest.mark.parametrize("kind", [RecursiveARX, RecursiveARMAX])
+def test_units_do_not_matter(kind, units):
+    u, y = signals(300)
+    one, other = kind(2, direct=False), kind(2, direct=False)
+    left, right = fed(one, u, y), fed(other, units[0] * u, units[1] * y)
+    np.testing.assert_allclose(right[20:] / units[1], left[20:], rtol=1e-6, atol=1e-9)
+    gains = [abs(each.model().response([0.01])[0, 0, 0]) for each in (one, other)]
+    assert gains[1] * units[0] / units[1] == pytest.approx(gains[0], rel=1e-6)
+
+
+def test_small_signals_after_a_long_rest():
+    u, y = signals(3000)
+    estimate = RecursiveARMAX(2, direct=False)
+    fed(estimate, 1e-6 * np.r_[np.zeros(100), u], 1e-6 * np.r_[np.zeros(100), y])
+    np.testing.assert_allclose(estimate.coefficients[1:3], A[1:], atol=0.05)

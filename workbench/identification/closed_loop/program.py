@@ -24,6 +24,9 @@ from workbench.identification.state_space.identified import IdentifiedModels
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.input_checks import need_count
 
+SAME_TIME = 1e-6
+"""Largest relative difference of the sampling times of controller and record."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopFit(StateSpaceFit):
@@ -79,9 +82,10 @@ class ClosedLoopFit(StateSpaceFit):
         if self.period is not None:
             need_count("period", self.period)
             refuse_other_period(np.asarray(self.record.excitation), self.period)
-        controller = self.controller
-        if controller is None:
+        if self.controller is None:
             return
+        controller = self._in_states(self.controller)
+        object.__setattr__(self, "controller", controller)
         nu, ny = self.record.u.shape[1], self.record.y.shape[1]
         if (controller.noutputs, controller.ninputs) != (nu, ny):
             raise InputError(
@@ -90,6 +94,27 @@ class ClosedLoopFit(StateSpaceFit):
             )
         if not controller.isdtime(strict=True):
             raise InputError("the controller is in continuous time; sample it as the record is")
+        told = self.sample_time is not None or self.record.sample_time != 1.0
+        apart = controller.dt is not True and not np.isclose(
+            controller.dt, self.record.sample_time, rtol=SAME_TIME, atol=0
+        )
+        if told and apart:
+            raise InputError(
+                f"the controller is sampled every {controller.dt:.6g} s and the record every "
+                f"{self.record.sample_time:.6g} s; sample it as the record is"
+            )
+
+    @staticmethod
+    def _in_states(controller: Any) -> StateSpace:
+        """A system of python-control in states; raises `InputError` for what is none."""
+        import control
+
+        if not isinstance(controller, control.StateSpace | control.TransferFunction):
+            raise InputError(
+                f"controller is a {type(controller).__name__}; give a StateSpace or "
+                "TransferFunction of python-control"
+            )
+        return control.ss(controller)
 
     @cached_property
     def record(self) -> Experiments:
@@ -101,6 +126,10 @@ class ClosedLoopFit(StateSpaceFit):
                 "StateSpaceFit with direct=False, whose noise model must then be right"
             )
         driven = as_experiments(self.excitation, self.y, self.sample_time, self.samples)
+        if still := driven.still_inputs():
+            raise InputError(
+                f"excitation: channel {still[0]} never changes: give what was added from outside"
+            )
         if len(plain.starts) > 1 or len(driven.starts) > 1 or len(driven) != len(plain):
             raise InputError(
                 "one experiment without gaps in u and in the excitation is needed; cut the record"

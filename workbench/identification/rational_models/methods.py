@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,8 @@ MOST_REGRESSIONS = 200
 """Most regressions with instruments from one start."""
 SETTLED_COST = 1e-12
 """Relative change of the cost at which regressions with instruments end."""
+NEGLIGIBLE_RISE = 1e-6
+"""Relative rise of the cost for which a zero is left out where it acts as a delay does."""
 
 Refinement = Callable[[FitPoint], FitPoint]
 
@@ -71,11 +74,27 @@ def _by_order(
     for order in context.track(list(program.orders), "orders"):
         points = first_points(program.structure, order, starts, found[-1:])
         refined = [refine(point) for point in points]
-        found.append(min(refined, key=lambda point: point.cost))
+        best = min(refined, key=lambda point: point.cost)
+        fewer = _without_a_zero(best, refine)
+        as_good = fewer is not None and fewer.cost <= best.cost * (1 + NEGLIGIBLE_RISE)
+        found.append(fewer if fewer is not None and as_good else best)
     if not all(np.isfinite(point.cost) for point in found):
         return None, Outcome.FAILED, "no start gives a model with finite errors"
     models = tuple(point.model() for point in found)
     return RationalModels(models, program.choose(models)), Outcome.SOLVED, ""
+
+
+def _without_a_zero(point: FitPoint, refine: Refinement) -> FitPoint | None:
+    """The minimum from a point with one zero less in each entry, where a delay is fitted.
+
+    A delay and a zero at infinity change a response alike, to first order. A minimum that has its
+    zeros there is none of a regular kind, and steps of the larger model only come near it.
+    """
+    structure = point.structure
+    if not structure.free_delay or (structure.excess >= point.poles.size).any():
+        return None
+    fewer = replace(structure, excess=structure.excess + 1)
+    return refine(FitPoint(fewer, point.poles, point.delay))
 
 
 def _by_instruments(point: FitPoint) -> FitPoint:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -210,8 +210,15 @@ class RationalModelFit(Program):
         return int(np.argmin(scores))
 
     def uncertainty(self, model: CommonPoleModel) -> ModelUncertainty:
-        """Distribution of the estimates about a fitted model."""
-        return ModelUncertainty(self.structure, model, self.degrees)
+        """Distribution of the estimates about a fitted model.
+
+        Zeros at infinity count as known where a delay is fitted, which acts as they do.
+        """
+        structure = self.structure
+        counts = np.array([[entry.zeros.size for entry in row] for row in model.entries])
+        if structure.free_delay and (counts < model.order - structure.excess).all():
+            structure = replace(structure, excess=model.order - counts)
+        return ModelUncertainty(structure, model, self.degrees)
 
     def objective(self, answer: RationalModels) -> float:
         """The cost of the chosen model."""

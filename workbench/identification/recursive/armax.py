@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench.arrays import BoolArray, RealArray
 from workbench.identification.innovations.gains import operating_point
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.recursive.arx import as_sample, need_forgetting
@@ -28,6 +28,8 @@ FORGETTING_RATE = 0.99
 """Share of the distance to the lasting forgetting that is left after each sample."""
 LARGEST_NOISE_POLE = 0.995
 """Largest modulus of a root of C, the poles of the predictor."""
+FIRST_SAMPLES = 30
+"""Samples that tell the units of the channels: so long, each new one is followed by a new start."""
 HALVINGS = 10
 """Times that a step is halved to keep C stable, before it is not taken."""
 
@@ -83,7 +85,15 @@ class RecursiveARMAX:
         self._nu, self._direct, self._sample_time = int(inputs), direct, sample_time
         n = self.order
         self._count = 1 + n + (n + int(direct)) * self._nu + n
-        self.coefficients = np.zeros(self._count)
+        self._first: list[tuple[RealArray, float]] = []
+        self._units: RealArray = np.ones(self._nu + 1)
+        self._unmoved: BoolArray = np.ones(self._nu + 1, dtype=bool)
+        self._start()
+
+    def _start(self) -> None:
+        """Forget all samples but their units."""
+        n = self.order
+        self._scaled = np.zeros(self._count)
         self._covariance = PRIOR_VARIANCE * np.eye(self._count)
         self._factor = min(FIRST_FORGETTING, self.forgetting)
         self._u, self._y, self._e = np.zeros((n, self._nu)), np.zeros(n), np.zeros(n)
@@ -91,9 +101,16 @@ class RecursiveARMAX:
         self._seen = 0
 
     @property
+    def coefficients(self) -> RealArray:
+        """The level, A, the lags of u, latest first, u of the same sample where it acts, and C."""
+        n, unit, units = self.order, self._units[-1], self._units[:-1]
+        inputs = np.tile(unit / units, n + int(self._direct))
+        return self._scaled * np.concatenate([[unit], np.ones(n), inputs, np.ones(n)])
+
+    @property
     def noise_polynomial(self) -> RealArray:
         """C (n + 1,), its first coefficient 1."""
-        return np.concatenate([[1.0], self.coefficients[self._count - self.order :]])
+        return np.concatenate([[1.0], self._scaled[self._count - self.order :]])
 
     def update(self, u: ArrayLike, y: float) -> float:
         """Take in a sample u (nu,), y; return the error of its prediction.
@@ -101,21 +118,37 @@ class RecursiveARMAX:
         Before `order` samples are known there is nothing to predict from: the error is NaN.
         """
         now, measured = as_sample(u, self._nu, "u"), float(as_sample(y, 1, "y")[0])
+        if len(self._first) < FIRST_SAMPLES:
+            self._first.append((now, measured))
+            samples = np.array([[*inputs, output] for inputs, output in self._first])
+            self._units, self._unmoved = _units(samples), ~samples.any(axis=0)
+            self._start()
+            for earlier in self._first[:-1]:
+                self._take(*earlier)
+        else:  # what has been zero so far may have any unit: no state depends on it
+            values = np.abs([*now, measured])
+            self._units = np.where(self._unmoved, np.where(values > 0, values, 1.0), self._units)
+            self._unmoved = np.asarray(self._unmoved & (values == 0))
+        return self._take(now, measured)
+
+    def _take(self, u: RealArray, y: float) -> float:
+        """Take in a sample; return the error of its prediction, in units of y."""
+        now, measured = u / self._units[:-1], y / self._units[-1]
         error, left = np.nan, 0.0
         if self._seen >= self.order:
             row = np.concatenate(
                 [[1.0], -self._y, self._u.ravel(), now if self._direct else [], self._e]
             )
-            error = measured - float(self.coefficients @ row)
+            error = measured - float(self._scaled @ row)
             gradient = row - self.noise_polynomial[1:] @ self._gradients
             self._step(gradient, error)
-            left = measured - float(self.coefficients @ row)
+            left = measured - float(self._scaled @ row)
             self._gradients = np.vstack([gradient, self._gradients])[: self.order]
         self._u = np.vstack([now, self._u])[: self.order]
         self._y = np.concatenate([[measured], self._y])[: self.order]
         self._e = np.concatenate([[left], self._e])[: self.order]
         self._seen += 1
-        return error
+        return error * self._units[-1]
 
     def _step(self, gradient: RealArray, error: float) -> None:
         """A Gauss-Newton step, shortened until C is stable."""
@@ -124,13 +157,13 @@ class RecursiveARMAX:
         covariance = (self._covariance - np.outer(gain, moved)) / self._factor
         self._covariance = (covariance + covariance.T) / 2
         self._factor = FORGETTING_RATE * self._factor + (1 - FORGETTING_RATE) * self.forgetting
-        before, share = self.coefficients, 1.0
+        before, share = self._scaled, 1.0
         for _ in range(HALVINGS):
-            self.coefficients = before + share * gain * error
+            self._scaled = before + share * gain * error
             if np.max(np.abs(np.roots(self.noise_polynomial)), initial=0.0) < LARGEST_NOISE_POLE:
                 return
             share /= 2
-        self.coefficients = before
+        self._scaled = before
 
     def model(self) -> InnovationsModel:
         """The model at this sample."""
@@ -148,3 +181,10 @@ class RecursiveARMAX:
         forcing[0] = level
         offsets = operating_point(A, B, C, D, forcing, np.zeros(1))
         return InnovationsModel(A, B, C, D, K, *offsets, sample_time=self._sample_time)
+
+
+def _units(samples: RealArray) -> RealArray:
+    """Spreads of channels (N, channels); of one that has not moved its size, of none 1."""
+    spread, size = samples.std(axis=0), np.abs(samples).max(axis=0)
+    rounding = np.finfo(float).eps * len(samples) * size
+    return np.asarray(np.where(spread > rounding, spread, np.where(size > 0, size, 1.0)))

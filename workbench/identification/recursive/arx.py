@@ -11,16 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.regression import least_squares
 from workbench.identification.polynomials.regressions import arx_from_lags
 from workbench.input_checks import need_count, need_whole
-
-PRIOR_DEVIATION = 1e3
-"""Standard deviation of the coefficients before the first sample, in units of the errors."""
 
 
 def need_forgetting(forgetting: float) -> float:
@@ -98,16 +95,17 @@ class RecursiveARX:
         m = self._nu + self._ny
         self._past = np.zeros((self.order, m))
         count = 1 + self.order * m + (self._nu if direct else 0)
-        self._factor = np.hstack([np.eye(count) / PRIOR_DEVIATION, np.zeros((count, self._ny))])
+        self._factor = np.zeros((count, count + self._ny))
         self._seen = 0
 
     @property
     def coefficients(self) -> RealArray:
-        """Estimate (ny, p): the level, the lags (u, y) latest first, and u of the same sample."""
+        """Estimate (ny, p): the level, the lags (u, y) latest first, and u of the same sample.
+
+        What the samples so far do not tell apart has the least coefficients, in units of the data.
+        """
         count = len(self._factor)
-        triangle = self._factor[:, :count]
-        found = solve_triangular(triangle, self._factor[:, count:], check_finite=False)
-        return np.asarray(found.T)
+        return least_squares(self._factor[:, :count], self._factor[:, count:])
 
     def update(self, u: ArrayLike, y: ArrayLike) -> RealArray:
         """Take in a sample u (nu,), y (ny,); return the error (ny,) of its prediction.

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, checked_record
 
@@ -65,6 +65,10 @@ class LocalPolynomial:
 
 UNEXCITED = 1e-8
 """Size of an input's slope over a band, relative to the input there, that is rounding."""
+SILENT = 1e-13
+"""Size of an input over a band, relative to that over all lines, that is rounding."""
+UNTOLD = 1e-14
+"""Smallest eigenvalue of the products of regressors of length 1 from which they are independent."""
 SPARE_LINES = 8
 """Lines of a band beyond the unknowns, where their number is not given."""
 LINES_AT_ONCE = 8192
@@ -198,17 +202,8 @@ def _at_lines(
 
     # Scale each column to norm 1, because the inputs may differ by orders of magnitude.
     scale = np.linalg.norm(regressors, axis=1)
-    parts = scale.reshape(len(chosen), degree + 1, nu + 1)
-    dark = (parts <= UNEXCITED * parts[:, :1]).any(axis=(1, 2))
-    if dark.any():
-        warnings.warn(
-            f"an input excites too few lines about line {chosen[np.argmax(dark)] + 1} and "
-            f"{dark.sum() - 1} others for degree {degree}: their response is NaN; take "
-            "`periodic_local_polynomial` for periodic inputs, or more lines",
-            IdentificationWarning,
-            stacklevel=3,
-        )
-        regressors[dark], scale[dark] = np.eye(width, unknowns), 1.0  # not used
+    dark = dark_bands(U, regressors, scale, chosen, degree)
+    regressors[dark], scale[dark] = np.eye(width, unknowns), 1.0  # not used
     Q, R = np.linalg.qr(regressors / scale[:, None])
     theta = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ Y[band]) / scale[..., None]
     left = Y[band] - regressors @ theta
@@ -220,3 +215,30 @@ def _at_lines(
         unknown[dark] = np.nan
     size = Y.shape[1] * nu
     return theta[:, :nu].swapaxes(1, 2), covariance.reshape(len(chosen), size, size), noise
+
+
+def dark_bands(
+    U: ComplexArray, regressors: ComplexArray, scale: RealArray, chosen: np.ndarray, degree: int
+) -> BoolArray:
+    """Bands (F,) that an input excites at too few lines to tell a polynomial; warns of them.
+
+    ``regressors`` (F, width, (degree + 1) (nu + 1)) are those of inputs and transient, ``scale``
+    their norms.
+    """
+    nu = U.shape[1]
+    parts = scale.reshape(len(chosen), degree + 1, nu + 1)
+    dark = (parts <= UNEXCITED * parts[:, :1]).any(axis=(1, 2))
+    dark |= (parts[:, 0, :nu] <= SILENT * np.linalg.norm(U, axis=0)).any(axis=1)
+    lit = np.flatnonzero(~dark)
+    columns = regressors[lit] / scale[lit][:, None]
+    least = np.linalg.eigvalsh(columns.conj().swapaxes(1, 2) @ columns)[:, 0]
+    dark[lit[least <= UNTOLD]] = True
+    if dark.any():
+        warnings.warn(
+            f"an input excites too few lines about line {chosen[np.argmax(dark)] + 1} and "
+            f"{dark.sum() - 1} others for degree {degree}: their response is NaN; take "
+            "`periodic_local_polynomial` for periodic inputs, or more lines",
+            IdentificationWarning,
+            stacklevel=5,
+        )
+    return dark

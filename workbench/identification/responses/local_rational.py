@@ -16,7 +16,11 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.responses.local_polynomial import LocalPolynomial, fitted_in_bands
+from workbench.identification.responses.local_polynomial import (
+    LocalPolynomial,
+    dark_bands,
+    fitted_in_bands,
+)
 
 SPARE_LINES = 12
 """Lines of a band beyond the unknowns, where their number is not given."""
@@ -44,6 +48,11 @@ def local_rational(
     Raises
     ------
     InputError
+        The same as for `local_polynomial`.
+
+    Warns
+    -----
+    IdentificationWarning
         The same as for `local_polynomial`.
 
     Examples
@@ -76,6 +85,8 @@ def _in_bands(
     powers = offset[..., None] ** np.arange(degree + 1)
     columns = np.concatenate([U[band], np.ones((*band.shape, 1))], axis=2)
     known = (powers[..., None] * columns[:, :, None]).reshape(*band.shape, -1)
+    dark = dark_bands(U, known, np.linalg.norm(known, axis=1), chosen, degree)
+    known[dark] = np.eye(width, known.shape[2])  # not used
     response = np.empty((len(chosen), ny, nu), complex)
     left = np.empty((len(chosen), width, ny), complex)
     maps = np.empty((len(chosen), ny, nu, width), complex)
@@ -84,6 +95,7 @@ def _in_bands(
         own = -powers[..., 1:] * values[..., None]
         regressors = np.concatenate([known, own], axis=2)
         scale = np.linalg.norm(regressors, axis=1)
+        scale[scale == 0] = 1.0
         inverse = np.linalg.pinv(regressors / scale[:, None]) / scale[..., None]
         theta = (inverse @ values[..., None])[..., 0]
         response[:, output] = theta[:, :nu]
@@ -92,4 +104,6 @@ def _in_bands(
     noise = left.swapaxes(1, 2) @ left.conj() / (width - unknowns)
     shared = np.einsum("foiw,fqjw->foiqj", maps, maps.conj())
     covariance = noise[:, :, None, :, None] * shared
+    for unknown in (response, covariance, noise):
+        unknown[dark] = np.nan
     return response, covariance.reshape(len(chosen), ny * nu, ny * nu), noise

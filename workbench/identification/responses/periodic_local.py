@@ -188,10 +188,19 @@ class PeriodicStream:
         outputs = clean.shape[1] - self._inputs
         Y, U = clean[at, :outputs], clean[at, outputs:]
         sizes = np.linalg.svd(U, compute_uv=False)
-        dark = sizes[:, -1] <= UNEXCITED * sizes[:, 0].max()
+        largest = np.linalg.norm(clean[:, outputs:], axis=(1, 2)).max()
+        dark = sizes[:, -1] <= UNEXCITED * largest
         if dark.any():
             k = int(self.lines[np.argmax(dark)])
             raise InputError(f"the inputs do not excite harmonic {k}, or move together there")
+        noise = np.einsum("fii->fi", spread[at]).real[:, outputs:].sum(axis=1) * self._inputs
+        hidden = np.linalg.norm(U, axis=(1, 2)) ** 2 <= noise
+        if 2 * hidden.sum() > hidden.size:
+            raise InputError(
+                f"at {hidden.sum()} of {hidden.size} harmonics the inputs are no larger than "
+                f"between the harmonics: is the period {self._period} samples, and are these the "
+                "excited harmonics?"
+            )
         inverse = np.linalg.inv(U)
         G = Y @ inverse
         ways = np.concatenate([np.broadcast_to(np.eye(outputs), (len(G), outputs, outputs)), -G], 2)
