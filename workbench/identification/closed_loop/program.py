@@ -166,6 +166,9 @@ class ClosedLoopFit(StateSpaceFit):
         where = "standard deviations depend on the method: closed_loop_deviations tells them"
         return [*facts_of(self, answer, self.tasks), where]
 
+    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> None:
+        """None: they depend on the method; see `closed_loop_deviations`."""
+
     def misfit(self, model: InnovationsModel, clean: Experiments) -> float:
         """Relative error of a free run on what an excitation explains, by which starts are chosen.
 

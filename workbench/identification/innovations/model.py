@@ -27,10 +27,10 @@ class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
     The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
-    later an input acts; empty where none does. ``sample_time`` [s] and the names of the channels
-    are those of the record. ``members`` are the models whose mean this one is, if it is one: its
-    runs are then the means of theirs, each from an initial state of its own. The last ``resting``
-    states start every run at zero: a few samples do not tell them from the others.
+    later an input acts; empty where none does. ``sample_time`` [s] and the names and units of the
+    channels are those of the record. ``members`` are the models whose mean this one is, if it is
+    one: its runs are then the means of theirs, each from an initial state of its own. The last
+    ``resting`` states start every run at zero: a few samples do not tell them from the others.
 
     Examples
     --------
@@ -53,6 +53,8 @@ class InnovationsModel:
     sample_time: float = field(default=1.0, kw_only=True)
     inputs: tuple[str, ...] = field(default=(), kw_only=True)
     outputs: tuple[str, ...] = field(default=(), kw_only=True)
+    input_units: tuple[str, ...] = field(default=(), kw_only=True)
+    output_units: tuple[str, ...] = field(default=(), kw_only=True)
     members: tuple[InnovationsModel, ...] = field(default=(), kw_only=True)
     resting: int = field(default=0, kw_only=True)
 

@@ -43,6 +43,8 @@ class Scaling:
             sample_time=record.sample_time,
             inputs=record.inputs,
             outputs=record.outputs,
+            input_units=record.input_units,
+            output_units=record.output_units,
         )
 
     def applied(self, model: InnovationsModel) -> InnovationsModel:

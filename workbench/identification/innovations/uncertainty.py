@@ -6,7 +6,7 @@ parameters, and Gauss's approximation for what is computed from them).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,19 +46,9 @@ def model_deviations(
 
     Poles and gains that are ``known`` have no deviation.
     """
-    entries = None
     if known is not None:
         model = known.exact(model) or model
-        entries = known.free_entries(model)
-    criterion = Criterion(model, record, 0.0, direct, entries)
-    theta = criterion.start(model)
-    hessian = criterion.expand(theta)[2]
-    along = np.eye(len(theta))
-    if known is not None and known.gain is not None:
-        scale = np.sqrt(np.diag(hessian))
-        scale[scale == 0] = 1.0
-        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    root = along @ root_of_inverse(along.T @ hessian @ along)
+    criterion, theta, root = _estimates(model, record, direct, known)
     poles = np.linalg.eigvals(model.A).astype(complex)
     spread = np.array([_moved(criterion, theta, step) for step in root.T])
     pole_deviations = np.sqrt((spread**2).sum(axis=0))
@@ -94,13 +84,62 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    criterion = Criterion(model, record, 0.0, direct)
-    theta = criterion.start(model)
-    root = root_of_inverse(criterion.expand(theta)[2])
+    changes = _response_changes(model, record, frequency, direct, None)
     total = np.zeros((np.size(frequency), *model.D.shape))
-    for step in root.T:
-        total += np.abs(response_along(criterion, theta, step, frequency)) ** 2
+    for change in changes:
+        total += np.abs(change) ** 2
     return np.sqrt(total)
+
+
+def magnitude_deviations(
+    model: InnovationsModel,
+    record: Experiments,
+    frequency: ArrayLike,
+    direct: bool = True,
+    known: Knowledge | None = None,
+) -> RealArray:
+    """Standard deviations (F, ny, nu) of |G|, to first order; as `response_deviations`.
+
+    Poles and gains that are ``known`` do not vary.
+    """
+    response = model.response(frequency)
+    unit = response / np.maximum(np.abs(response), np.finfo(float).tiny)
+    total = np.zeros(response.shape)
+    for change in _response_changes(model, record, frequency, direct, known):
+        total += (change * unit.conj()).real ** 2
+    return np.sqrt(total)
+
+
+def _response_changes(
+    model: InnovationsModel,
+    record: Experiments,
+    frequency: ArrayLike,
+    direct: bool,
+    known: Knowledge | None,
+) -> Iterator[ComplexArray]:
+    """Changes (F, ny, nu) of the response by one standard deviation of each parameter."""
+    criterion, theta, root = _estimates(model, record, direct, known)
+    for step in root.T:
+        yield response_along(criterion, theta, step, frequency)
+
+
+def _estimates(
+    model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
+) -> tuple[Criterion, RealArray, RealArray]:
+    """Criterion, parameters, and a root of their covariance by the criterion's curvature."""
+    entries = None
+    if known is not None:
+        model = known.exact(model) or model
+        entries = known.free_entries(model)
+    criterion = Criterion(model, record, 0.0, direct, entries)
+    theta = criterion.start(model)
+    hessian = criterion.expand(theta)[2]
+    along = np.eye(len(theta))
+    if known is not None and known.gain is not None:
+        scale = np.sqrt(np.diag(hessian))
+        scale[scale == 0] = 1.0
+        along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
+    return criterion, theta, along @ root_of_inverse(along.T @ hessian @ along)
 
 
 def response_along(

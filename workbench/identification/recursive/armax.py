@@ -121,7 +121,8 @@ class RecursiveARMAX:
         if len(self._first) < FIRST_SAMPLES:
             self._first.append((now, measured))
             samples = np.array([[*inputs, output] for inputs, output in self._first])
-            self._units, self._unmoved = _units(samples), ~samples.any(axis=0)
+            self._units = _units(samples)
+            self._unmoved = np.asarray((samples == 0).all(axis=0))
             self._start()
             for earlier in self._first[:-1]:
                 self._take(*earlier)

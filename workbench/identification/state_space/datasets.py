@@ -128,6 +128,8 @@ def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) ->
         sample_time=record.sample_time,
         inputs=record.inputs,
         outputs=record.outputs,
+        input_units=record.input_units,
+        output_units=record.output_units,
         members=tuple(innovations_model_of(program, data, one) for one in stored),
         resting=int(data[resting]) if resting in data else 0,
     )

@@ -6,8 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.uncertainty import model_deviations
+from workbench.identification.innovations.uncertainty import (
+    magnitude_deviations,
+    model_deviations,
+)
 from workbench.identification.state_space.identified import MODELS, IdentifiedModels
 from workbench.identification.state_space.question import RecordedQuestion
 
@@ -57,6 +61,19 @@ def facts_of(
 def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
     """How well the record determines both models, if their prediction errors are white."""
     return [word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)]
+
+
+def simulator_deviations(
+    program: RecordedQuestion, answer: IdentifiedModels, frequency: RealArray
+) -> RealArray | None:
+    """Standard deviations (F, ny, nu) of the simulator's magnitudes, if its errors are white.
+
+    None for an average of models, and for one of many states. ``frequency`` [cycles/sample].
+    """
+    model = answer.simulator
+    if model.members or model.order > MOST_STATES_OF_DEVIATIONS:
+        return None
+    return magnitude_deviations(model, program.used, frequency, program.direct, program.known)
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from workbench import figures
+from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset, Figure
+from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.validation import CORRELATION_BOUND
 
+BAND_POINTS = 300
+"""Frequencies at which the band of a response is computed, about."""
+BAND = 1.959964
+"""Half-width of a 95 % interval of a normal distribution [standard deviations]."""
+LEAST_BAND = 1e-2
+"""Lower end of a band that would reach 0, as a share of the magnitude: an end to be seen."""
 
-def held_out_figure(data: Dataset, title: str) -> Figure:
+
+def held_out_figure(data: Dataset, title: str, units: Sequence[str]) -> Figure:
     """Measured and modelled outputs on the held-out samples, and their differences."""
     outputs = data["output"].values
     figure, panels = figures.axes(
@@ -27,7 +38,7 @@ def held_out_figure(data: Dataset, title: str) -> Figure:
         left = scored.sel(output=output)
         for name, colour in (("free_run", figures.ORANGE), ("one_step", figures.BLUE)):
             error.plot(left["time"], left["measured"] - left[name], color=colour, lw=0.7)
-        signal.set_ylabel(str(output))
+        signal.set_ylabel(f"{output} [{units[i]}]")
         error.set_ylabel(f"error of {output}")
     panels[0].set_title(f"{title}, samples held out")
     panels[-1].set_xlabel("time [samples]")
@@ -35,8 +46,15 @@ def held_out_figure(data: Dataset, title: str) -> Figure:
     return figure
 
 
-def two_responses_figure(data: Dataset, title: str) -> Figure:
+def two_responses_figure(
+    data: Dataset,
+    title: str,
+    model: InnovationsModel,
+    deviations: Callable[[RealArray], RealArray | None],
+) -> Figure:
     """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius.
+
+    The simulator has its 95 % band, where ``deviations`` at frequencies (F,) are known.
 
     Records without a nonparametric response show the simulator's alone.
     """
@@ -45,6 +63,8 @@ def two_responses_figure(data: Dataset, title: str) -> Figure:
     frequency = data["frequency"].values
     # |error|^2 of a circular complex estimate is exponentially distributed around its variance.
     radius = np.sqrt(-np.log(0.01) * data["variance"]) if "variance" in data else None
+    at = frequency[:: max(1, len(frequency) // BAND_POINTS)]
+    spread, centre = deviations(at), np.abs(model.response(at))
     for k, panel in enumerate(panels):
         place = {"output": k // columns, "input": k % columns}
         one = data.isel(place)
@@ -59,11 +79,30 @@ def two_responses_figure(data: Dataset, title: str) -> Figure:
         panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="simulator")
         output, source = str(one["output"].values), str(one["input"].values)
         across = "frequency [cycles/sample]" if k >= len(panels) - columns else ""
-        up = f"magnitude, {output} [1]" if k % columns == 0 else ""
+        unit = _gain_unit(model, k // columns, k % columns)
+        up = f"magnitude, {output} [{unit}]" if k % columns == 0 or unit != "1" else ""
+        if spread is not None:
+            i, j = k // columns, k % columns
+            half = BAND * spread[:, i, j]
+            low = np.maximum(centre[:, i, j] - half, LEAST_BAND * centre[:, i, j])
+            panel.fill_between(
+                at, low, centre[:, i, j] + half, color=figures.ORANGE, alpha=0.25, lw=0,
+                label="its 95 % band if errors are white",
+            )  # fmt: skip
         figures.label(panel, across, up, f"{source} to {output}")
     figure.suptitle(title)
     figures.legend_below(figure, panels[0])
     return figure
+
+
+def _gain_unit(model: InnovationsModel, output: int, source: int) -> str:
+    """Unit of a response."""
+    if not (model.input_units and model.output_units):
+        return "1"
+    up, down = model.output_units[output], model.input_units[source]
+    if up == down:
+        return "1"
+    return up if down == "1" else f"{up}/{down}"
 
 
 def residuals_figure(data: Dataset) -> Figure:

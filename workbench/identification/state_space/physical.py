@@ -164,6 +164,8 @@ def _still(
         sample_time=record.sample_time,
         inputs=record.inputs,
         outputs=record.outputs,
+        input_units=record.input_units,
+        output_units=record.output_units,
     )
 
 

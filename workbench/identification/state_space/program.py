@@ -24,7 +24,11 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space import datasets
 from workbench.identification.state_space import figures as drawn
 from workbench.identification.state_space.control_weight import control_fit, need_bandwidth
-from workbench.identification.state_space.facts import deviations_told, facts_of
+from workbench.identification.state_space.facts import (
+    deviations_told,
+    facts_of,
+    simulator_deviations,
+)
 from workbench.identification.state_space.identified import MODELS, USES, IdentifiedModels
 from workbench.identification.state_space.known import known_checks
 from workbench.identification.state_space.physical import PhysicalModel
@@ -265,6 +269,13 @@ class StateSpaceFit(RecordedQuestion, Program):
     def facts(self, answer: IdentifiedModels) -> list[str]:
         return facts_of(self, answer, self.tasks) + deviations_told(self, answer)
 
+    def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> RealArray | None:
+        """Standard deviations (F, ny, nu) of the simulator's magnitudes at frequencies (F,).
+
+        None where none are known. They hold where the errors of its predictions are white.
+        """
+        return simulator_deviations(self, answer, frequency)
+
     # --- what is shown ---------------------------------------------------------------------------
 
     def metrics(self, answer: IdentifiedModels) -> dict[str, float]:
@@ -303,8 +314,10 @@ class StateSpaceFit(RecordedQuestion, Program):
     def figures(self, answer: IdentifiedModels) -> dict[str, Figure]:
         data = self.to_dataset(answer)
         return {
-            "held-out": drawn.held_out_figure(data, self.title),
-            "response": drawn.two_responses_figure(data, self.title),
+            "held-out": drawn.held_out_figure(data, self.title, self.record.output_units),
+            "response": drawn.two_responses_figure(
+                data, self.title, answer.simulator, lambda at: self.deviations(answer, at)
+            ),
             "residuals": drawn.residuals_figure(data),
             "validation": drawn.validation_figure(data),
         }
