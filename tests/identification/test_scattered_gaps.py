@@ -109,3 +109,8 @@ def test_methods_of_stable_plants_say_so():
         wb.solve(loop, "two-stage")
     found = wb.solve(loop, "direct").answer.simulator
     assert found.A[0, 0] == pytest.approx(1.1, abs=0.02)
+
+
+def test_a_long_delay_is_estimated():
+    u, y, _ = recorded(900)
+    assert StateSpaceFit(u, np.r_[np.zeros(40), y[:-40]], delay="estimate").delays == (41,)

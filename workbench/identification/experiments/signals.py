@@ -16,7 +16,7 @@ UNEVEN = 0.1
 UNEVEN_START = 0.5
 """Largest distance of the first instants of u and y, in sampling intervals."""
 SECONDS = {
-    "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+    "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "seconds": 1.0,
     "min": 60.0,
 }  # fmt: skip
 """Units of time [s]."""

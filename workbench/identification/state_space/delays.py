@@ -16,8 +16,10 @@ from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.state_space.gaps import bridged
 from workbench.input_checks import need_whole
 
-LONGEST_DELAY = 25
-"""Longest delay [samples] that is looked for."""
+LONGEST_DELAY = 100
+"""Longest delay [samples] that is looked for; in short records it is less."""
+FIRST_SAMPLES = 100_000
+"""Samples from the first one on in which delays are looked for."""
 REGRESSORS = 4
 """Lags of each input and output of the autoregressions that are compared."""
 TIE = 1e-6
@@ -64,6 +66,7 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
 
     Source: L. Ljung, System Identification, 2nd ed., 1999, section 17.3.
     """
+    record = record.part(0, min(len(record), FIRST_SAMPLES))
     nu, ny = record.u.shape[1], record.y.shape[1]
     longest = min(LONGEST_DELAY, len(record) // (4 * (nu + ny)) - REGRESSORS)
     if longest < 1:
