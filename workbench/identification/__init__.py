@@ -31,6 +31,10 @@ from workbench.identification.experiments.records import read_record, read_respo
 from workbench.identification.experiments.several import Experiments, as_experiments
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
+from workbench.identification.innovations.impulse_responses import (
+    impulse_response,
+    impulse_response_deviations,
+)
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.uncertainty import response_deviations
 from workbench.identification.parameters import evolution as parameter_evolution
@@ -43,7 +47,7 @@ from workbench.identification.parameters.program import (
     fit_parameters,
 )
 from workbench.identification.polynomials import methods as polynomial_methods
-from workbench.identification.polynomials.regressions import arx, impulse_response
+from workbench.identification.polynomials.regressions import arx
 from workbench.identification.rational_models import methods as rational_model_methods
 from workbench.identification.rational_models.estimate import (
     RationalModelEstimate,
@@ -140,6 +144,7 @@ __all__ = [
     "from_periods",
     "harmonic_distortion",
     "impulse_response",
+    "impulse_response_deviations",
     "line_amplitudes",
     "line_distortion",
     "local_polynomial",

@@ -14,8 +14,8 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.impulse_responses import impulse_response
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.polynomials.regressions import impulse_response
 from workbench.identification.state_space.validation import nrmse_fit
 
 SILENT = 1e-6

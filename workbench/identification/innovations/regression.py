@@ -15,6 +15,8 @@ from workbench.arrays import RealArray
 
 BLOCK = 4096
 """Rows that are factored at a time."""
+LEAST_NOISE = 1e-12
+"""Variance of the noise, relative to that of the output, below which it is rounding."""
 
 
 def triangle_of_blocks(blocks: Iterable[RealArray], columns: int) -> RealArray:

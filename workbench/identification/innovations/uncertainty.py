@@ -6,7 +6,7 @@ parameters, and Gauss's approximation for what is computed from them).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +70,7 @@ def response_deviations(
 
     They are those of the curvature of the prediction errors, so they hold where these are white:
     the model must have the order of the plant and of the noise. ``direct`` says whether D is free.
+    For models of `impulse_response` take `impulse_response_deviations`.
 
     Examples
     --------
@@ -102,11 +103,19 @@ def magnitude_deviations(
 
     Poles and gains that are ``known`` do not vary.
     """
-    response = model.response(frequency)
+    changes = _response_changes(model, record, frequency, direct, known)
+    return of_magnitudes(changes, model.response(frequency))
+
+
+def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
+    """Standard deviations (F, ny, nu) of |G| from independent changes of a response G.
+
+    Each change (F, ny, nu) is one by a standard deviation.
+    """
     unit = response / np.maximum(np.abs(response), np.finfo(float).tiny)
-    total = np.zeros(response.shape)
-    for change in _response_changes(model, record, frequency, direct, known):
-        total += (change * unit.conj()).real ** 2
+    total = np.zeros(unit.shape)
+    for change in changes:
+        total = total + (change * unit.conj()).real ** 2
     return np.sqrt(total)
 
 

@@ -8,13 +8,14 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
+from workbench.identification.innovations.impulse_responses import impulse_response
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import (
     CIRCLE_ROUNDING,
     refinable,
     refine,
 )
-from workbench.identification.polynomials.regressions import arx, impulse_response
+from workbench.identification.polynomials.regressions import arx
 from workbench.identification.polynomials.regularised_arx import regularised_arx
 from workbench.identification.polynomials.sparse_arx import sparse_arx
 from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start

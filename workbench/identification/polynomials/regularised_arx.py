@@ -18,9 +18,9 @@ from scipy.optimize import minimize
 from workbench.arrays import RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.regression import lagged_triangle
+from workbench.identification.innovations.regression import LEAST_NOISE, lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
-from workbench.identification.polynomials.regressions import LEAST_NOISE, arx_from_lags
+from workbench.identification.polynomials.regressions import arx_from_lags
 
 LAGS = 40
 """Largest number of lags."""

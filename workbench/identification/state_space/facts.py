@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench.arrays import ComplexArray, RealArray
+from workbench.identification.innovations.impulse_responses import (
+    has_finite_response,
+    impulse_response_changes,
+)
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.uncertainty import (
     magnitude_deviations,
     model_deviations,
+    of_magnitudes,
+    static_gain,
 )
 from workbench.identification.state_space.identified import MODELS, IdentifiedModels
 from workbench.identification.state_space.question import RecordedQuestion
@@ -71,15 +78,29 @@ def simulator_deviations(
     None for an average of models, and for one of many states. ``frequency`` [cycles/sample].
     """
     model = answer.simulator
+    if has_finite_response(model) and not model.members:
+        return of_magnitudes(_of_impulses(program, frequency), model.response(frequency))
     if model.members or model.order > MOST_STATES_OF_DEVIATIONS:
         return None
     return magnitude_deviations(model, program.used, frequency, program.direct, program.known)
+
+
+def _of_impulses(program: RecordedQuestion, frequency: ArrayLike) -> ComplexArray:
+    """Changes (Q, F, ny, nu) of impulse responses by one standard deviation each."""
+    return impulse_response_changes(
+        program.used, frequency, direct=program.direct, delay=program.delays
+    )
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:
     """How well the record determines a model: its slowest pole and its static gains."""
     if model.members:
         return [f"{name}: no standard deviations of an average of models are computed"]
+    if has_finite_response(model):
+        gains = static_gain(model)
+        return [
+            _gain_told(program, name, gains, of_magnitudes(_of_impulses(program, [0.0]), gains)[0])
+        ]
     if model.order > MOST_STATES_OF_DEVIATIONS:
         return [f"{name}: no standard deviations of {model.order} states are computed"]
     found = model_deviations(model, program.used, program.direct, program.known)
@@ -92,10 +113,15 @@ def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) 
         if any(np.isclose(found.poles[slowest], pole, rtol=0, atol=POLE_GIVEN) for pole in given):
             told = ", as given"
         words.append(f"{name}: slowest pole of modulus {size:.6g} +- {deviation:.2g}{told}")
-    worst = np.unravel_index(int(np.argmax(found.gain_deviations)), found.gains.shape)
-    gain, deviation = found.gains[worst], found.gain_deviations[worst]
-    words.append(
+    return [*words, _gain_told(program, name, found.gains, found.gain_deviations)]
+
+
+def _gain_told(
+    program: RecordedQuestion, name: str, gains: RealArray, deviations: RealArray
+) -> str:
+    """The static gain that is known worst."""
+    worst = np.unravel_index(int(np.argmax(deviations)), gains.shape)
+    return (
         f"{name}: static gain from {program.record.inputs[int(worst[1])]} to "
-        f"{program.record.outputs[int(worst[0])]} {gain:.6g} +- {deviation:.2g}"
+        f"{program.record.outputs[int(worst[0])]} {gains[worst]:.6g} +- {deviations[worst]:.2g}"
     )
-    return words

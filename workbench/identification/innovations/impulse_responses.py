@@ -1,0 +1,210 @@
+"""Impulse responses regularised by kernels that decay, and what a record leaves uncertain of them.
+
+Sources: T. Chen, H. Ohlsson, L. Ljung, "On the estimation of transfer functions, regularizations
+and Gaussian processes - revisited", Automatica 48(8), 2012 (the kernel, and its posterior); T.
+Chen, L. Ljung, "Implementation of algorithms for tuning parameters in regularized least squares
+problems in system identification", Automatica 49(7), 2013 (the marginal likelihood by triangular
+factors).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
+from scipy.optimize import minimize
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments
+from workbench.identification.innovations.model import InnovationsModel
+from workbench.identification.innovations.regression import LEAST_NOISE, lagged_triangle
+from workbench.identification.innovations.scaling import Scaling
+
+TAPS = 70
+"""Largest number of samples of an impulse response."""
+ROWS_FOR_EACH = 3
+"""Fewest samples for each tap."""
+DECAYS = (0.5, 0.8, 0.95)
+"""Decays of an impulse response per sample from which the best one is sought."""
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Means (ny, nu, taps), levels (ny,), and roots (nu taps, nu taps) of the covariance of each
+    output's taps, of signals at unit spread."""
+
+    response: RealArray
+    level: RealArray
+    roots: list[RealArray]
+    scaling: Scaling
+
+
+def impulse_response(
+    record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
+) -> InnovationsModel | None:
+    """Impulse responses regularised by a kernel that decays; None if the record is too short.
+
+    Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
+    scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import as_experiments, impulse_response
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> model = impulse_response(as_experiments(u, y))
+    >>> float((model.C @ model.B)[0, 0].round(2))  # the first sample of the response
+    0.5
+    """
+    late = record.delayed(delay)
+    found = _posterior(late, direct)
+    if found is None:
+        return None
+    model = _shift_register(found.response, found.level, direct)
+    model = found.scaling.restored(model, late)
+    return replace(model, delay=tuple(delay)) if any(delay) else model
+
+
+def impulse_response_deviations(
+    record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
+) -> RealArray:
+    """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
+
+    They are those of the posterior density: of responses that decay as the kernel says, after what
+    the record tells of them, with white noise at the outputs. ``frequency`` (F,) [cycles/sample].
+    Raises `InputError` where the record is too short for a model.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import as_experiments, impulse_response_deviations
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> record = as_experiments(u, y + 0.1 * rng.standard_normal(1000))
+    >>> found = impulse_response_deviations(record, [0.1, 0.2])
+    >>> found.shape, bool((found < 0.02).all())
+    ((2, 1, 1), True)
+    """
+    changes = impulse_response_changes(record, frequency, direct=direct, delay=delay)
+    return np.sqrt((np.abs(changes) ** 2).sum(axis=0))
+
+
+def impulse_response_changes(
+    record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
+) -> ComplexArray:
+    """Changes (Q, F, ny, nu) of the response, independent, each by one standard deviation."""
+    late = record.delayed(delay)
+    found = _posterior(late, direct)
+    if found is None:
+        raise InputError(
+            f"{len(late)} samples are too few for impulse responses; take a longer record"
+        )
+    ny, nu, taps = found.response.shape
+    first = 0 if direct else 1
+    turns = -2j * np.pi * np.asarray(frequency, dtype=float)[:, None]
+    turn = np.exp(turns * (first + np.arange(taps)))
+    after = np.exp(turns * (np.array(delay) if any(delay) else np.zeros(nu)))
+    units = found.scaling.y_spread[:, None] / found.scaling.u_spread
+    changes = np.empty((nu * taps, len(turn), ny, nu), dtype=complex)
+    for o, root in enumerate(found.roots):
+        each = root.reshape(nu, taps, -1)
+        changes[:, :, o] = np.einsum("ft,utq->qfu", turn, each) * after * units[o]
+    return changes
+
+
+def has_finite_response(model: InnovationsModel) -> bool:
+    """Whether a model is one of `impulse_response`, whose states are past inputs."""
+    return bool(model.order) and not model.K.any() and not np.triu(model.A).any()
+
+
+def _posterior(late: Experiments, direct: bool) -> _Posterior | None:
+    """Impulse responses of experiments, after their delays; None if the record is too short."""
+    nu, ny = late.u.shape[1], late.y.shape[1]
+    scaling = Scaling.of(late)
+    taps = min(TAPS, len(late) // (ROWS_FOR_EACH * (nu + 1)))
+    if taps < 2:
+        return None
+    lagged = lagged_triangle((scaling.scaled(*piece) for piece in late.pieces()), taps, nu + ny)
+    if lagged.rows < ROWS_FOR_EACH * taps:
+        return None
+    r, m, last = lagged.factor, nu + ny, lagged.factor.shape[1]
+    places = [[1 + (lag - 1) * m + j for lag in range(1, taps + 1)] for j in range(nu)]
+    if direct:
+        places = [[last - m + j, *lags] for j, lags in enumerate(places)]
+    order = [0, *(place for lags in places for place in lags), *range(last - ny, last)]
+    factor = np.asarray(np.linalg.qr(r[:, order], mode="r"))
+    inside = factor[1:, 1:]  # without means
+    count = len(places[0])
+    R, targets = inside[: count * nu, : count * nu], inside[: count * nu, count * nu :]
+    rest = inside[count * nu :, count * nu :]
+    free = max(lagged.rows - 1 - count * nu, 1)
+    response, roots = np.empty((ny, nu, count)), []
+    for o in range(ny):
+        noise = float(rest[:, o] @ rest[:, o]) / free
+        noise = max(noise, LEAST_NOISE)
+        mean, root = _regularised(R, targets[:, o], noise, nu, count)
+        response[o] = mean.reshape(nu, count)
+        roots.append(root)
+    level = factor[0, order.index(last - ny) :] / factor[0, 0]
+    means = factor[0, 1 : 1 + count * nu] / factor[0, 0]
+    level = level - response.reshape(ny, -1) @ means
+    return _Posterior(response, level, roots, scaling)
+
+
+def _regularised(
+    R: RealArray, target: RealArray, noise: float, nu: int, count: int
+) -> tuple[RealArray, RealArray]:
+    """Posterior mean (nu count,) of the taps, and a root of their covariance.
+
+    The hyperparameters are those of the largest marginal likelihood.
+    """
+    later = np.maximum.outer(np.arange(count), np.arange(count))
+
+    def kernel_root(parameters: RealArray) -> RealArray:
+        blocks = []
+        for j in range(nu):
+            scale, decay = np.exp(parameters[2 * j]), 1 / (1 + np.exp(-parameters[2 * j + 1]))
+            kernel = scale * decay**later + 1e-12 * scale * np.eye(count)
+            blocks.append(np.linalg.cholesky(kernel))
+        return np.asarray(block_diag(*blocks))
+
+    def cost(parameters: RealArray) -> float:
+        try:
+            moved = R @ kernel_root(np.clip(parameters, -15, 15))
+            covariance = moved @ moved.T + noise * np.eye(len(moved))
+            factor = cho_factor(covariance, lower=True)
+        except np.linalg.LinAlgError:
+            return np.inf
+        half = 2 * float(np.log(np.diag(factor[0])).sum())
+        return half + float(target @ cho_solve(factor, target))
+
+    starts = [np.tile([0.0, np.log(d / (1 - d))], nu) for d in DECAYS]
+    start = min(starts, key=cost)
+    best = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 120 * nu, "fatol": 0.1})
+    root = kernel_root(np.clip(best.x, -15, 15))
+    rows = np.vstack([R @ root, np.sqrt(noise) * np.eye(root.shape[1])])
+    Q, triangle = np.linalg.qr(rows)
+    white = solve_triangular(triangle, Q[: len(R)].T @ target)
+    spread = solve_triangular(triangle, root.T, trans="T").T  # root triangle^-1
+    return np.asarray(root @ white), np.sqrt(noise) * np.asarray(spread)
+
+
+def _shift_register(response: RealArray, level: RealArray, direct: bool) -> InnovationsModel:
+    """Model whose states are past inputs, from impulse responses (ny, nu, taps)."""
+    ny, nu = response.shape[:2]
+    lags = response[:, :, 1:] if direct else response
+    length = lags.shape[2]
+    A = block_diag(*[np.eye(length, k=-1)] * nu)
+    B = block_diag(*[np.eye(length, 1)] * nu)
+    D = response[:, :, 0] if direct else np.zeros((ny, nu))
+    return InnovationsModel(
+        A, B, lags.reshape(ny, -1), D, np.zeros((len(A), ny)), np.zeros(nu), np.asarray(level)
+    )
