@@ -243,7 +243,8 @@ def _picked(
             place = ", ".join([table.place(rows[row]), *map(str, others)])
             raise InputError(
                 f"{file}: variable {name!r} has {wrong.sum()} entries that are blank, NaN or "
-                f"infinite, the first at {place}: fill the gaps, or cut the record there"
+                f"infinite, the first at {place}: fill the gaps, cut the record there, or take "
+                "read_variables, which keeps them, and fits that take missing outputs"
             )
     return found, rows
 
