@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.gain_surface import GainSurface
@@ -136,8 +136,9 @@ def _estimates(
     model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
 ) -> tuple[Criterion, RealArray, RealArray]:
     """Criterion, parameters, and a root of their covariance by the criterion's curvature."""
-    entries = None
-    if known is not None:
+    if known is None:
+        entries: BoolArray | None = _of_structure(model)
+    else:
         model = known.exact(model) or model
         entries = known.free_entries(model)
     criterion = Criterion(model, record, 0.0, direct, entries)
@@ -149,6 +150,17 @@ def _estimates(
         scale[scale == 0] = 1.0
         along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
     return criterion, theta, along @ root_of_inverse(along.T @ hessian @ along)
+
+
+def _of_structure(model: InnovationsModel) -> BoolArray:
+    """Which entries of A, B, C, D and K are free: those that no structure keeps at zero.
+
+    A polynomial model has states of the plant and states of the noise, which stay apart. A gain
+    that is zero as a whole is that of a simulator, and is free.
+    """
+    gain = model.K if model.K.any() else np.ones_like(model.K)
+    parts = (model.A, model.B, model.C, np.ones_like(model.D), gain)
+    return np.concatenate([part.ravel() != 0 for part in parts])
 
 
 def response_along(
