@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.signal import lfilter
 
 import workbench as wb
-from workbench.identification import StateSpaceFit, as_experiments
+from workbench.identification import ClosedLoopFit, StateSpaceFit, as_experiments
 from workbench.identification.innovations.uncertainty import magnitude_deviations
 
 B, A, AT = [0, 0.3, 0.1], [1, -1.2, 0.6], np.array([0.02, 0.1, 0.3])
@@ -64,3 +64,16 @@ def test_what_is_known_does_not_vary():
     model = wb.solve(program, "output-error").answer.simulator
     spread = magnitude_deviations(model, record, [1e-6, 0.1], known=program.known)[:, 0, 0]
     assert spread[0] < 1e-6 < spread[1]
+
+
+def test_a_loop_by_instruments_has_the_units_of_its_record():
+    r = np.random.default_rng(0).standard_normal(400)
+    y = lfilter([0, 0.2], [1, -0.6], r)  # the plant 0.2 / (z - 0.8) with u = r - y
+    u, y = (
+        xr.DataArray(one, dims="time", attrs={"units": unit})
+        for one, unit in ((r - y, "V"), (y, "rad/s"))
+    )
+    loop = ClosedLoopFit(u, y, orders=[1], direct=False, excitation=r)
+    model = wb.solve(loop, "instrumental-variables").answer.simulator
+    assert (model.input_units, model.output_units) == (("V",), ("rad/s",))
+    assert model.A[0, 0] == pytest.approx(0.8, abs=1e-6)

@@ -107,7 +107,5 @@ def instrumental_arx(
         K=np.zeros_like(model.K),
         u_offset=means[0],
         y_offset=means[1],
-        sample_time=record.sample_time,
-        inputs=record.inputs,
-        outputs=record.outputs,
+        **record.labels,
     )

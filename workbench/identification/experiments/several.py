@@ -62,6 +62,12 @@ class Experiments:
         return len(self.u)
 
     @property
+    def labels(self) -> dict[str, Any]:
+        """Sampling time, names and units, as they belong to a model of the record too."""
+        names = ("sample_time", "inputs", "outputs", "input_units", "output_units")
+        return {name: getattr(self, name) for name in names}
+
+    @property
     def missing(self) -> int:
         """Number of samples that are missing in the outputs."""
         return int(np.isnan(self.y).sum())

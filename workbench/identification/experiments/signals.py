@@ -118,11 +118,9 @@ def _table(given: Any, name: str) -> _Table:
     if hasattr(given, "dims") and hasattr(given, "coords"):
         return _labelled(given, name)
     if hasattr(given, "columns") and hasattr(given, "to_numpy"):
-        frame = tuple(str(column) for column in given.columns)
-        return _Table(given.to_numpy(), frame, None, *_instants_of_index(given.index))
+        return _of_pandas(given, tuple(str(column) for column in given.columns))
     if hasattr(given, "to_numpy") and hasattr(given, "index"):
-        one = (str(given.name),) if given.name is not None else None
-        return _Table(given.to_numpy(), one, None, *_instants_of_index(given.index))
+        return _of_pandas(given, (str(given.name),) if given.name is not None else None)
     return _Table(given)
 
 
@@ -158,12 +156,11 @@ def _factor(unit: str, name: str) -> float:
     return SECONDS[unit]
 
 
-def _instants_of_index(index: Any) -> tuple[RealArray | None, bool, Any]:
-    """Instants [s] of an index of pandas, None for one that only counts rows; True; its date."""
-    if type(index).__name__ == "RangeIndex":
-        return None, True, None
-    values = np.asarray(index)
-    return _seconds(values), True, _date(values)
+def _of_pandas(given: Any, names: tuple[str, ...] | None) -> _Table:
+    """A frame or a series; an index that only counts rows tells no instants."""
+    counts = type(given.index).__name__ == "RangeIndex"
+    instants = None if counts else np.asarray(given.index)
+    return _Table(given.to_numpy(), names, None, _seconds(instants), True, _date(instants))
 
 
 def _date(instants: Any) -> Any:

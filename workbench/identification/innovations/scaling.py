@@ -40,11 +40,7 @@ class Scaling:
             K=model.K / self.y_spread,
             u_offset=self.u_mean + self.u_spread * model.u_offset,
             y_offset=self.y_mean + self.y_spread * model.y_offset,
-            sample_time=record.sample_time,
-            inputs=record.inputs,
-            outputs=record.outputs,
-            input_units=record.input_units,
-            output_units=record.output_units,
+            **record.labels,
         )
 
     def applied(self, model: InnovationsModel) -> InnovationsModel:

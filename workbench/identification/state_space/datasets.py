@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import count, takewhile
+from typing import Any
 
 import numpy as np
 
@@ -122,14 +123,11 @@ def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) ->
     """The model of a name in a dataset, with the names and the time of the record."""
     record, numbers, resting = program.record, count(1), f"{name}_resting"
     stored = takewhile(lambda one: f"{one}_A" in data, (f"{name}_{k}" for k in numbers))
+    matrices: dict[str, Any] = {one: data[f"{name}_{one}"].values for one in MATRICES}
     return InnovationsModel(
-        **{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES},
+        **matrices,
         delay=program.delays,
-        sample_time=record.sample_time,
-        inputs=record.inputs,
-        outputs=record.outputs,
-        input_units=record.input_units,
-        output_units=record.output_units,
+        **record.labels,
         members=tuple(innovations_model_of(program, data, one) for one in stored),
         resting=int(data[resting]) if resting in data else 0,
     )

@@ -78,9 +78,11 @@ def simulator_deviations(
     None for an average of models, and for one of many states. ``frequency`` [cycles/sample].
     """
     model = answer.simulator
-    if has_finite_response(model) and not model.members:
+    if model.members:
+        return None
+    if has_finite_response(model):
         return of_magnitudes(_of_impulses(program, frequency), model.response(frequency))
-    if model.members or model.order > MOST_STATES_OF_DEVIATIONS:
+    if model.order > MOST_STATES_OF_DEVIATIONS:
         return None
     return magnitude_deviations(model, program.used, frequency, program.direct, program.known)
 

@@ -161,11 +161,7 @@ def _still(
     return InnovationsModel(
         *(A, B, C, D, np.zeros((len(A), len(C))), *means),
         delay=delay,
-        sample_time=record.sample_time,
-        inputs=record.inputs,
-        outputs=record.outputs,
-        input_units=record.input_units,
-        output_units=record.output_units,
+        **record.labels,
     )
 
 
