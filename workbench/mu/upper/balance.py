@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.arrays import ComplexArray, RealArray
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.linear_algebra import inner
 from workbench.mu.upper.pattern import Pattern
 
@@ -19,24 +20,63 @@ NILPOTENT_NORM = 1e-30
 """A matrix that can be scaled to this norm counts as nilpotent, with bound zero."""
 
 
+def balanced(batch: ComplexArray, pattern: Pattern) -> tuple[ComplexArray, RealArray, RealArray]:
+    """E batch E^-1 / scale for matrices (F, c, r), balanced; E (F, N) and scale (F,).
+
+    Both are powers of two. A scale of 0 stands for a matrix whose bound is 0.
+    """
+    M, E = np.array(batch, order="C"), np.ones((len(batch), pattern.size))
+    scale = np.empty(len(batch))
+    _balance_each(pattern.left, pattern.right, M, E, scale)
+    return M, E, scale
+
+
 @compiled
+def _balance_each(
+    left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray, scale: np.ndarray
+) -> None:
+    """Balance matrices M (F, c, r) in place."""
+    for f in range(len(M)):
+        scale[f] = unit(M[f])
+        if scale[f] > 0.0:
+            norm = balance(left, right, M[f], E[f])
+            scale[f] = scale[f] * unit(M[f]) if norm > NILPOTENT_NORM else 0.0
+
+
+@unchecked_kernel
 def power_of_two(value: float) -> float:
     """The power of two nearest to a positive value on a logarithmic scale."""
     return 2.0 ** np.rint(np.log2(value))
 
 
-@compiled
-def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
+@unchecked_kernel
+def unit(M: np.ndarray) -> float:
+    """Divide M by a power of two near its largest entry, and return this power; 0 if M = 0."""
+    largest = 0.0
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            largest = max(largest, abs(M[i, j]))
+    if largest == 0.0:
+        return 0.0
+    scale = power_of_two(largest)
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            M[i, j] /= scale
+    return scale
+
+
+@unchecked_kernel
+def balance(left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray) -> float:
     """Replace M by E M E^-1 whose rows and columns have nearly equal norms.
 
-    E (N,) holds powers of two and is changed in place; M must already be scaled by the E given.
+    ``left`` (c,) and ``right`` (r,) are the compact indices of its rows and columns. E (N,) holds
+    powers of two and is changed in place; M must already be scaled by the E given.
     Each channel of a repeated scalar has its own factor, a full block has one for all channels.
 
     Returns
     -------
     The Frobenius norm of the scaled M.
     """
-    left, right = pattern.left, pattern.right
     c, r = M.shape
     for _ in range(MOST_SWEEPS):
         norm, moved = math.sqrt(inner(M, M)), False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
-from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two
+from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two, unit
 from workbench.mu.upper.linear_algebra import factor, inner
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
@@ -15,28 +15,6 @@ PATH_ITERATIONS = 100
 """Most iterations along the central path of one matrix."""
 WARM_START_RISES = (1.0, 1.1, 1.3)
 """Factors on t of the previous matrix's early point, tried until a path starts from there."""
-
-
-@compiled
-def balanced_batch(
-    batch: np.ndarray, pattern: Pattern, M: np.ndarray, E: np.ndarray, scale: np.ndarray
-) -> None:
-    """Set M (F, c, r) to E batch E^-1 / scale, balanced; E (F, N) and scale (F,) are powers of two.
-
-    A scale of 0 stands for a matrix whose bound is 0.
-    """
-    count, c, r = batch.shape
-    for f in range(count):
-        # entry by entry: to copy slices is to compile their error messages too, which takes seconds
-        for i in range(c):
-            for j in range(r):
-                M[f, i, j] = batch[f, i, j]
-        for k in range(pattern.size):
-            E[f, k] = 1.0
-        scale[f] = _unit(M[f])
-        if scale[f] > 0.0:
-            norm = balance(pattern, M[f], E[f])
-            scale[f] = scale[f] * _unit(M[f]) if norm > NILPOTENT_NORM else 0.0
 
 
 @compiled
@@ -66,10 +44,10 @@ def solve_each(
         for i in range(c):
             for j in range(r):
                 M[i, j] *= E[pattern.left[i]] / E[pattern.right[j]]
-        scale = _unit(M)
+        scale = unit(M)
         if scale > 0.0:
-            norm = balance(pattern, M, E)
-            scale = scale * _unit(M) if norm > NILPOTENT_NORM else 0.0
+            norm = balance(pattern.left, pattern.right, M, E)
+            scale = scale * unit(M) if norm > NILPOTENT_NORM else 0.0
         if scale > 0.0:
             solved = False
             enough = (level / scale) ** 2
@@ -139,22 +117,6 @@ def _identity(pattern: Pattern, x: np.ndarray) -> None:
     """Set the unknowns x to those of D = I, G = 0."""
     for k in range(x.size):
         x[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
-
-
-@unchecked_kernel
-def _unit(M: np.ndarray) -> float:
-    """Divide M by a power of two near its largest entry, and return this power; 0 if M = 0."""
-    largest = 0.0
-    for i in range(M.shape[0]):
-        for j in range(M.shape[1]):
-            largest = max(largest, abs(M[i, j]))
-    if largest == 0.0:
-        return 0.0
-    scale = power_of_two(largest)
-    for i in range(M.shape[0]):
-        for j in range(M.shape[1]):
-            M[i, j] /= scale
-    return scale
 
 
 @compiled

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
-from workbench.mu.upper.balance import NILPOTENT_NORM, balance
+from workbench.mu.upper.balance import balanced
 from workbench.mu.upper.pattern import (
     DIAGONAL,
     Pattern,
@@ -84,14 +84,12 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         statement = _Statement(pattern, structure.rows)
     batch = program.M.reshape(-1, structure.columns, structure.rows)
     D, G = np.zeros((2, len(batch), pattern.size, pattern.size), complex)
+    scaled, E, scale = balanced(batch, pattern)
     worst, message = Outcome.SOLVED, ""
     for i in context.track(range(len(batch)), "matrices"):
-        M, E = batch[i].copy(), np.ones(pattern.size)
-        size = float(np.ldexp(1.0, np.frexp(np.abs(M).max())[1])) if M.any() else 1.0
-        M /= size
+        M, norm = scaled[i], np.linalg.norm(scaled[i])
         D[i] = np.eye(pattern.size)
-        norm = balance(pattern, M, E) if M.any() else 0.0
-        if norm > NILPOTENT_NORM:
+        if scale[i] > 0:
             best = np.inf
             trial_D, trial_G = D[i].copy(), G[i].copy()
             for round_ in range(MOST_PROGRAMS):
@@ -116,9 +114,9 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
                 trial_G += LAST_MULTIPLIER_SHARE * G[i] / norm
             else:
                 worst = Outcome.INACCURATE
-        ends = E[:, None] * E
+        ends = E[i][:, None] * E[i]
         D[i] *= ends
-        G[i] *= ends * size
+        G[i] *= ends * scale[i]
     answer = proved(
         program.M, program.structure, *_shaped(program, expanded_multipliers(pattern, D, G))
     )

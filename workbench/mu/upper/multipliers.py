@@ -7,8 +7,10 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.mu.upper.alone import closed_form, is_alone
-from workbench.mu.upper.batch import balanced_batch, held_below, solve_each
+from workbench.mu.upper.balance import balanced
+from workbench.mu.upper.batch import held_below, solve_each
 from workbench.mu.upper.lanes.path import follow_paths
+from workbench.mu.upper.lanes.state import room_for
 from workbench.mu.upper.pattern import Pattern, diagonal_places
 from workbench.structure import Structure
 
@@ -41,14 +43,15 @@ def path_multipliers(
     gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
     places = diagonal_places(pattern)
     if places is not None:
-        scaled, E, scale = np.empty_like(M), np.empty((count, pattern.size)), np.empty(count)
-        balanced_batch(M, pattern, scaled, E, scale)
-        d, g = np.empty((count, pattern.size)), np.empty((count, places.row.size))
+        scaled, E, scale = balanced(M, pattern)
+        d, g = np.empty((count, pattern.size)), np.empty((count, np.count_nonzero(pattern.skew)))
         nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]
         with np.errstate(all="ignore"):  # what is not finite proves nothing
             enough = np.where(nothing, 0.0, level / scale) ** 2
-            follow_paths(scaled, places, accuracy, enough, d, g, gaps, iterations)
+            c, r = M.shape[1:]
+            room = room_for(c, r, pattern.size, g.shape[1])
+            follow_paths(scaled, places, room, accuracy, enough, d, g, gaps, iterations)
             d[nothing], g[nothing] = 1.0, 0.0
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]

@@ -16,7 +16,6 @@ import numpy as np
 
 from workbench.arrays import ComplexArray
 from workbench.compiled import compiled
-from workbench.mu.upper.lanes.state import Places
 from workbench.structure import Full, Real, Structure
 
 DIAGONAL, RE, IM = 0, 1, 2
@@ -116,8 +115,12 @@ def pattern_of(structure: Structure) -> Pattern:
     )
 
 
-def diagonal_places(pattern: Pattern) -> Places | None:
-    """Where multipliers stand that are all diagonal; None where a scalar is repeated."""
+def diagonal_places(pattern: Pattern) -> np.ndarray | None:
+    """Where multipliers stand that are all diagonal; None where a scalar is repeated.
+
+    One after the other: blocks of the rows and of the columns of M, rows and columns of the real
+    scalars.
+    """
     if (pattern.kind != DIAGONAL).any():
         return None
     real = pattern.row[pattern.skew]
@@ -125,7 +128,7 @@ def diagonal_places(pattern: Pattern) -> Places | None:
         np.array([np.flatnonzero(side == k)[0] for k in real], dtype=np.int64)
         for side in (pattern.left, pattern.right)
     )
-    return Places(pattern.left, pattern.right, row, column, pattern.size)
+    return np.concatenate([pattern.left, pattern.right, row, column])
 
 
 def expanded_multipliers(

@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound
-from workbench.mu.upper.balance import balance
+from workbench.mu.upper.balance import balanced
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import IM, Pattern, expanded_multipliers, fill
 from workbench.structure import Structure
@@ -122,11 +122,8 @@ def _proper(
 
 def _balanced(M: ComplexArray, pattern: Pattern) -> tuple[np.ndarray, float]:
     """Osborne's scaling (N,), and the Frobenius norm of the scaled M."""
-    scaling = np.ones(pattern.size)
-    if not M.any():
-        return scaling, 0.0
-    size = float(np.ldexp(1.0, np.frexp(np.abs(M).max())[1]))
-    return scaling, size * balance(pattern, M / size, scaling)
+    scaled, (scaling,), (scale,) = balanced(M[None], pattern)
+    return scaling, float(scale * np.linalg.norm(scaled[0]))
 
 
 def _followed(

@@ -12,6 +12,7 @@ from workbench.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.simd import (
     LANES,
     TILE,
+    Lane,
     add_product_right,
     add_tile_right,
     set_conjugate,
@@ -32,9 +33,7 @@ UNSEEN_PIVOT = 1e100
 
 
 @unchecked_kernel
-def product(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, inner: int, columns: int
-) -> None:
+def product(A: Lane, B: Lane, C: Lane, rows: int, inner: int, columns: int) -> None:
     """C = A B."""
     for i in range(0, rows, TILE):
         for j in range(0, columns, TILE):
@@ -49,7 +48,7 @@ def product(
 
 
 @unchecked_kernel
-def hermitian_product(A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, inner: int) -> None:
+def hermitian_product(A: Lane, B: Lane, C: Lane, rows: int, inner: int) -> None:
     """C = A B^H where that is Hermitian, of A and B (rows, inner)."""
     for i in range(0, rows, TILE):
         for j in range(0, i + 1, TILE):
@@ -64,7 +63,7 @@ def hermitian_product(A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, in
 
 
 @unchecked_kernel
-def twice_hermitian_part(X: np.ndarray, Z: np.ndarray, C: np.ndarray, n: int) -> None:
+def twice_hermitian_part(X: Lane, Z: Lane, C: Lane, n: int) -> None:
     """C = X Z + (X Z)^H for a Hermitian Z."""
     for i in range(0, n, TILE):
         for j in range(0, i + 1, TILE):
@@ -81,7 +80,7 @@ def twice_hermitian_part(X: np.ndarray, Z: np.ndarray, C: np.ndarray, n: int) ->
 
 
 @unchecked_kernel
-def fill_upper_half(C: np.ndarray, n: int) -> None:
+def fill_upper_half(C: Lane, n: int) -> None:
     """Fill the upper half of a Hermitian C."""
     for i in range(n):
         for j in range(i):
@@ -89,8 +88,8 @@ def fill_upper_half(C: np.ndarray, n: int) -> None:
 
 
 @unchecked_kernel
-def cholesky(A: np.ndarray, L: np.ndarray, n: int, held: np.ndarray) -> None:
-    """L = the lower Cholesky factor of A; ``held`` (LANES,) becomes False where A is not > 0."""
+def cholesky(A: Lane, L: Lane, n: int, held: Lane) -> None:
+    """L = the lower Cholesky factor of A; ``held`` (LANES,) becomes 0 where A is not > 0."""
     for i in range(n):
         for j in range(i + 1):
             e = i * n + j
@@ -103,7 +102,7 @@ def cholesky(A: np.ndarray, L: np.ndarray, n: int, held: np.ndarray) -> None:
                 for w in range(LANES):
                     square = L[start + w]
                     if not 0.0 < square < np.inf:
-                        held[w] = False
+                        held[w] = 0
                         square = 1.0
                     root = np.sqrt(square)
                     L[start + w] = root
@@ -111,7 +110,7 @@ def cholesky(A: np.ndarray, L: np.ndarray, n: int, held: np.ndarray) -> None:
 
 
 @unchecked_kernel
-def inverse_of_factored(L: np.ndarray, work: np.ndarray, X: np.ndarray, n: int) -> None:
+def inverse_of_factored(L: Lane, work: Lane, X: Lane, n: int) -> None:
     """X = (L L^H)^-1 from what `cholesky` leaves; ``work`` receives the lower half of L^-1."""
     for j in range(n):
         for i in range(j, n):
@@ -132,7 +131,7 @@ def inverse_of_factored(L: np.ndarray, work: np.ndarray, X: np.ndarray, n: int) 
 
 
 @unchecked_kernel
-def real_cholesky(H: np.ndarray, pivots: np.ndarray, m: int) -> None:
+def real_cholesky(H: Lane, pivots: Lane, m: int) -> None:
     """Replace the lower half of a real H >= 0 by its Cholesky factor; ``pivots`` are reciprocals.
 
     An unknown that has no influence on H gets a nearly infinite pivot, so that a solution leaves
@@ -154,9 +153,7 @@ def real_cholesky(H: np.ndarray, pivots: np.ndarray, m: int) -> None:
 
 
 @unchecked_kernel
-def real_cholesky_solve(
-    L: np.ndarray, pivots: np.ndarray, b: np.ndarray, x: np.ndarray, m: int
-) -> None:
+def real_cholesky_solve(L: Lane, pivots: Lane, b: Lane, x: Lane, m: int) -> None:
     """Solve L L^T x = b."""
     for i in range(m):
         for w in range(LANES):

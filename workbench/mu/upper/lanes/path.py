@@ -17,8 +17,17 @@ from workbench.mu.upper.lanes.algebra import (
     real_cholesky_solve,
     twice_hermitian_part,
 )
-from workbench.mu.upper.lanes.simd import LANES, set_real_product, set_sum
-from workbench.mu.upper.lanes.state import Lanes, Numbers, Places, numbers, room_for
+from workbench.mu.upper.lanes.simd import LANES, Lane, address, set_real_product, set_sum
+from workbench.mu.upper.lanes.state import (
+    Fates,
+    Lanes,
+    Numbers,
+    Places,
+    Room,
+    fates_at,
+    lanes_at,
+    numbers_at,
+)
 from workbench.mu.upper.lanes.system import (
     add_diagonal,
     along_t,
@@ -53,7 +62,8 @@ value."""
 @unchecked
 def follow_paths(
     batch: np.ndarray,
-    places: Places,
+    places: np.ndarray,
+    room: Room,
     accuracy: float,
     enough: np.ndarray,
     D: np.ndarray,
@@ -63,82 +73,97 @@ def follow_paths(
 ) -> None:
     """D (F, N) and G (F, q) at the ends of the paths of matrices (F, c, r), from D = 1 and G = 0.
 
-    A path also ends, without a gap, where its t is ``enough`` (F,).
-    ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`; infinite where a path was lost.
+    A path also ends, without a gap, where its t is ``enough`` (F,). ``places`` are those of
+    `Places`, one after the other. ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`;
+    infinite where a path was lost.
     """
-    r = places.right.size
-    lanes, rest = room_for(places), numbers()
-    S, Z, Si = lanes.S, lanes.Z, lanes.S_inverse
-    waiting = 0
-    while waiting < len(batch) or rest.active.any():
+    count, c, r = batch.shape
+    N, q = D.shape[1], G.shape[1]
+    left, right = address(places, 0), address(places, c)
+    row, column = address(places, c + r), address(places, c + r + q)
+    at = Places(left, right, row, column, N, c, r, q)
+    lanes, numbers = lanes_at(room.lanes, room.starts), numbers_at(room.numbers, room.rows)
+    fates = fates_at(room.fates, room.rows)
+    waiting, left_over = 0, 0
+    while waiting < count or left_over > 0:
         # Eight paths begin together: near their ends most steps are long, and few trials are made.
-        if not rest.active.any():
-            for w in range(min(LANES, len(batch) - waiting)):
-                _load(places, lanes, rest, batch[waiting], enough[waiting], w)
-                rest.matrix[w] = waiting
-                waiting += 1
-            cholesky(S, lanes.L, r, rest.held)
-        inverse_of_factored(lanes.L, lanes.work, Si, r)
+        if left_over == 0:
+            left_over = min(LANES, count - waiting)
+            for w in range(left_over):
+                _load(at, lanes, numbers, fates, batch, enough, waiting + w, w)
+            waiting += left_over
+            cholesky(lanes.S, lanes.L, r, fates.held)
+        inverse_of_factored(lanes.L, lanes.work, lanes.S_inverse, r)
         for w in range(LANES):
-            if rest.active[w] and rest.used[w] == 0:
-                _centre(places, lanes, w)
-        set_real_product(lanes.number, 0, 0, S, 0, 0, 1, Z, 0, 0, 1, 2 * r * r)
-        set_real_product(lanes.number, 1, 0, lanes.x, 0, 0, 1, lanes.W, 0, 0, 1, places.blocks)
-        _newton_system(places, lanes, rest)
+            if fates.active[w] and fates.used[w] == 0:
+                _centre(at, lanes, w)
+        set_real_product(lanes.number, 0, 0, lanes.S, 0, 0, 1, lanes.Z, 0, 0, 1, 2 * r * r)
+        set_real_product(lanes.number, 1, 0, lanes.x, 0, 0, 1, lanes.W, 0, 0, 1, N)
+        _newton_system(at, lanes, numbers)
         for w in range(LANES):
             inside = lanes.number[w] + lanes.number[LANES + w]
-            gap = inside / (rest.t[w] * _trace(places, Z, lanes.x, w))
-            rest.dt[w] = max(-1.0 / rest.schur[w], -LARGEST_FALL * rest.t[w])
-            near = gap <= accuracy and -rest.dt[w] <= accuracy * rest.t[w]
-            if rest.active[w] and (near or rest.used[w] >= ITERATIONS):
-                _end(places, lanes, rest, gap, w, D, G, gaps, iterations)
-            if not rest.active[w]:
-                rest.dt[w] = 0.0
-            rest.rho[w] = -rest.dt[w] * rest.along[w]
-        _predict(places, lanes, rest)
-        _correct(places, lanes, rest)
-        _advance(places, lanes, rest)
+            gap = inside / (numbers.t[w] * _trace(at, lanes.Z, lanes.x, w))
+            numbers.dt[w] = max(-1.0 / numbers.schur[w], -LARGEST_FALL * numbers.t[w])
+            near = gap <= accuracy and -numbers.dt[w] <= accuracy * numbers.t[w]
+            if fates.active[w] and (near or fates.used[w] >= ITERATIONS):
+                _end(at, lanes, fates, gap, w, D, G, gaps, iterations)
+            if not fates.active[w]:
+                numbers.dt[w] = 0.0
+            numbers.rho[w] = -numbers.dt[w] * numbers.along[w]
+        _predict(at, lanes, numbers, fates)
+        _correct(at, lanes, numbers)
+        _advance(at, lanes, numbers, fates)
         for w in range(LANES):
-            if rest.active[w]:
-                rest.used[w] += 1
-                if rest.lost[w]:
-                    _end(places, lanes, rest, np.inf, w, D, G, gaps, iterations)
-                elif rest.t[w] <= max(rest.nothing[w], rest.enough[w]):
-                    _end(places, lanes, rest, 0.0, w, D, G, gaps, iterations)
+            if fates.active[w]:
+                fates.used[w] += 1
+                small = numbers.t[w] <= max(numbers.nothing[w], numbers.enough[w])
+                if fates.lost[w] or small:
+                    gap = np.inf if fates.lost[w] else 0.0
+                    _end(at, lanes, fates, gap, w, D, G, gaps, iterations)
+        left_over = 0
+        for w in range(LANES):
+            left_over += fates.active[w]
 
 
 @unchecked_kernel
 def _load(
-    places: Places, lanes: Lanes, rest: Numbers, M: np.ndarray, enough: float, w: int
+    places: Places,
+    lanes: Lanes,
+    numbers: Numbers,
+    fates: Fates,
+    batch: np.ndarray,
+    enough: np.ndarray,
+    f: int,
+    w: int,
 ) -> None:
-    """Start the path of a matrix (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
-    c, r = M.shape
+    """Start the path of matrix f (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
+    c, r = places.c, places.r
     for i in range(c):
         for j in range(r):
-            entry, at = M[i, j], (i * r + j) * 2 * LANES
+            entry, at = batch[f, i, j], (i * r + j) * 2 * LANES
             lanes.M[at + w], lanes.M[at + LANES + w] = entry.real, entry.imag
-    for k in range(lanes.x.size // LANES):
+    for k in range(places.blocks + places.q):
         lanes.x[k * LANES + w] = 1.0 if k < places.blocks else 0.0
     square = 0.0
     for a in range(r):
         for b in range(r):
             total = 0.0j
             for i in range(c):
-                total -= np.conj(M[i, a]) * M[i, b]
+                total -= np.conj(batch[f, i, a]) * batch[f, i, b]
             square += total.real**2 + total.imag**2
             at = (a * r + b) * 2 * LANES
             lanes.S[at + w], lanes.S[at + LANES + w] = total.real, total.imag
     t = START * np.sqrt(square)
     for a in range(r):
         lanes.S[(a * r + a) * 2 * LANES + w] += t
-    rest.t[w], rest.nothing[w], rest.enough[w] = t, NEGLIGIBLE_T * t, enough
-    rest.used[w], rest.active[w], rest.lost[w] = 0, True, False
+    numbers.t[w], numbers.nothing[w], numbers.enough[w] = t, NEGLIGIBLE_T * t, enough[f]
+    fates.matrix[w], fates.used[w], fates.active[w], fates.lost[w] = f, 0, 1, 0
 
 
 @unchecked_kernel
 def _centre(places: Places, lanes: Lanes, w: int) -> None:
     """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
-    r = places.right.size
+    r = places.r
     mu = 1.0 / _trace(places, lanes.S_inverse, lanes.x, w)
     for e in range(2 * r * r):
         lanes.Z[e * LANES + w] = mu * lanes.S_inverse[e * LANES + w]
@@ -150,7 +175,7 @@ def _centre(places: Places, lanes: Lanes, w: int) -> None:
 def _end(
     places: Places,
     lanes: Lanes,
-    rest: Numbers,
+    fates: Fates,
     gap: float,
     w: int,
     D: np.ndarray,
@@ -159,56 +184,30 @@ def _end(
     iterations: np.ndarray,
 ) -> None:
     """Write down where the path of a lane has ended."""
-    N, f = places.blocks, rest.matrix[w]
+    N, f = places.blocks, fates.matrix[w]
     for k in range(N):
         D[f, k] = lanes.x[k * LANES + w]
-    for k in range(places.row.size):
+    for k in range(places.q):
         G[f, k] = lanes.x[(N + k) * LANES + w]
-    gaps[f], iterations[f] = gap, rest.used[w]
-    rest.active[w] = False
+    gaps[f], iterations[f] = gap, fates.used[w]
+    fates.active[w] = 0
 
 
 @unchecked_kernel
-def _predict(places: Places, lanes: Lanes, rest: Numbers) -> None:
+def _predict(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None:
     """The predictor's step, and how far from the boundary the corrector should aim."""
-    r, N = places.right.size, places.blocks
+    r, N = places.r, places.blocks
     every, number = 2 * r * r, lanes.number
     S, Z, dS, dZ = lanes.S, lanes.Z, lanes.dS, lanes.dZ
     x, dx, W, dW = lanes.x, lanes.dx, lanes.W, lanes.dW
-    for start in range(0, dx.size, LANES):
+    for start in range(0, (N + places.q) * LANES, LANES):
         for w in range(LANES):
             e = start + w
-            dx[e] = -rest.dt[w] * lanes.toward_u[e] - rest.rho[w] * lanes.toward_b[e]
-    _direction(places, lanes, rest)
-    room = (lanes.V, lanes.L, number)
-    _reach(
-        places,
-        room,
-        S,
-        dS,
-        x,
-        dx,
-        rest.dt,
-        dx,
-        PREDICTOR_TRIALS,
-        rest.primal,
-        rest.held,
-        rest.active,
-    )
-    _reach(
-        places,
-        room,
-        Z,
-        dZ,
-        W,
-        dW,
-        rest.none,
-        dx,
-        PREDICTOR_TRIALS,
-        rest.dual,
-        rest.held,
-        rest.active,
-    )
+            dx[e] = -numbers.dt[w] * lanes.toward_u[e] - numbers.rho[w] * lanes.toward_b[e]
+    _direction(places, lanes, numbers)
+    paths = (places, lanes, numbers, fates)
+    _reach(*paths, S, dS, x, dx, numbers.dt, PREDICTOR_TRIALS, numbers.primal)
+    _reach(*paths, Z, dZ, W, dW, numbers.none, PREDICTOR_TRIALS, numbers.dual)
     set_real_product(number, 2, 0, dS, 0, 0, 1, Z, 0, 0, 1, every)
     set_real_product(number, 3, 0, S, 0, 0, 1, dZ, 0, 0, 1, every)
     set_real_product(number, 4, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
@@ -216,98 +215,85 @@ def _predict(places: Places, lanes: Lanes, rest: Numbers) -> None:
     set_real_product(number, 6, 0, x, 0, 0, 1, dW, 0, 0, 1, N)
     set_real_product(number, 7, 0, dx, 0, 0, 1, dW, 0, 0, 1, N)
     for w in range(LANES):
-        p, q = rest.primal[w], rest.dual[w]
+        p, q = numbers.primal[w], numbers.dual[w]
         now = number[w] + number[LANES + w]
         first = number[2 * LANES + w] + number[5 * LANES + w]
         other = number[3 * LANES + w] + number[6 * LANES + w]
         both = number[4 * LANES + w] + number[7 * LANES + w]
-        second = rest.dt[w] * (_trace(places, Z, dx, w) + q * _trace(places, dZ, dx, w))
+        second = numbers.dt[w] * (_trace(places, Z, dx, w) + q * _trace(places, dZ, dx, w))
         left = (now + p * first + q * other + p * q * both + p * p * second) / now
-        rest.center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
+        numbers.center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
 
 
 @unchecked_kernel
-def _advance(places: Places, lanes: Lanes, rest: Numbers) -> None:
-    """Go as far as the corrector's step leads; ``rest.lost`` tells whose step is too short."""
-    r, N = places.right.size, places.blocks
+def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None:
+    """Go as far as the corrector's step leads; ``lost`` tells whose step is too short."""
+    r, N = places.r, places.blocks
+    m = N + places.q
     Z, dZ, x, dx, W, dW = lanes.Z, lanes.dZ, lanes.x, lanes.dx, lanes.W, lanes.dW
-    t, dt, primal, dual, active = rest.t, rest.dt, rest.primal, rest.dual, rest.active
+    t, dt, primal, dual = numbers.t, numbers.dt, numbers.primal, numbers.dual
+    active, lost, held = fates.active, fates.lost, fates.held
     for w in range(LANES):
         if not active[w]:
             dt[w] = 0.0
-    room = (lanes.V, lanes.L, lanes.number)
-    _reach(
-        places,
-        room,
-        lanes.S,
-        lanes.dS,
-        x,
-        dx,
-        dt,
-        dx,
-        CORRECTOR_TRIALS,
-        primal,
-        rest.held,
-        rest.active,
-    )
-    _reach(
-        places, room, Z, dZ, W, dW, rest.none, dx, CORRECTOR_TRIALS, dual, rest.held, rest.active
-    )
+    paths = (places, lanes, numbers, fates)
+    _reach(*paths, lanes.S, lanes.dS, x, dx, dt, CORRECTOR_TRIALS, primal)
+    _reach(*paths, Z, dZ, W, dW, numbers.none, CORRECTOR_TRIALS, dual)
     for w in range(LANES):
-        if active[w] and t[w] + primal[w] * dt[w] < -rest.nothing[w]:
-            primal[w] = (t[w] + rest.nothing[w]) / -dt[w]  # any t < 0 will do
-        rest.lost[w] = not (min(primal[w], dual[w]) >= LOST_STEP)
+        if active[w] and t[w] + primal[w] * dt[w] < -numbers.nothing[w]:
+            primal[w] = (t[w] + numbers.nothing[w]) / -dt[w]  # any t < 0 will do
+        lost[w] = not (min(primal[w], dual[w]) >= LOST_STEP)
     for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
         for w in range(LANES):
-            goes = active[w] and not rest.lost[w]
+            goes = active[w] and not lost[w]
             primal[w], dual[w] = (primal[w], dual[w]) if goes else (0.0, 0.0)
-            rest.held[w] = True
-            rest.ahead[w] = t[w] + primal[w] * dt[w]
-        for start in range(0, x.size, LANES):
+            held[w] = 1
+            numbers.ahead[w] = t[w] + primal[w] * dt[w]
+        for start in range(0, m * LANES, LANES):
             for w in range(LANES):
                 e = start + w
                 lanes.trial[e] = x[e] + primal[w] * dx[e] if primal[w] > 0.0 else x[e]
                 if e < N * LANES and not lanes.trial[e] > 0.0:
-                    rest.held[w] = False
-        inequality(places, lanes.M, rest.ahead, lanes.trial, lanes.MX, lanes.S)
-        cholesky(lanes.S, lanes.L, r, rest.held)
+                    held[w] = 0
+        inequality(places, lanes.M, numbers.ahead, lanes.trial, lanes.MX, lanes.S)
+        cholesky(lanes.S, lanes.L, r, held)
         failed = False
         for w in range(LANES):
-            if primal[w] > 0.0 and not rest.held[w]:
+            if primal[w] > 0.0 and not held[w]:
                 primal[w] *= 0.5
                 failed = True
         if not failed:
             break
     for w in range(LANES):
-        if primal[w] > 0.0 and not rest.held[w]:
-            rest.lost[w], dual[w] = True, 0.0
-        t[w] = rest.ahead[w]
-    for e in range(x.size):
+        if primal[w] > 0.0 and not held[w]:
+            lost[w], dual[w] = 1, 0.0
+        t[w] = numbers.ahead[w]
+    for e in range(m * LANES):
         x[e] = lanes.trial[e]
     # a lane that is done has steps that may not be numbers
-    for start in range(0, Z.size, LANES):
+    for start in range(0, 2 * r * r * LANES, LANES):
         for w in range(LANES):
             Z[start + w] += dual[w] * dZ[start + w] if dual[w] > 0.0 else 0.0
-    for start in range(0, W.size, LANES):
+    for start in range(0, N * LANES, LANES):
         for w in range(LANES):
             W[start + w] += dual[w] * dW[start + w] if dual[w] > 0.0 else 0.0
 
 
 @unchecked_kernel
-def _trace(places: Places, X: np.ndarray, x: np.ndarray, w: int) -> float:
+def _trace(places: Places, X: Lane, x: Lane, w: int) -> float:
     """<X, D_r> of a lane, d being the first unknowns."""
-    r, total = places.right.size, 0.0
+    r, total = places.r, 0.0
     for j in range(r):
         total += X[(j * r + j) * 2 * LANES + w] * x[places.right[j] * LANES + w]
     return total
 
 
 @unchecked_kernel
-def _newton_system(places: Places, lanes: Lanes, rest: Numbers) -> None:
+def _newton_system(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """H, factored, u and b, H^-1 u and H^-1 b, F*(S^-1) in ``pull``, and three numbers."""
-    m = places.blocks + places.row.size
+    m = places.blocks + places.q
     M, Si, Z, number = lanes.M, lanes.S_inverse, lanes.Z, lanes.number
-    t, along, bb, schur = rest.t, rest.along, rest.bb, rest.schur
+    t, along, bb, schur = numbers.t, numbers.along, numbers.bb, numbers.schur
     between_M(places, M, Si, lanes.T_M, lanes.T_C)
     inequality_adjoint(places, M, t, Si, lanes.T_M, lanes.pull)
     between_M(places, M, Z, lanes.U_M, lanes.U_C)
@@ -331,15 +317,15 @@ def _newton_system(places: Places, lanes: Lanes, rest: Numbers) -> None:
 
 
 @unchecked_kernel
-def _direction(places: Places, lanes: Lanes, rest: Numbers) -> None:
+def _direction(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """Change of S by dt and the unknowns' step and, to first order, of Z and W."""
-    r, N = places.right.size, places.blocks
+    r, N = places.r, places.blocks
     dS, dx = lanes.dS, lanes.dx
-    inequality(places, lanes.M, rest.t, dx, lanes.MX, dS)
+    inequality(places, lanes.M, numbers.t, dx, lanes.MX, dS)
     for j in range(r):
         at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
         for w in range(LANES):
-            dS[at + w] += rest.dt[w] * lanes.x[of + w]
+            dS[at + w] += numbers.dt[w] * lanes.x[of + w]
     product(lanes.S_inverse, dS, lanes.work, r, r, r)
     twice_hermitian_part(lanes.work, lanes.Z, lanes.dZ, r)
     for e in range(2 * r * r * LANES):
@@ -349,13 +335,13 @@ def _direction(places: Places, lanes: Lanes, rest: Numbers) -> None:
 
 
 @unchecked_kernel
-def _correct(places: Places, lanes: Lanes, rest: Numbers) -> None:
+def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """The corrector's dt and step, after the predictor's."""
-    c, r, N = places.left.size, places.right.size, places.blocks
-    m = N + places.row.size
+    c, r, N = places.c, places.r, places.blocks
+    m = N + places.q
     M, Si, Z, Q, V = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V
     dS, dZ, dx, x, number = lanes.dS, lanes.dZ, lanes.dx, lanes.x, lanes.number
-    t, dt, rho, center = rest.t, rest.dt, rest.rho, rest.center
+    t, dt, rho, center = numbers.t, numbers.dt, numbers.rho, numbers.center
     # Q is the Hermitian part of S^-1 (dS dZ + dt dD_r Z)
     for i in range(r):
         for j in range(r):
@@ -399,15 +385,15 @@ def _correct(places: Places, lanes: Lanes, rest: Numbers) -> None:
     set_real_product(number, 13, 0, lanes.u, 0, 0, 1, lanes.other, 0, 0, 1, m)
     for w in range(LANES):
         level, target = number[12 * LANES + w], number[11 * LANES + w]
-        change = (target - number[13 * LANES + w] + rest.along[w] * level) / rest.schur[w]
+        change = (target - number[13 * LANES + w] + numbers.along[w] * level) / numbers.schur[w]
         dt[w] = max(change, -LARGEST_FALL * t[w])
-        rho[w] = (level / rest.bb[w] if rest.bb[w] > 0.0 else 0.0) - dt[w] * rest.along[w]
+        rho[w] = (level / numbers.bb[w] if numbers.bb[w] > 0.0 else 0.0) - dt[w] * numbers.along[w]
     for k in range(m):
         for w in range(LANES):
             e = k * LANES + w
             step = lanes.other[e] - dt[w] * lanes.toward_u[e]
             dx[e] = step - rho[w] * lanes.toward_b[e]
-    _direction(places, lanes, rest)
+    _direction(places, lanes, numbers)
     for e in range(r * r):
         for w in range(LANES):
             a = e * two + w
@@ -422,27 +408,25 @@ def _correct(places: Places, lanes: Lanes, rest: Numbers) -> None:
 @unchecked_kernel
 def _reach(
     places: Places,
-    room: tuple[np.ndarray, np.ndarray, np.ndarray],
-    A: np.ndarray,
-    first: np.ndarray,
-    v: np.ndarray,
-    dv: np.ndarray,
-    dt: np.ndarray,
-    dx: np.ndarray,
+    lanes: Lanes,
+    numbers: Numbers,
+    fates: Fates,
+    A: Lane,
+    first: Lane,
+    v: Lane,
+    dv: Lane,
+    dt: Lane,
     trials: int,
-    low: np.ndarray,
-    held: np.ndarray,
-    active: np.ndarray,
+    low: Lane,
 ) -> None:
     """Steps ``low`` (LANES,) after which A + a first + a^2 dt dD_r and v + a dv are still positive.
 
-    They are BOUNDARY_SHARE of the longest ones up to 1, and zero where a lane is not ``active``;
-    ``room`` is for two matrices and single numbers.
+    They are BOUNDARY_SHARE of the longest ones up to 1, and zero where a lane is not active.
     """
-    trial, L, number = room
-    r, step, high = places.right.size, number[14 * LANES : 15 * LANES], number[15 * LANES :]
+    trial, held, step, high = lanes.V, fates.held, numbers.step, numbers.high
+    r = places.r
     for w in range(LANES):
-        longest = 1.0 / BOUNDARY_SHARE if active[w] else 0.0
+        longest = 1.0 / BOUNDARY_SHARE if fates.active[w] else 0.0
         for k in range(places.blocks):
             e = k * LANES + w
             if v[e] + longest * dv[e] <= 0.0:
@@ -453,10 +437,10 @@ def _reach(
         for j in range(r):
             at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
             for w in range(LANES):
-                trial[at + w] += step[w] ** 2 * dt[w] * dx[of + w]
+                trial[at + w] += step[w] ** 2 * dt[w] * lanes.dx[of + w]
         for w in range(LANES):
-            held[w] = True
-        cholesky(trial, L, r, held)
+            held[w] = 1
+        cholesky(trial, lanes.L, r, held)
         found = True
         for w in range(LANES):
             if held[w]:

@@ -12,19 +12,56 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils as _cgutils
-from numba.core import types
+from numba.core import types as _types
 from numba.core.extending import intrinsic
 from numba.np.arrayobj import make_array as _make_array
 
 cgutils: Any = _cgutils  # these have no annotations
 make_array: Any = _make_array
+types: Any = _types
 LANES = 8
 """Matrices that are worked on at once."""
+Lane = Any
+"""An array of lanes, or the address of its first number."""
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Address of the first entry of an array, or the address that is given."""
+    if isinstance(kind, types.CPointer):
+        return array
     return make_array(kind)(context, builder, array).data
+
+
+def _address(typing: Any, array: Any, place: Any) -> Any:
+    signature = types.CPointer(array.dtype)(array, types.intp)
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.gep(_pointer(context, builder, signature.args[0], args[0]), [args[1]])
+
+    return signature, generate
+
+
+def addresses(kind: Any) -> Any:
+    """Intrinsic for a named tuple of addresses in an array, given where each field starts there."""
+    count = len(kind._fields)
+
+    def found(typing: Any, array: Any, starts: Any) -> Any:
+        fields = types.NamedUniTuple(types.CPointer(array.dtype), count, kind)
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            data, places = (_pointer(context, builder, signature.args[k], args[k]) for k in (0, 1))
+            numbers = [ir.Constant(ir.IntType(64), k) for k in range(count)]
+            each = [builder.gep(data, [builder.load(builder.gep(places, [k]))]) for k in numbers]
+            return context.make_tuple(builder, signature.return_type, each)
+
+        return fields(array, starts), generate
+
+    return intrinsic(found)
+
+
+address: Any = intrinsic(_address)
+"""Address of an entry of an array, which must outlive it."""
 
 
 def _vector(builder: Any, data: Any, place: Any) -> Any:

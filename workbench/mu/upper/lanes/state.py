@@ -1,13 +1,16 @@
-"""Data of eight central paths: points, steps, equations, scratch arrays, all of lanes."""
+"""Data of eight central paths: points, steps, equations, scratch space, all of lanes.
+
+What a function needs of them it takes by their addresses: an array is seven numbers to hand over,
+and three dozen of them take longer to compile than the arithmetic. The arrays are of the caller.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.compiled import compiled
-from workbench.mu.upper.lanes.simd import LANES
+from workbench.mu.upper.lanes.simd import LANES, Lane, addresses
 
 
 class Places(NamedTuple):
@@ -17,11 +20,14 @@ class Places(NamedTuple):
     their number. ``row`` and ``column`` (q,) are the channels of the real scalars.
     """
 
-    left: np.ndarray
-    right: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
+    left: Any
+    right: Any
+    row: Any
+    column: Any
     blocks: int
+    c: int
+    r: int
+    q: int
 
 
 class Lanes(NamedTuple):
@@ -33,130 +39,118 @@ class Lanes(NamedTuple):
     pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
     """
 
-    M: np.ndarray
-    S: np.ndarray
-    Z: np.ndarray
-    dS: np.ndarray
-    dZ: np.ndarray
-    L: np.ndarray
-    S_inverse: np.ndarray
-    V: np.ndarray
-    Q: np.ndarray
-    work: np.ndarray
-    MX: np.ndarray
-    T_M: np.ndarray
-    U_M: np.ndarray
-    T_C: np.ndarray
-    U_C: np.ndarray
-    P_R: np.ndarray
-    P_C: np.ndarray
-    P_M: np.ndarray
-    W: np.ndarray
-    dW: np.ndarray
-    second: np.ndarray
-    x: np.ndarray
-    dx: np.ndarray
-    u: np.ndarray
-    b: np.ndarray
-    toward_u: np.ndarray
-    toward_b: np.ndarray
-    pull: np.ndarray
-    other: np.ndarray
-    trial: np.ndarray
-    H: np.ndarray
-    pivots: np.ndarray
-    number: np.ndarray
+    M: Lane
+    S: Lane
+    Z: Lane
+    dS: Lane
+    dZ: Lane
+    L: Lane
+    S_inverse: Lane
+    V: Lane
+    Q: Lane
+    work: Lane
+    MX: Lane
+    T_M: Lane
+    U_M: Lane
+    T_C: Lane
+    U_C: Lane
+    P_R: Lane
+    P_C: Lane
+    P_M: Lane
+    W: Lane
+    dW: Lane
+    second: Lane
+    x: Lane
+    dx: Lane
+    u: Lane
+    b: Lane
+    toward_u: Lane
+    toward_b: Lane
+    pull: Lane
+    other: Lane
+    trial: Lane
+    H: Lane
+    pivots: Lane
+    number: Lane
 
 
-@compiled
-def room_for(places: Places) -> Lanes:
-    """Zeros for eight paths."""
-    c, r, N = places.left.size, places.right.size, places.blocks
-    m = N + places.row.size
-    two = 2 * LANES
-    return Lanes(
-        np.zeros(c * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(r * r * two),
-        np.zeros(c * r * two),
-        np.zeros(c * r * two),
-        np.zeros(c * r * two),
-        np.zeros(c * c * two),
-        np.zeros(c * c * two),
-        np.zeros(r * r * LANES),
-        np.zeros(c * c * LANES),
-        np.zeros(c * r * LANES),
-        np.zeros(N * LANES),
-        np.zeros(N * LANES),
-        np.zeros(N * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(m * m * LANES),
-        np.zeros(m * LANES),
-        np.zeros(16 * LANES),
-    )
+SINGLE_NUMBERS = 16
+"""Room of ``number``."""
 
 
 class Numbers(NamedTuple):
-    """One number for each lane (LANES,): of the point, of the step, and what becomes of its path.
+    """One number for each lane: of the point, of the step, and of the search for its length.
 
-    ``none`` stays zero; ``matrix`` is the number of the matrix, ``used`` counts its iterations.
+    ``none`` stays zero.
     """
 
-    t: np.ndarray
-    nothing: np.ndarray
-    enough: np.ndarray
-    dt: np.ndarray
-    rho: np.ndarray
-    along: np.ndarray
-    bb: np.ndarray
-    schur: np.ndarray
-    center: np.ndarray
-    primal: np.ndarray
-    dual: np.ndarray
-    ahead: np.ndarray
-    none: np.ndarray
-    held: np.ndarray
-    active: np.ndarray
-    lost: np.ndarray
-    matrix: np.ndarray
-    used: np.ndarray
+    t: Lane
+    nothing: Lane
+    enough: Lane
+    dt: Lane
+    rho: Lane
+    along: Lane
+    bb: Lane
+    schur: Lane
+    center: Lane
+    primal: Lane
+    dual: Lane
+    ahead: Lane
+    step: Lane
+    high: Lane
+    none: Lane
 
 
-@compiled
-def numbers() -> Numbers:
-    """Zeros for eight lanes, none of which has a matrix."""
-    return Numbers(
-        np.ones(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES),
-        np.zeros(LANES, np.bool_),
-        np.zeros(LANES, np.bool_),
-        np.zeros(LANES, np.bool_),
-        np.zeros(LANES, np.int64),
-        np.zeros(LANES, np.int64),
+class Fates(NamedTuple):
+    """What becomes of the path of each lane, 0 or 1; ``matrix`` is the number of the matrix.
+
+    ``used`` counts its iterations, ``held`` tells what the last Cholesky factor showed.
+    """
+
+    held: Lane
+    active: Lane
+    lost: Lane
+    matrix: Lane
+    used: Lane
+
+
+lanes_at: Any = addresses(Lanes)
+numbers_at: Any = addresses(Numbers)
+fates_at: Any = addresses(Fates)
+
+
+class Room(NamedTuple):
+    """Arrays of eight paths, of zeros, and where the parts of `Lanes` and of the others start."""
+
+    lanes: np.ndarray
+    numbers: np.ndarray
+    fates: np.ndarray
+    starts: np.ndarray
+    rows: np.ndarray
+
+
+def room_for(c: int, r: int, blocks: int, q: int) -> Room:
+    """Room for eight paths of matrices (c, r), with ``q`` real scalars among the ``blocks``."""
+    m = blocks + q
+    entries = (
+        (2 * c * r, "M MX T_M U_M"),
+        (2 * r * r, "S Z dS dZ L S_inverse V Q work"),
+        (2 * c * c, "T_C U_C"),
+        (r * r, "P_R"),
+        (c * c, "P_C"),
+        (c * r, "P_M"),
+        (blocks, "W dW second"),
+        (m, "x dx u b toward_u toward_b pull other trial pivots"),
+        (m * m, "H"),
+        (SINGLE_NUMBERS, "number"),
+    )
+    sizes = {name: LANES * size for size, names in entries for name in names.split()}
+    ends = np.cumsum([sizes[name] for name in Lanes._fields])
+    numbers, fates = len(Numbers._fields), len(Fates._fields)
+    return Room(
+        np.zeros(ends[-1]),
+        np.zeros(numbers * LANES),
+        np.zeros(fates * LANES, np.int64),
+        np.concatenate([[0], ends[:-1]]),
+        np.arange(max(numbers, fates)) * LANES,
     )

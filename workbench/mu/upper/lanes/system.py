@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from workbench.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
 from workbench.mu.upper.lanes.simd import (
     LANES,
     TILE,
+    Lane,
     set_real_product,
     set_scaled,
     take_product_left,
@@ -18,11 +17,9 @@ from workbench.mu.upper.lanes.state import Lanes, Places
 
 
 @unchecked_kernel
-def inequality(
-    places: Places, M: np.ndarray, t: np.ndarray, x: np.ndarray, scaled: np.ndarray, S: np.ndarray
-) -> None:
+def inequality(places: Places, M: Lane, t: Lane, x: Lane, scaled: Lane, S: Lane) -> None:
     """S = t D_r - M^H D_l M - j (G M - M^H G^H) for t (LANES,); ``scaled`` receives D_l M."""
-    c, r = places.left.size, places.right.size
+    c, r = places.c, places.r
     for i in range(c):
         set_scaled(scaled, i * r * 2, x, places.left[i], M, i * r * 2, 2 * r)
     for e in range(2 * r * r * LANES):
@@ -39,7 +36,7 @@ def inequality(
         for w in range(LANES):
             S[start + w] += t[w] * x[places.right[i] * LANES + w]
             S[start + LANES + w] = 0.0
-    for k in range(places.row.size):
+    for k in range(places.q):
         i, j = places.row[k], places.column[k]
         g = (places.blocks + k) * LANES
         for b in range(r):
@@ -58,12 +55,10 @@ def inequality(
 
 
 @unchecked_kernel
-def inequality_adjoint(
-    places: Places, M: np.ndarray, t: np.ndarray, X: np.ndarray, MX: np.ndarray, y: np.ndarray
-) -> None:
+def inequality_adjoint(places: Places, M: Lane, t: Lane, X: Lane, MX: Lane, y: Lane) -> None:
     """The adjoint of `inequality` at a Hermitian X, given M X."""
-    c, r = places.left.size, places.right.size
-    for e in range(y.size):
+    c, r = places.c, places.r
+    for e in range((places.blocks + places.q) * LANES):
         y[e] = 0.0
     for j in range(r):
         at, to = (j * r + j) * 2 * LANES, places.right[j] * LANES
@@ -75,7 +70,7 @@ def inequality_adjoint(
             at = (i * r + j) * 2 * LANES
             for w in range(LANES):
                 y[to + w] -= MX[at + w] * M[at + w] + MX[at + LANES + w] * M[at + LANES + w]
-    for k in range(places.row.size):
+    for k in range(places.q):
         at = (places.row[k] * r + places.column[k]) * 2 * LANES
         to = (places.blocks + k) * LANES
         for w in range(LANES):
@@ -83,9 +78,9 @@ def inequality_adjoint(
 
 
 @unchecked_kernel
-def add_diagonal(places: Places, X: np.ndarray, y: np.ndarray) -> None:
+def add_diagonal(places: Places, X: Lane, y: Lane) -> None:
     """Add the diagonal of X (r, r) to y, block by block."""
-    r = places.right.size
+    r = places.r
     for j in range(r):
         at, to = (j * r + j) * 2 * LANES, places.right[j] * LANES
         for w in range(LANES):
@@ -93,26 +88,24 @@ def add_diagonal(places: Places, X: np.ndarray, y: np.ndarray) -> None:
 
 
 @unchecked_kernel
-def between_M(
-    places: Places, M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray
-) -> None:
+def between_M(places: Places, M: Lane, X: Lane, MX: Lane, MXM: Lane) -> None:
     """MX = M X and MXM = M X M^H."""
-    c, r = places.left.size, places.right.size
+    c, r = places.c, places.r
     product(M, X, MX, c, r, r)
     hermitian_product(MX, M, MXM, c, r)
 
 
 @unchecked_kernel
-def newton_matrix(places: Places, t: np.ndarray, lanes: Lanes) -> None:
+def newton_matrix(places: Places, t: Lane, lanes: Lanes) -> None:
     """H[k, l] = Re trace(F_k S^-1 F_l Z) + (d_k^-1 w_k where k = l), F_k the derivatives of S.
 
     With S^-1 and Z between M and M^H in T and U; see `between_M`.
     """
-    c, r, N = places.left.size, places.right.size, places.blocks
-    m = N + places.row.size
+    c, r, N = places.c, places.r, places.blocks
+    m = N + places.q
     H, Si, Z = lanes.H, lanes.S_inverse, lanes.Z
     TM, UM, TC, UC = lanes.T_M, lanes.U_M, lanes.T_C, lanes.U_C
-    for e in range(H.size):
+    for e in range(m * m * LANES):
         H[e] = 0.0
     for e in range(r * r):
         set_real_product(lanes.P_R, e, 0, Si, 2 * e, 0, 1, Z, 2 * e, 0, 1, 2)
@@ -138,7 +131,7 @@ def newton_matrix(places: Places, t: np.ndarray, lanes: Lanes) -> None:
                 part = t[w] * lanes.P_M[at + w]
                 H[to + w] -= part
                 H[back + w] -= part
-    for k in range(places.row.size):
+    for k in range(places.q):
         _skew_row(places, t, lanes, k)
     for k in range(N):
         to = (k * m + k) * LANES
@@ -147,10 +140,10 @@ def newton_matrix(places: Places, t: np.ndarray, lanes: Lanes) -> None:
 
 
 @unchecked_kernel
-def _skew_row(places: Places, t: np.ndarray, lanes: Lanes, k: int) -> None:
+def _skew_row(places: Places, t: Lane, lanes: Lanes, k: int) -> None:
     """The row of H of the k-th real scalar, to its diagonal."""
-    c, r, N = places.left.size, places.right.size, places.blocks
-    m, two = N + places.row.size, 2 * LANES
+    c, r, N = places.c, places.r, places.blocks
+    m, two = N + places.q, 2 * LANES
     H, Si, Z = lanes.H, lanes.S_inverse, lanes.Z
     TM, UM, TC, UC = lanes.T_M, lanes.U_M, lanes.T_C, lanes.U_C
     p, q = places.row[k], places.column[k]
@@ -184,15 +177,15 @@ def _skew_row(places: Places, t: np.ndarray, lanes: Lanes, k: int) -> None:
 
 
 @unchecked_kernel
-def along_t(places: Places, t: np.ndarray, lanes: Lanes, curvature: np.ndarray) -> None:
+def along_t(places: Places, t: Lane, lanes: Lanes, curvature: Lane) -> None:
     """u = F*(V) and <V, D_r> (LANES,), V being the Hermitian part of S^-1 D_r Z.
 
     From what `newton_matrix` leaves: V itself is not needed.
     """
-    c, r, N = places.left.size, places.right.size, places.blocks
+    c, r, N = places.c, places.r, places.blocks
     u, x, two = lanes.u, lanes.x, 2 * LANES
     TM, UM, Si, Z = lanes.T_M, lanes.U_M, lanes.S_inverse, lanes.Z
-    for e in range(u.size):
+    for e in range((N + places.q) * LANES):
         u[e] = 0.0
     for i in range(r):
         to = places.right[i] * LANES
@@ -213,7 +206,7 @@ def along_t(places: Places, t: np.ndarray, lanes: Lanes, curvature: np.ndarray) 
             at, of = (i * r + j) * LANES, places.right[j] * LANES
             for w in range(LANES):
                 u[to + w] -= lanes.P_M[at + w] * x[of + w]
-    for k in range(places.row.size):
+    for k in range(places.q):
         p, q, to = places.row[k], places.column[k], (N + k) * LANES
         for j in range(r):
             # Z[j, q] is the conjugate of Z[q, j]
