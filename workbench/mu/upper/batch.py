@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two, unit
-from workbench.mu.upper.linear_algebra import factor, inner
+from workbench.mu.upper.linear_algebra import copy, factor, inner
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill, slack
@@ -40,10 +40,10 @@ def solve_each(
     x, early = np.zeros(pattern.row.size), np.zeros(pattern.row.size)
     early_t, last_scale = 0.0, 0.0
     for f in range(count):
-        M[:] = batch[f]
+        # entry by entry: to copy slices is to compile their error messages too, which takes seconds
         for i in range(c):
             for j in range(r):
-                M[i, j] *= E[pattern.left[i]] / E[pattern.right[j]]
+                M[i, j] = batch[f, i, j] * (E[pattern.left[i]] / E[pattern.right[j]])
         scale = unit(M)
         if scale > 0.0:
             norm = balance(pattern.left, pattern.right, M, E)
@@ -51,9 +51,9 @@ def solve_each(
         if scale > 0.0:
             solved = False
             enough = (level / scale) ** 2
-            if scale == last_scale and np.all(last_E == E):
+            if scale == last_scale and _same(last_E, E):
                 for rise in WARM_START_RISES:
-                    x[:] = early
+                    copy(early, x)
                     start = rise * early_t
                     early_t, gaps[f], iterations[f] = follow(
                         M, pattern, start, x, early, accuracy, PATH_ITERATIONS, enough
@@ -68,7 +68,7 @@ def solve_each(
                     M, pattern, _above(M), x, early, accuracy, PATH_ITERATIONS, enough
                 )
             last_scale = scale if early_t > 0.0 else 0.0
-            last_E[:] = E
+            copy(E, last_E)
         else:
             _identity(pattern, x)
             last_scale = 0.0
@@ -78,7 +78,8 @@ def solve_each(
                 D[f, i, j] *= E[i] * E[j]
                 G[f, i, j] *= E[i] * E[j] * scale
         if scale == 0.0:
-            E[:] = 1.0
+            for k in range(E.size):
+                E[k] = 1.0
 
 
 @compiled
@@ -119,7 +120,16 @@ def _identity(pattern: Pattern, x: np.ndarray) -> None:
         x[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
 
 
-@compiled
+@unchecked_kernel
+def _same(x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether two vectors are equal."""
+    same = True
+    for k in range(x.size):
+        same = same and x[k] == y[k]
+    return same
+
+
+@unchecked_kernel
 def _above(M: np.ndarray) -> float:
     """A number above the square of the largest singular value."""
     return 1.05 * inner(M, M)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 
 UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""
@@ -81,6 +81,13 @@ def multiply_adjoint(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
             for k in range(1, A.shape[1]):
                 total += A[i, k] * np.conj(B[j, k])
             X[i, j] = total
+
+
+@unchecked_kernel
+def copy(x: np.ndarray, y: np.ndarray) -> None:
+    """Set y = x, vectors; entry by entry, as to copy slices is to compile their errors too."""
+    for k in range(x.size):
+        y[k] = x[k]
 
 
 @compiled

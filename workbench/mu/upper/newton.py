@@ -111,12 +111,15 @@ def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: n
     c, r = M.shape
     multiply(M, X, MX)
     multiply_adjoint(MX, M, MXM)
-    T[:c, :c] = MXM
-    T[:c, c:] = MX
-    for i in range(r):
+    for i in range(c):
         for j in range(c):
-            T[c + i, j] = np.conj(MX[j, i])
-    T[c:, c:] = X
+            T[i, j] = MXM[i, j]
+        for j in range(r):
+            T[i, c + j] = MX[i, j]
+            T[c + j, i] = np.conj(MX[i, j])
+    for i in range(r):
+        for j in range(r):
+            T[c + i, c + j] = X[i, j]
 
 
 @compiled

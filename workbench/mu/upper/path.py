@@ -20,6 +20,7 @@ import numpy as np
 
 from workbench.compiled import compiled
 from workbench.mu.upper.linear_algebra import (
+    copy,
     factor,
     factor_normal,
     inner,
@@ -90,7 +91,7 @@ def follow(
         gap = inside / (t * inner(point.Z, point.B))
         if early_t == 0.0 and gap <= EARLY_GAP and iteration > 0:
             early_t = t
-            early[:] = x
+            copy(x, early)
 
         along, bb, schur = _newton_system(M, pattern, t, point, system, scratch)
         dt = max(-1.0 / schur, -LARGEST_FALL * t)
@@ -114,7 +115,7 @@ def follow(
         else:
             return early_t, gap, iteration
         t = ahead
-        x[:] = system.other
+        copy(system.other, x)
         if t <= max(nothing, enough):
             return early_t, 0.0, iteration + 1
         _add(point.Z, dual, step.dZ)
