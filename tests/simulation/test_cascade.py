@@ -128,10 +128,8 @@ def test_refusals():
         Cascade(["e"], [law(tells="e")])
     with pytest.raises(InputError, match="'K' is given f, which nothing in front"):
         Cascade(["e"], [law(given="f")])
-    with pytest.raises(InputError, match="0 parts"):
+    with pytest.raises(InputError, match="without parts"):
         Cascade(["e"], [])
-    with pytest.raises(InputError, match="9 parts"):
-        Cascade(["e"], [law(str(n), tells=f"u{n}") for n in range(9)])
     with pytest.raises(InputError, match="gives 1 outputs"):
         Part("K", linear(LAW, PERIOD), ["e"], ["u", "v"])
     with pytest.raises(InputError, match=r"sample time 0\.002 s, the loop 0\.001 s"):

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
-from workbench.simulation.controllers import Controller, idle
-from workbench.simulation.machine import SLOTS, as_pointer
+from workbench.simulation.controllers import Controller
+from workbench.simulation.steps import address_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ class Cascade:
     """Parts that run one after the other at each sample.
 
     measurements  names (r,) of the measurements of the loop;
-    parts         at most eight parts; the outputs of the last one are the command (m,);
+    parts         one or more; the outputs of the last one are the command (m,);
     previous      names (m,) of the outputs of the previous sample, after the converters.
 
     Raises InputError for repeated names, for a signal that no earlier part gives, and for too many
@@ -83,8 +84,8 @@ class Cascade:
     previous: Sequence[str] = ("u_last",)
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.parts) <= SLOTS:
-            raise InputError(f"{len(self.parts)} parts; a cascade has 1 to {SLOTS}")
+        if not self.parts:
+            raise InputError("a cascade without parts; it needs one at least")
         if len(self.previous) != self.parts[-1].controller.outputs:
             raise InputError(
                 f"previous outputs {list(self.previous)}, but the last part "
@@ -134,36 +135,33 @@ def alone(controller: Controller, measurements: int) -> Cascade:
     return Cascade(names, [part], [f"last output {i}" for i in outputs])
 
 
-class Slots(NamedTuple):
-    """Arrays of a cascade for the compiled loop, with an entry for each of `SLOTS` parts.
+class Turn(NamedTuple):
+    """What the call of a part needs.
 
-    Entries behind the last part are empty. The states are copies.
-
-    steps       compiled steps;
-    states      states, which the loop changes;
-    parameters  parameters of the steps;
-    wires       for each input of a part its place in the row of signals; none if the inputs are
-                neighbours there;
+    step        the address of its step, or in a plain cascade the step itself;
+    state       its state, a copy, which the loop changes;
+    parameters  parameters of the step;
+    wires       for each input its place in the row of signals; none if they are neighbours there;
     given       space for the inputs, or that piece of the row;
     told        piece of the row for the outputs.
     """
 
-    steps: tuple[Any, ...]
-    states: tuple[RealArray, ...]
-    parameters: tuple[RealArray, ...]
-    wires: tuple[IntegerArray, ...]
-    given: tuple[RealArray, ...]
-    told: tuple[RealArray, ...]
+    step: Any
+    state: RealArray
+    parameters: RealArray
+    wires: IntegerArray
+    given: RealArray
+    told: RealArray
 
 
-def slots(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> Slots:
-    """Slots of a cascade; a part whose name is in `memory` continues from the state stored there.
+def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> list[Turn]:
+    """Turns of the parts; one whose name is in `memory` continues from the state stored there.
 
     The parts read and write the row (S,) of a sample's signals. Raises InputError if the numbers of
     states differ.
     """
     names, place = cascade.signals, len(cascade.measurements) + len(cascade.previous)
-    rows: list[tuple[Any, ...]] = []
+    found: list[Turn] = []
     for part in cascade.parts:
         law = part.controller
         state = np.array(law.state, float)
@@ -175,24 +173,30 @@ def slots(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> Slo
                     f"before it left {before.size}"
                 )
             state[: before.size] = before
-        step = law.step if law.plain else as_pointer(law.step, 4)
+        step = law.step if cascade.plain else address_of(law.step, 4)
         wires = np.array([names.index(name) for name in part.given], np.int64)
         given, told = np.zeros(len(wires)), row[place : place + law.outputs]
         if len(wires) and (np.diff(wires) == 1).all():
             given, wires = row[wires[0] : wires[-1] + 1], wires[:0]
-        rows.append((step, state, _vector(law.parameters), wires, given, told))
+        parameters = np.ascontiguousarray(law.parameters, float)
+        found.append(Turn(step, state, parameters, wires, given, told))
         place += law.outputs
-    spare, none = as_pointer(idle(0).step, 4), np.zeros(0)
-    rows += [(spare, none, none, np.zeros(0, np.int64), none, none)] * (SLOTS - len(rows))
-    return Slots(*zip(*rows, strict=True))
+    return found
+
+
+def table(parts: Sequence[Turn]) -> IntegerArray:
+    """Rows of the address of the step, then address and size of each array; these must be kept."""
+    return np.array(
+        [[one.step, *chain(*(_place(array) for array in one[1:]))] for one in parts], np.int64
+    )
+
+
+def _place(array: RealArray | IntegerArray) -> tuple[int, int]:
+    """Address and size of an array."""
+    return array.__array_interface__["data"][0], array.size
 
 
 def carried(part: Part) -> int:
     """Number of states that a part hands over to, and takes over from, a part of the same name."""
     law = part.controller
     return np.size(law.state) if law.carried is None else law.carried
-
-
-def _vector(values: Any) -> RealArray:
-    """Values as a contiguous float array."""
-    return np.ascontiguousarray(values, float)

@@ -30,10 +30,11 @@ from numpy.typing import ArrayLike
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
+from workbench.simulation.cascade import Cascade, Turn, alone, carried, table, turns
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import as_pointer, machine
+from workbench.simulation.machine import machine
 from workbench.simulation.plain import plain_loop
+from workbench.simulation.steps import address_of
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
 
 Schedule = Sequence[tuple[float, Cascade]]
@@ -192,8 +193,7 @@ class SampledLoop:
         recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
         q, s = self.positions, self.signals
         start = np.zeros(s)
-        sense = as_pointer(self.sense, 4)
-        sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
+        self.sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
         n = self.plant.nstates
         desk = (c, n, exogenous.shape[1], s, s)
         rest = (
@@ -207,10 +207,10 @@ class SampledLoop:
         states: dict[str, RealArray] = {}
         for first, last, cascade in self._stages(controller, samples):
             row = np.zeros(len(cascade.signals))
-            made = slots(cascade, states, row)
+            made = turns(cascade, states, row)
             told = self._stage(cascade, made, row, rest, first, last, samples)
-            for part, state in zip(cascade.parts, made.states, strict=False):
-                states[part.name] = state[: carried(part)]
+            for part, turn in zip(cascade.parts, made, strict=True):
+                states[part.name] = turn.state[: carried(part)]
             given = len(cascade.measurements)
             measurement[first:last] = told[:, :given]
             for name, column in zip(cascade.signals[given:], told.T[given:], strict=True):
@@ -253,7 +253,7 @@ class SampledLoop:
     def _stage(
         self,
         cascade: Cascade,
-        made: Slots,
+        made: Sequence[Turn],
         row: RealArray,
         rest: Any,
         first: int,
@@ -265,13 +265,12 @@ class SampledLoop:
         rows, measured = np.empty((last - first, len(names))), row[: self.measurements]
         ends = self.sense_parameters, self.read_parameters
         span = rows, first, last
+        sense, read = address_of(self.sense, 4), address_of(self.read, 3)
         if cascade.plain:
-            turns = list(zip(*made, strict=True))[: len(cascade.parts)]
-            stop = plain_loop(turns, self.sense, self.read, ends, measured, row, rest, *span)
+            stop = plain_loop(made, sense, read, ends, measured, row, rest, *span)
         else:
             loop = machine()[0]
-            functions = *made.steps, as_pointer(self.sense, 4), as_pointer(self.read, 3)
-            stop = loop(*functions, tuple(made[1:]), ends, measured, row, *rest, *span)
+            stop = loop(table(made), sense, read, ends, measured, row, *rest, *span)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")

@@ -14,47 +14,22 @@ from typing import Any
 
 import numpy as np
 
+from workbench.addresses import numbers_at, places_at, types
 from workbench.arrays import IntegerArray, RealArray
 from workbench.compiled import inlined, kernel
 from workbench.simulation.converters import convert
-
-SLOTS = 8
-"""Largest number of parts of a cascade."""
-
-
-@cache
-def pointer(arguments: int) -> Any:
-    """Numba's type of a pointer to a compiled function of so many float arrays."""
-    from numba import types
-
-    array = types.Array(types.float64, 1, "C")
-    return types.FunctionType(types.void(*[array] * arguments))
-
-
-@cache
-def as_pointer(function: Any, arguments: int) -> Any:
-    """The compiled function itself, ready to be passed as a `pointer`.
-
-    Numba looks long for what it has compiled, so a function is asked only once.
-    """
-    function.compile(pointer(arguments).signature)
-    return function
+from workbench.simulation.steps import VECTOR, call3, call4
 
 
 @cache
 def machine() -> tuple[Any, Any, Any]:
     """The compiled loop, and the first and last part of a sample, `look` and `move`.
 
-    Controllers are passed as pointers: with another signature each controller would need its own
-    compiled loop. The compilation takes place at the first run.
+    Controllers are passed by their addresses: otherwise each would need its own compiled loop. The
+    compilation takes place at the first run.
     """
-    from numba import types as numba_types
-
-    types: Any = numba_types  # has no annotations
-    vector, matrix, cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
-    counts = types.Array(types.int64, 1, "C")
-    each = types.UniTuple(vector, SLOTS)
-    parts = types.Tuple((each, each, types.UniTuple(counts, SLOTS), each, each))
+    vector, (matrix, cube) = VECTOR, (types.Array(types.float64, n, "C") for n in (2, 3))
+    counts, table = (types.Array(types.int64, n, "C") for n in (1, 2))
     groups = (
         types.UniTuple(vector, 4),
         types.UniTuple(vector, 5),
@@ -66,12 +41,11 @@ def machine() -> tuple[Any, Any, Any]:
     ends = types.UniTuple(vector, 2)
     signatures = {
         _loop: types.int64(
-            *[pointer(4)] * (SLOTS + 1),
-            *(pointer(3), parts, ends, vector, vector, *groups),
+            *(table, types.int64, types.int64, ends, vector, vector, *groups),
             *(matrix, types.int64, types.int64),
         ),
-        look: types.void(types.int64, pointer(3), vector, vector, vector, *groups),
-        move: types.void(types.int64, pointer(4), vector, vector, *groups),
+        look: types.void(types.int64, types.int64, vector, vector, vector, *groups),
+        move: types.void(types.int64, types.int64, vector, vector, *groups),
     }
     made = []
     for function, signature in signatures.items():
@@ -82,20 +56,15 @@ def machine() -> tuple[Any, Any, Any]:
 
 
 @inlined
-def _turn(
-    step: Any,
-    state: RealArray,
-    parameters: RealArray,
-    wires: IntegerArray,
-    given: RealArray,
-    told: RealArray,
-    row: RealArray,
-) -> None:
-    """Call one part, unless the slot is empty; it writes its outputs into the row."""
-    if len(told) > 0:
-        for i in range(len(wires)):
-            given[i] = row[wires[i]]
-        step(state, parameters, given, told)
+def _turn(part: int, parts: IntegerArray, row: RealArray) -> None:
+    """Call a part; it writes its outputs into the row."""
+    given = numbers_at(parts[part, 7], parts[part, 8])
+    wires = places_at(parts[part, 5], parts[part, 6])
+    for i in range(len(wires)):
+        given[i] = row[wires[i]]
+    state = numbers_at(parts[part, 1], parts[part, 2])
+    parameters = numbers_at(parts[part, 3], parts[part, 4])
+    call4(parts[part, 0], state, parameters, given, numbers_at(parts[part, 9], parts[part, 10]))
 
 
 # The groups of arguments that every sample needs, as `SampledLoop` makes them:
@@ -111,7 +80,7 @@ def _turn(
 @inlined
 def look(
     k: int,
-    read: Any,
+    read: int,
     read_parameters: RealArray,
     measured: RealArray,
     row: RealArray,
@@ -142,7 +111,7 @@ def look(
         converted[i], over = convert(raw, limits[i, 0], limits[i, 1], limits[i, 2])
         channels[k, i] = converted[i]
         saturated[i] += over
-    read(converted, read_parameters, measured)
+    call3(read, converted, read_parameters, measured)
     r = len(measured)
     for i in range(output.shape[1]):
         row[r + i] = output[k - 1, i] if k > 0 else 0.0
@@ -175,7 +144,7 @@ def _outside(k: int, fraction: float, exogenous: RealArray, outside: RealArray) 
 @inlined
 def move(
     k: int,
-    sense: Any,
+    sense: int,
     sense_parameters: RealArray,
     row: RealArray,
     memory: Any,
@@ -200,10 +169,10 @@ def move(
         held = k - age[w]
         _product(w, 0, held, x, plant, output, at)
         _outside(k, fraction[2 * w], exogenous, outside)
-        sense(at, outside, sense_parameters, middle)
+        call4(sense, at, outside, sense_parameters, middle)
         _product(w, len(at), held, x, plant, output, at)
         _outside(k, fraction[2 * w + 1], exogenous, outside)
-        sense(at, outside, sense_parameters, end)
+        call4(sense, at, outside, sense_parameters, end)
         _product(w, 2 * len(at), held, x, plant, output, after)
         for i in range(len(x)):
             x[i] = after[i]
@@ -215,17 +184,9 @@ def move(
 
 @kernel
 def _loop(
-    step0: Any,
-    step1: Any,
-    step2: Any,
-    step3: Any,
-    step4: Any,
-    step5: Any,
-    step6: Any,
-    step7: Any,
-    sense: Any,
-    read: Any,
-    parts: Any,
+    parts: IntegerArray,
+    sense: int,
+    read: int,
     ends: Any,
     measured: RealArray,
     row: RealArray,
@@ -241,27 +202,14 @@ def _loop(
 ) -> int:
     """Run samples first to last - 1; return the first with a signal that is not finite, or last.
 
-    ``parts`` are the states, parameters, wires, inputs and outputs of every slot; ``ends`` the
-    parameters of the sensor and of the reading. The steps come one by one: Numba has no tuples of
-    pointers to functions.
+    ``parts`` are rows of `table`, ``sense`` and ``read`` the addresses of sensor and reading,
+    ``ends`` their parameters.
     """
-    states, parameters, wires, given, told = parts
-    s0, s1, s2, s3, s4, s5, s6, s7 = states
-    p0, p1, p2, p3, p4, p5, p6, p7 = parameters
-    w0, w1, w2, w3, w4, w5, w6, w7 = wires
-    g0, g1, g2, g3, g4, g5, g6, g7 = given
-    t0, t1, t2, t3, t4, t5, t6, t7 = told
     sense_parameters, read_parameters = ends
     for k in range(first, last):
         look(k, read, read_parameters, measured, row, memory, desk, plant, levels, played, record)
-        _turn(step0, s0, p0, w0, g0, t0, row)
-        _turn(step1, s1, p1, w1, g1, t1, row)
-        _turn(step2, s2, p2, w2, g2, t2, row)
-        _turn(step3, s3, p3, w3, g3, t3, row)
-        _turn(step4, s4, p4, w4, g4, t4, row)
-        _turn(step5, s5, p5, w5, g5, t5, row)
-        _turn(step6, s6, p6, w6, g6, t6, row)
-        _turn(step7, s7, p7, w7, g7, t7, row)
+        for part in range(len(parts)):
+            _turn(part, parts, row)
         finite = True
         for i in range(len(row)):
             signals[k - first, i] = row[i]

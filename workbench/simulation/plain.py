@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from workbench.simulation.machine import machine
 
 
 def plain_loop(
-    turns: list[tuple[Any, ...]],
-    sense: Any,
-    read: Any,
+    turns: Sequence[tuple[Any, ...]],
+    sense: int,
+    read: int,
     ends: tuple[RealArray, RealArray],
     measured: RealArray,
     row: RealArray,
@@ -24,8 +25,8 @@ def plain_loop(
 ) -> int:
     """Run samples first to last - 1; return the first with a signal that is not finite, or last.
 
-    It does the same as the compiled loop. ``turns`` holds for each part the entries of `Slots`:
-    step, state, parameters, wires, inputs and outputs.
+    It does the same as the compiled loop. ``turns`` holds for each part step, state, parameters,
+    wires, inputs and outputs.
     """
     _, look, move = machine()
     sense_parameters, read_parameters = ends

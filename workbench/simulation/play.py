@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,7 +9,7 @@ from workbench.arrays import RealArray
 from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
-from workbench.simulation.machine import as_pointer, pointer
+from workbench.simulation.steps import address_of, call4
 
 
 def play(controller: Controller, measurement: ArrayLike) -> RealArray:
@@ -45,34 +42,22 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
     output = np.zeros((len(record), controller.outputs))
     state = np.array(controller.state, float)
     parameters = np.array(controller.parameters, float)
-    plain = controller.plain
-    player = _play if plain else _player()
-    step = controller.step if plain else as_pointer(controller.step, 4)
-    stop = player(step, state, parameters, record, output)
-    if stop < len(record):
+    if controller.plain:
+        for row, told in zip(record, output, strict=True):
+            controller.step(state, parameters, row, told)
+    else:
+        _play(address_of(controller.step, 4), state, parameters, record, output)
+    finite = np.isfinite(output).all(axis=1)
+    if not finite.all():
+        stop = int(np.argmin(finite))
         raise InputError(f"the output is not finite at sample {stop} of {len(record)}")
     return output
 
 
-@cache
-def _player() -> Any:
-    """`_play`, compiled for pointers to steps."""
-    from numba import types
-
-    vector, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
-    player = compiled(_play)
-    player.compile(types.int64(pointer(4), vector, vector, matrix, matrix))
-    player.disable_compile()
-    return player
-
-
+@compiled
 def _play(
-    step: Any, state: RealArray, parameters: RealArray, record: RealArray, output: RealArray
-) -> int:
-    """Fill the outputs; return the first sample whose output is not finite, or the length."""
+    step: int, state: RealArray, parameters: RealArray, record: RealArray, output: RealArray
+) -> None:
+    """Fill the outputs."""
     for k in range(len(record)):
-        step(state, parameters, record[k], output[k])
-        for i in range(output.shape[1]):
-            if not np.isfinite(output[k, i]):
-                return k
-    return len(record)
+        call4(step, state, parameters, record[k], output[k])

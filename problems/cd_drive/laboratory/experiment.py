@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from pydantic import with_config
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.remembered import remembered
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -231,7 +232,7 @@ def _sampled(laboratory: Laboratory) -> StateSpace:
     return sampled(_plant(laboratory), PERIOD, laboratory.delay)
 
 
-@lru_cache(maxsize=8)  # strategies are compared under the same noise
+@remembered(megabytes=100)  # strategies are compared under the same noise
 def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
     """Noise (samples, 4) of the two diodes, v_r and u_m [V]."""
     rng, size = np.random.default_rng(seed), laboratory.noise

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.remembered import remembered
 
 from ..diagnosis.defect_kinds import KINDS, SHOCK_PEAK, draw, shocks
 from ..drive.disc import Defect, Disc
@@ -96,19 +96,19 @@ class Remembered(Disc):
         return light.copy(), false.copy()
 
 
-@lru_cache(maxsize=8)
+@remembered(megabytes=50)
 def _deviation(disc: Remembered, axis: Axis, samples: int) -> RealArray:
     return Disc.deviation(disc, axis, np.arange(samples) / RATE)
 
 
-@lru_cache(maxsize=8)
+@remembered(megabytes=50)
 def _excitation(
     bench: Laboratory, many: tuple[tuple[float, float, float], ...], samples: int
 ) -> RealArray:
     return shocks(bench, many, samples)
 
 
-@lru_cache(maxsize=8)
+@remembered(megabytes=50)
 def _surface(
     disc: Remembered, defects: tuple[Defect, ...], samples: int
 ) -> tuple[RealArray, RealArray]:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
-from workbench.arrays import RealArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
 from workbench.systems import modulus_margin
 
@@ -40,13 +41,19 @@ def peak_sensitivity(axis: Axis, law: StateSpace) -> float:
 
     K = law(np.exp(2j * np.pi * FREQUENCY * PERIOD))
     peak = 0.0
-    for n in range(1, 13):
-        bench = Laboratory(axis, f"CD{n}")
+    for drive, response in _drives(axis):
         # f_en falls as the lens rises: the response has the feedback's sign in it.
-        if abs(control.feedback(law, bench.sampled_error(), sign=1).poles()).max() >= 1.0:
+        if abs(control.feedback(law, drive, sign=1).poles()).max() >= 1.0:
             return np.inf
-        peak = max(peak, 1.0 / modulus_margin(-K * bench.response(FREQUENCY)["f_en"]))
+        peak = max(peak, 1.0 / modulus_margin(-K * response))
     return peak
+
+
+@lru_cache(maxsize=2)
+def _drives(axis: Axis) -> list[tuple[StateSpace, ComplexArray]]:
+    """Sampled models u -> f_en of the twelve drives, and their responses at FREQUENCY."""
+    benches = [Laboratory(axis, f"CD{n}") for n in range(1, 13)]
+    return [(one.sampled_error(), one.response(FREQUENCY)["f_en"]) for one in benches]
 
 
 @dataclass

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.addresses import address
 from workbench.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.lanes.algebra import (
     cholesky,
@@ -17,7 +18,7 @@ from workbench.mu.upper.lanes.algebra import (
     real_cholesky_solve,
     twice_hermitian_part,
 )
-from workbench.mu.upper.lanes.simd import LANES, Lane, address, set_real_product, set_sum
+from workbench.mu.upper.lanes.simd import LANES, Lane, set_real_product, set_sum
 from workbench.mu.upper.lanes.state import (
     Fates,
     Lanes,

@@ -11,57 +11,15 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils as _cgutils
-from numba.core import types as _types
 from numba.core.extending import intrinsic
-from numba.np.arrayobj import make_array as _make_array
 
-cgutils: Any = _cgutils  # these have no annotations
-make_array: Any = _make_array
-types: Any = _types
+from workbench.addresses import cgutils, start_of, types
+
 LANES = 8
 """Matrices that are worked on at once."""
 Lane = Any
 """An array of lanes, or the address of its first number."""
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
-
-
-def _pointer(context: Any, builder: Any, kind: Any, array: Any) -> Any:
-    """Address of the first entry of an array, or the address that is given."""
-    if isinstance(kind, types.CPointer):
-        return array
-    return make_array(kind)(context, builder, array).data
-
-
-def _address(typing: Any, array: Any, place: Any) -> Any:
-    signature = types.CPointer(array.dtype)(array, types.intp)
-
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.gep(_pointer(context, builder, signature.args[0], args[0]), [args[1]])
-
-    return signature, generate
-
-
-def addresses(kind: Any) -> Any:
-    """Intrinsic for a named tuple of addresses in an array, given where each field starts there."""
-    count = len(kind._fields)
-
-    def found(typing: Any, array: Any, starts: Any) -> Any:
-        fields = types.NamedUniTuple(types.CPointer(array.dtype), count, kind)
-
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            data, places = (_pointer(context, builder, signature.args[k], args[k]) for k in (0, 1))
-            numbers = [ir.Constant(ir.IntType(64), k) for k in range(count)]
-            each = [builder.gep(data, [builder.load(builder.gep(places, [k]))]) for k in numbers]
-            return context.make_tuple(builder, signature.return_type, each)
-
-        return fields(array, starts), generate
-
-    return intrinsic(found)
-
-
-address: Any = intrinsic(_address)
-"""Address of an entry of an array, which must outlive it."""
 
 
 def _vector(builder: Any, data: Any, place: Any) -> Any:
@@ -130,7 +88,7 @@ def _summed(
             width = _number(builder, args[1], LANES * (2 if complex_ else 1))
             half = _number(builder, args[1], LANES)
             target, first, second = (
-                _pointer(context, builder, signature.args[k], args[k]) for k in (0, 3, 7)
+                start_of(context, builder, signature.args[k], args[k]) for k in (0, 3, 7)
             )
 
             def place(start: Any, *terms: tuple[Any, Any]) -> Any:
@@ -223,7 +181,7 @@ def _set_sum(
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         width = _number(builder, args[1], LANES)
         target, first, share, second = (
-            _pointer(context, builder, signature.args[k], args[k]) for k in (0, 2, 4, 6)
+            start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4, 6)
         )
         factor = _load(builder, share, builder.mul(args[5], width))
         with cgutils.for_range(builder, args[8]) as loop:
@@ -245,7 +203,7 @@ def _scaled(sign: int) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             width = _number(builder, args[1], LANES)
             target, share, given = (
-                _pointer(context, builder, signature.args[k], args[k]) for k in (0, 2, 4)
+                start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4)
             )
             factor = _load(builder, share, builder.mul(args[3], width))
             factor = builder.fneg(factor) if sign < 0 else factor
@@ -268,7 +226,7 @@ def _copied(sign: int) -> Any:
 
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             width, half = (_number(builder, args[1], LANES * k) for k in (2, 1))
-            target, given = (_pointer(context, builder, signature.args[k], args[k]) for k in (0, 2))
+            target, given = (start_of(context, builder, signature.args[k], args[k]) for k in (0, 2))
             to, at = (builder.mul(args[k], width) for k in (1, 3))
             real, imaginary = (
                 _load(builder, given, place) for place in (at, builder.add(at, half))

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.mu.upper.lanes.simd import LANES, Lane, addresses
+from workbench.addresses import addresses
+from workbench.mu.upper.lanes.simd import LANES, Lane
 
 
 class Places(NamedTuple):
