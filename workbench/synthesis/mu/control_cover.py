@@ -34,8 +34,11 @@ from workbench.uncertainty.covers.weights import (
 
 POWERS = (8, 32, 128)
 """Powers of the means over frequency that stand for the largest mu, one after the other."""
-COVER_BFGS_STEPS = 100
+COVER_BFGS_STEPS = 300
 """Largest number of steps of BFGS for each power."""
+SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
+"""Step of the differences by which mu's slopes are found, over the size of a part's response there;
+and the least share of its largest size that it is taken to have."""
 COMPLEX_EXCESS = 0.05
 """Relative rise of the largest mu that an excess of W_c may cause before it counts."""
 RADIUS_ROOM = 0.03
@@ -143,22 +146,58 @@ class ControlCover:
         held = self._responses(parts)
         unstable = _unstable_poles([part for name, part in parts.items() if name not in moving])
 
-        def largest(y: RealArray, power: int) -> float:
-            vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
-            moved = {
-                name: part.response(vector, self._from_zero) for (name, part), vector in vectors
-            }
-            return _norm(self._loop(held | moved, unstable), power)
+        def split(y: RealArray) -> Iterator[tuple[Name, FactoredRational, RealArray]]:
+            return zip(sections, sections.values(), np.split(y * units, ends), strict=True)
+
+        def largest(y: RealArray, power: int) -> tuple[float, RealArray]:
+            values, slopes = dict(held), {}
+            for name, part, vector in split(y):
+                values[name], slopes[name] = part.values(vector, self._from_zero)
+            loop = self._loop(values, unstable)
+            if loop is None:
+                return UNSTABLE_MU, np.zeros_like(y)
+            inside = {name: value[1:] for name, value in values.items()}
+            return self._smoothed(loop, inside, slopes, power, units)
 
         y = x / units
         for power in context.track(POWERS, " and ".join(moving)):
-            y = minimize(largest, y, (power,), "BFGS", options={"maxiter": COVER_BFGS_STEPS}).x
-            vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
-            found = {name: part.rational(vector) for (name, part), vector in vectors}
+            steps = {"maxiter": COVER_BFGS_STEPS}
+            y = minimize(largest, y, (power,), "BFGS", jac=True, options=steps).x
+            found = {name: part.rational(vector) for name, part, vector in split(y)}
             if "real" in found:
                 omega = self.responses.omega
                 found["real"] = damped(resolved(found["real"], omega), omega)
             yield parts | found
+
+    def _smoothed(
+        self,
+        loop: LoopData,
+        values: dict[Name, ComplexArray],
+        slopes: dict[Name, ComplexArray],
+        power: int,
+        units: RealArray,
+    ) -> tuple[float, RealArray]:
+        """The power mean of mu over frequency, and its slopes by the parameters over their units.
+
+        Mu at a frequency depends on the parameters by a few complex numbers, the ``values`` (F,) of
+        the parts, whose ``slopes`` (1 + F, P) by the parameters are known.
+        """
+        mu = loop.weights.mu(loop.T)
+        share = mu / mu.max()
+        mean = float(np.mean(share**power))
+        norm = float(mu.max()) * mean ** (1 / power)
+        counts = norm / mu.max() * share ** (power - 1) / (mean * mu.size)
+        by_part = []
+        for name, by_parameter in slopes.items():
+            size = np.abs(values[name])
+            step = SLOPE_STEP * np.maximum(size, LEAST_SIZE * size.max())
+            slope: RealArray = np.zeros(by_parameter.shape[1])
+            for turn, part in ((1, by_parameter.real), (1j, by_parameter.imag)):
+                beside = self._data(values | {name: values[name] + turn * step})
+                change = (beside.weights.mu(beside.T) - mu) / step
+                slope += (counts * change) @ part[1:]
+            by_part.append(slope)
+        return norm, np.concatenate(by_part) * units
 
     def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
         """The loop of these parts; None where the nominal one is unstable.
@@ -228,7 +267,12 @@ class ControlCover:
         L = whole[1:]
         if not np.isfinite(L).all() or _encirclements(whole[0], L) != unstable:
             return None
-        G, real = values["nominal"][1:], values["real"][1:]
+        return self._data({name: value[1:] for name, value in values.items()})
+
+    def _data(self, values: dict[Name, ComplexArray]) -> LoopData:
+        """What mu depends on, from responses (F,) of the parts."""
+        G, real = values["nominal"], values["real"]
+        L = values["controller"] * G * self._sensor[1:]
         radius = self._radius(G, real)
         weights = LoopWeights(self._performance, self._control / np.abs(G), radius, real)
         return LoopData(L / (1 + L), weights, radius)
@@ -267,15 +311,6 @@ def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> R
     away = plants / nominal[:, None] - 1
     rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
     return np.asarray(needed_radius(away, end) + rounding)
-
-
-def _norm(loop: LoopData | None, power: int) -> float:
-    """The largest mu, smoothed: the power mean of mu over frequency."""
-    if loop is None:
-        return UNSTABLE_MU
-    mu = loop.weights.mu(loop.T)
-    top = float(mu.max())
-    return top * float(np.mean((mu / top) ** power)) ** (1 / power)
 
 
 def _unstable_poles(parts: Iterable[Rational]) -> int:
