@@ -92,9 +92,7 @@ class LoopWeights:
 
     def mu(self, T: ComplexArray) -> RealArray:
         """Mu of the loops with complementary sensitivity T (F,), or (..., F)."""
-        outputs = np.hypot(self.performance * np.abs(1 - T), self.control * np.abs(T))
-        found: RealArray = rank_one_mu(self.real * T, self.circular * np.abs(T) + outputs)
-        return found
+        return loop_mu(T, self.performance, self.control, self.circular, self.real)
 
     @property
     def delta(self) -> RealArray:
@@ -133,3 +131,16 @@ class LoopWeights:
         outputs = np.hypot(self.performance * np.abs(1 - T), self.control * np.abs(T))
         left = level * np.abs(1 - x * c) - outputs
         return np.asarray(left / np.maximum(np.abs(T), np.finfo(float).tiny))
+
+
+def loop_mu(
+    T: ComplexArray,
+    performance: RealArray,
+    control: RealArray,
+    circular: RealArray,
+    real: ComplexArray,
+) -> RealArray:
+    """Mu (F,) of loops with complementary sensitivity T (F,) and weights as in `LoopWeights`."""
+    outputs = np.hypot(performance * np.abs(1 - T), control * np.abs(T))
+    found: RealArray = rank_one_mu(real * T, circular * np.abs(T) + outputs)
+    return found

@@ -1,9 +1,9 @@
 """Uncertainty covers for a loop: weights that contain the plants where they hurt the loop least.
 
 With T = L / (1 + L) of a controller, mu of its loop is that of `LoopWeights`, with the radius that
-the plants need about a real weight. The narrowest stadium is not the one of least mu: here the
-real weight is chosen for mu, alone or together with nominal and controller, and the complex weight
-then exceeds the radius where mu leaves room for it. Plants that are known at every frequency count
+the plants need about a real weight. The narrowest stadium is not the one of least mu: here both
+weights are chosen for mu, alone or together with nominal and controller, so that the circular one
+exceeds the radius where mu leaves room for it. Plants that are known at every frequency count
 at every frequency of the grid, which is fine about their resonances.
 """
 
@@ -19,34 +19,40 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
+from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
-from workbench.synthesis.limits.loop_weights import LoopWeights
+from workbench.synthesis.limits.loop_weights import LoopWeights, loop_mu
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty import Responses, UncertaintyModel
-from workbench.uncertainty.covers.everywhere import covering_weight
+from workbench.uncertainty.covers.everywhere import reaching_known
 from workbench.uncertainty.covers.weights import (
     between,
     beyond,
     damped,
+    fitted,
     needed_radius,
+    reaching,
     resolved,
 )
 
-POWERS = (8, 32, 128)
+POWERS = (8, 32, 128, 512)
 """Powers of the means over frequency that stand for the largest mu, one after the other."""
 COVER_BFGS_STEPS = 300
 """Largest number of steps of BFGS for each power."""
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
 """Step of the differences by which mu's slopes are found, over the size of a part's response there;
 and the least share of its largest size that it is taken to have."""
-COMPLEX_EXCESS = 0.05
-"""Relative rise of the largest mu that an excess of W_c may cause before it counts."""
-RADIUS_ROOM = 0.03
-"""Least relative margin of the useful |W_c| over the radius; it caps the weight of the fit."""
 RESPONSE_ROUNDING = 1e-9
 """Rounding of a response, relative to the plants, that radii are increased by."""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
+BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
+"""Multiples of the highest of these frequencies at which mu is looked at too."""
+PULL = 1e-6
+"""Share by which mu counts as larger for a parameter that moves by its unit: what has no effect,
+such as a pole and a zero together, would else drift to where realisations lose their digits."""
+LOG_OF_NOTHING = -700.0
+"""Logarithm of a radius that counts for nothing."""
 UNSTABLE_MU = 1e6
 """Mu assigned to an unstable loop; infinity would leave the optimiser no slope."""
 LEAST_UNIT = 1e-3
@@ -55,7 +61,11 @@ LEAST_UNIT = 1e-3
 Weight = Callable[[RealArray], Array]
 """Response of a known system at frequencies [rad/s] (F,)."""
 
-Name = Literal["nominal", "real", "controller"]
+Name = Literal["nominal", "real", "controller", "circular"]
+
+
+MINIMUM_PHASE = ("controller", "circular")
+"""Parts that keep their zeros on the left."""
 
 
 class LoopData(NamedTuple):
@@ -117,32 +127,47 @@ class ControlCover:
         self.omega = _frequencies(responses, lowest)
         known = [plant.response(self.omega) for plant in responses.known_plants.values()]
         self._known = np.array(known).reshape(len(known), self.omega.size).T
+        all_known = len(known) == len(responses.plants)
+        given = responses.omega[: 0 if all_known else None]
+        self._given = np.searchsorted(self.omega, given)
+        lines = [np.interp(np.log(self.omega), np.log(given), row) for row in np.eye(given.size)]
+        self._lines = np.array(lines).reshape(given.size, self.omega.size).T
         self._performance = np.abs(performance(self.omega))
         self._control = np.abs(control(self.omega))
         self._from_zero = np.concatenate([[0.0], self.omega])
         self._sensor = sensor(self._from_zero)
 
-    def chosen(
+    def lowered(
         self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
-    ) -> Iterator[dict[Name, Rational]]:
-        """Nominal, real weight and controller, those that move chosen for the least largest mu.
+    ) -> dict[Name, Rational]:
+        """The parts, those that move and the circular weight chosen for the least largest mu.
 
-        They stay stable, with as many poles and zeros as they have; the controller keeps its zeros
-        on the left, and the nominal loop stable. One choice for each of `POWERS`, from the one
-        before: the last is the best for the radii that are needed, and for a weight that is fitted
-        to them another may be.
+        They stay stable, with as many poles and zeros as they have; controller and circular weight
+        keep their zeros on the left, and the controller the nominal loop stable. A local search;
+        from what it finds another may lead on.
+
+        Parameters
+        ----------
+        parts
+            The nominal, the real weight, the controller, and the circular weight; one that is
+            missing is fitted to the radii that it must cover.
+        moving
+            Which of the first three move.
+
+        Raises InputError for a controller with which the nominal loop is unstable.
         """
+        parts, moving = self._complete(parts, context), [*moving, "circular"]
         band = float(self.omega[0]), float(self.omega[-1])
         sections = {
             name: FactoredRational.of(
-                parts[name], len(parts[name].zeros), band, True, name == "controller"
+                parts[name], len(parts[name].zeros), band, True, name in MINIMUM_PHASE
             )
             for name in moving
         }
         starts = [part.start for part in sections.values()]
         ends = np.cumsum([len(start) for start in starts])[:-1]
         x = np.concatenate(starts)
-        units = np.maximum(np.abs(x), LEAST_UNIT)
+        units, sizes = np.maximum(np.abs(x), LEAST_UNIT), np.maximum(np.abs(x), 1.0)
         held = self._responses(parts)
         unstable = _unstable_poles([part for name, part in parts.items() if name not in moving])
 
@@ -153,157 +178,171 @@ class ControlCover:
             values, slopes = dict(held), {}
             for name, part, vector in split(y):
                 values[name], slopes[name] = part.values(vector, self._from_zero)
-            loop = self._loop(values, unstable)
-            if loop is None:
+            if not self._stable(values, unstable):
                 return UNSTABLE_MU, np.zeros_like(y)
             inside = {name: value[1:] for name, value in values.items()}
-            return self._smoothed(loop, inside, slopes, power, units)
+            norm, slope = self._smoothed(inside, slopes, power)
+            moved = (y * units - x) / sizes
+            pull = 1 + PULL * float(moved @ moved)
+            return norm * pull, (slope * pull + 2 * norm * PULL * moved / sizes) * units
 
         y = x / units
         for power in context.track(POWERS, " and ".join(moving)):
             steps = {"maxiter": COVER_BFGS_STEPS}
             y = minimize(largest, y, (power,), "BFGS", jac=True, options=steps).x
-            found = {name: part.rational(vector) for name, part, vector in split(y)}
-            if "real" in found:
-                omega = self.responses.omega
-                found["real"] = damped(resolved(found["real"], omega), omega)
-            yield parts | found
+        found = {name: part.rational(vector) for name, part, vector in split(y)}
+        if "real" in found:
+            omega = self.responses.omega
+            found["real"] = damped(resolved(found["real"], omega), omega)
+        found = parts | found
+        radius = self._radius({name: part.response(self.omega) for name, part in found.items()})
+        ratio = radius / np.abs(found["circular"].response(self.omega))
+        return found | {"circular": found["circular"].scaled(float(ratio.max()))}
 
     def _smoothed(
-        self,
-        loop: LoopData,
-        values: dict[Name, ComplexArray],
-        slopes: dict[Name, ComplexArray],
-        power: int,
-        units: RealArray,
+        self, values: dict[Name, ComplexArray], slopes: dict[Name, ComplexArray], power: int
     ) -> tuple[float, RealArray]:
-        """The power mean of mu over frequency, and its slopes by the parameters over their units.
+        """The power mean of mu over frequency, and its slopes by all parameters.
 
         Mu at a frequency depends on the parameters by a few complex numbers, the ``values`` (F,) of
-        the parts, whose ``slopes`` (1 + F, P) by the parameters are known.
+        the parts, whose ``slopes`` (1 + F, P) by the parameters are known. The circular weight is
+        scaled so that the power mean of radius over weight is 1.
         """
-        mu = loop.weights.mu(loop.T)
-        share = mu / mu.max()
-        mean = float(np.mean(share**power))
-        norm = float(mu.max()) * mean ** (1 / power)
-        counts = norm / mu.max() * share ** (power - 1) / (mean * mu.size)
-        by_part = []
+        known, given = self._logs(values)
+        size, lines = np.abs(values["circular"]), self._between(given)
+        scale, by_ratio = _power_mean(np.exp(np.maximum(known, lines)) / size, power)
+        circular = scale * size
+
+        def mu(values: dict[Name, ComplexArray], circular: RealArray) -> RealArray:
+            T, control = self._closed(values)
+            return loop_mu(T, self._performance, control, circular, values["real"])
+
+        found = mu(values, circular)
+        norm, by_mu = _power_mean(found, power)
+        by_mu = norm * by_mu / found
+        by_circular = by_mu * (mu(values, circular * (1 + SLOPE_STEP)) - found) / SLOPE_STEP
+        by_radius = by_ratio * by_circular.sum()
+        by_known = np.where(known >= lines, by_radius, 0.0)
+        by_given = (by_radius - by_known) @ self._lines
+        every = []
         for name, by_parameter in slopes.items():
+            if name == "circular":
+                relative = (by_parameter[1:] / values[name][:, None]).real
+                every.append((by_circular - by_radius) @ relative)
+                continue
             size = np.abs(values[name])
             step = SLOPE_STEP * np.maximum(size, LEAST_SIZE * size.max())
             slope: RealArray = np.zeros(by_parameter.shape[1])
             for turn, part in ((1, by_parameter.real), (1j, by_parameter.imag)):
-                beside = self._data(values | {name: values[name] + turn * step})
-                change = (beside.weights.mu(beside.T) - mu) / step
-                slope += (counts * change) @ part[1:]
-            by_part.append(slope)
-        return norm, np.concatenate(by_part) * units
+                beside = values | {name: values[name] + turn * step}
+                change = by_mu * (mu(beside, circular) - found)
+                if name != "controller":
+                    new_known, new_given = self._logs(beside)
+                    change += by_known * (new_known - known)
+                    change[self._given] += by_given * (new_given - given)
+                slope += (change / step) @ part[1:]
+            every.append(slope)
+        return norm, np.concatenate([*every, []])
 
     def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
         """The loop of these parts; None where the nominal one is unstable.
 
         Stability is read from the encirclements of -1; the controller may have one integrator.
         """
-        return self._loop(self._responses(parts), _unstable_poles(parts.values()))
-
-    def least_peak(self, parts: dict[Name, Rational]) -> float:
-        """Largest mu with |W_c| at the radii that it must cover; infinite if the loop is unstable.
-
-        A `model` of these parts has no lower peak, but for rounding. Where a plant is not known,
-        only the responses' frequencies are looked at: W_c covers such a plant there alone.
-        """
-        loop = self.loop(parts)
-        if loop is None:
-            return np.inf
-        mu = loop.weights.mu(loop.T)
-        if len(self.responses.known_plants) < len(self.responses.plants):
-            mu = mu[np.isin(self.omega, self.responses.omega)]
-        return float(mu.max())
+        values = self._responses(parts)
+        if not self._stable(values, _unstable_poles(parts.values())):
+            return None
+        values = {name: value[1:] for name, value in values.items()}
+        (T, control), real = self._closed(values), values["real"]
+        radius = self._radius(values)
+        return LoopData(T, LoopWeights(self._performance, control, radius, real), radius)
 
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
-        """The model about nominal and real weight, with a complex weight for the controller's loop.
+        """The model about nominal and weights; a circular weight that is missing is fitted.
 
-        It contains the known plants of the responses at every frequency, the others at theirs.
+        The circular weight is scaled, so that the model contains the known plants of the responses
+        at every frequency, the others at theirs and between.
 
         Raises InputError for a controller with which the nominal loop is unstable.
         """
+        parts, omega = self._complete(parts, context), self.responses.omega
+        nominal, W_r = parts["nominal"], parts["real"]
+        away = self.responses.points / nominal.response(omega)[:, None] - 1
+        radius = needed_radius(away, W_r.response(omega))
+        radius += RESPONSE_ROUNDING * (2 + np.abs(away).max(axis=1))
+        W_c = parts["circular"]
+        if len(self.responses.known_plants) == len(self.responses.plants):
+            W_c = W_c.scaled(max(1.0, float((radius / np.abs(W_c.response(omega))).max())))
+        else:
+            W_c = reaching(W_c, omega, radius)
+        W_c = reaching_known(self.responses, nominal, W_c, W_r, "multiplicative")
+        return UncertaintyModel(nominal, W_c, W_r)
+
+    def _complete(self, parts: dict[Name, Rational], context: Context) -> dict[Name, Rational]:
+        """The parts with a circular weight; one that is missing is fitted to its radii."""
         loop = self.loop(parts)
         if loop is None:
             raise InputError("the nominal loop is unstable with this controller: start at another")
-        # What |W_c| may be where mu is at most a little above its largest.
-        most = loop.weights.largest_circular(
-            loop.T, (1 + COMPLEX_EXCESS) * loop.weights.mu(loop.T).max()
-        )
-        nominal, W_r = parts["nominal"], parts["real"]
-
-        def share(omega: RealArray, radius: RealArray, _: RealArray) -> RealArray:
-            """Weight of an excess: the less room there is over the radius, the more it counts."""
-            room = np.interp(np.log(omega), np.log(self.omega), most / loop.radius)
-            return 1 / np.maximum(room - 1, RADIUS_ROOM)
-
-        W_c = covering_weight(
-            self.responses,
-            self.responses.points / nominal.response(self.responses.omega)[:, None] - 1,
-            nominal,
-            W_r,
-            "multiplicative",
-            self.complex_order,
-            share,
-            RESPONSE_ROUNDING,
-            True,
-            context,
-        )
-        return UncertaintyModel(nominal, W_c, W_r)
+        if "circular" in parts:
+            return parts
+        near = self.omega <= beyond(self.responses.omega)[-1]
+        fit = MagnitudeFit(self.omega[near], loop.radius[near], self.complex_order, cover=True)
+        return parts | {"circular": fitted(fit, context)}
 
     def _responses(self, parts: dict[Name, Rational]) -> dict[Name, ComplexArray]:
         """Responses (1 + F,) of the parts at 0 and at the cover's frequencies."""
         with np.errstate(divide="ignore", invalid="ignore"):  # an integrator has none at 0
             return {name: part.response(self._from_zero) for name, part in parts.items()}
 
-    def _loop(self, values: dict[Name, ComplexArray], unstable: int) -> LoopData | None:
-        """From responses (1 + F,) of the parts, with a number of unstable poles."""
+    def _stable(self, values: dict[Name, ComplexArray], unstable: int) -> bool:
+        """Whether the nominal loop is, from responses (1 + F,) of parts with unstable poles."""
         with np.errstate(invalid="ignore"):
             whole = values["controller"] * values["nominal"] * self._sensor
         L = whole[1:]
-        if not np.isfinite(L).all() or _encirclements(whole[0], L) != unstable:
-            return None
-        return self._data({name: value[1:] for name, value in values.items()})
+        return bool(np.isfinite(L).all()) and _encirclements(whole[0], L) == unstable
 
-    def _data(self, values: dict[Name, ComplexArray]) -> LoopData:
-        """What mu depends on, from responses (F,) of the parts."""
-        G, real = values["nominal"], values["real"]
-        L = values["controller"] * G * self._sensor[1:]
-        radius = self._radius(G, real)
-        weights = LoopWeights(self._performance, self._control / np.abs(G), radius, real)
-        return LoopData(L / (1 + L), weights, radius)
+    def _closed(self, values: dict[Name, ComplexArray]) -> tuple[ComplexArray, RealArray]:
+        """T and |W_u / G| (F,), from responses (F,) of the parts."""
+        L = values["controller"] * values["nominal"] * self._sensor[1:]
+        return L / (1 + L), self._control / np.abs(values["nominal"])
 
-    def _radius(self, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-        """|W_c| (F,) that segments need: exact for known plants, else between the responses."""
-        responses, radii = self.responses, []
+    def _logs(self, values: dict[Name, ComplexArray]) -> tuple[RealArray, RealArray]:
+        """Logs of the |W_c| that known plants need (F,), and all plants where they are given (N,).
+
+        With none known the first count for nothing; with all known there are none of the second.
+        """
+        nominal, end = values["nominal"], values["real"]
+        known = np.full(self.omega.size, LOG_OF_NOTHING)
         if self._known.size:
-            radii.append(_needed(self._known, nominal, end))
-        if len(responses.known_plants) < len(responses.plants):
-            at = np.searchsorted(self.omega, responses.omega)
-            given = _needed(responses.points, nominal[at], end[at])
-            log = np.log(self.omega), np.log(responses.omega)
-            radii.append(np.exp(np.interp(*log, np.log(given))))
-        return np.max(radii, axis=0)
+            known = np.log(_needed(self._known, nominal, end))
+        at = self._given
+        return known, np.log(_needed(self.responses.points[: at.size], nominal[at], end[at]))
+
+    def _radius(self, values: dict[Name, ComplexArray]) -> RealArray:
+        """|W_c| (F,) that segments need: exact for known plants, else between the responses."""
+        known, given = self._logs(values)
+        return np.exp(np.maximum(known, self._between(given)))
+
+    def _between(self, given: RealArray) -> RealArray:
+        """Logs (F,) on straight lines between those at the responses' frequencies (N,)."""
+        return self._lines @ given if given.size else np.full(self.omega.size, LOG_OF_NOTHING)
 
 
 def _frequencies(responses: Responses, lowest: float) -> RealArray:
     """Where mu is looked at [rad/s] (F,): those of the responses among them.
 
     They go on between the responses' frequencies, about the resonances of known plants, and beyond:
-    to the slowest pole of W_p, and past the fastest of a controller.
+    to the slowest pole of W_p, and past the fastest of a controller, wherever its search moves it.
     """
     low, high = lowest, beyond(responses.omega)[-1]
     outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
     poles = [plant.poles for plant in responses.known_plants.values()]
     near = starting_grid(np.concatenate([np.zeros(0), *poles]))
     near = near[(near > responses.omega[0]) & (near < responses.omega[-1])]
-    inside = np.concatenate([responses.omega, between(responses.omega), near])
-    outside = outside[(outside < inside.min()) | (outside > inside.max())]
-    return np.unique(np.concatenate([inside, outside]))
+    endless = high * np.array(BEYOND_ALL)
+    outside = outside[(outside < responses.omega[0]) | (outside > responses.omega[-1])]
+    inside = np.concatenate([between(responses.omega), near])
+    return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
 
 
 def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> RealArray:
@@ -311,6 +350,13 @@ def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> R
     away = plants / nominal[:, None] - 1
     rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
     return np.asarray(needed_radius(away, end) + rounding)
+
+
+def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
+    """The largest of positive values (F,), smoothed, and the slopes (F,) of its log by theirs."""
+    top = float(values.max())
+    shares = (values / top) ** power
+    return top * float(shares.mean()) ** (1 / power), shares / shares.sum()
 
 
 def _unstable_poles(parts: Iterable[Rational]) -> int:

@@ -117,7 +117,23 @@ def covering_weight(
         if found.size == grid.size:
             break
         grid = found
-    excess = largest_excess(*sets, W_c, W_r, multiplicative=multiplicative)
+    return reaching_known(responses, nominal, W_c, W_r, form)
+
+
+def reaching_known(
+    responses: Responses, nominal: Rational, W_c: Rational, W_r: Rational | None, form: Form
+) -> Rational:
+    """The complex weight, scaled so that the known plants are covered at every frequency.
+
+    Raises
+    ------
+    SolverError
+        No gain covers a known plant: its deviation has no bound.
+    """
+    plants = list(responses.known_plants.values())
+    if not plants:
+        return W_c
+    excess = largest_excess(plants, nominal, W_c, W_r, multiplicative=form == "multiplicative")
     if not np.isfinite(excess.value):
         name, place = list(responses.known_plants)[excess.plant], _place(excess, responses.dt)
         raise SolverError(
@@ -125,11 +141,7 @@ def covering_weight(
             "the nominal needs as many poles more than zeros as the plants have, and no zero "
             "on the imaginary axis"
         )
-    return (
-        W_c.scaled(1 + GAIN_MARGIN)
-        if excess.value <= 0
-        else W_c.scaled((1 + excess.value) * (1 + GAIN_MARGIN))
-    )
+    return W_c.scaled((1 + max(excess.value, 0.0)) * (1 + GAIN_MARGIN))
 
 
 def containment_check(model: UncertaintyModel, responses: Responses) -> Check:

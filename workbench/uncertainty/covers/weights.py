@@ -64,12 +64,22 @@ def complex_weight(
 
     Its excess relative to the radius is weighted by ``weight`` (F,).
     """
-    fine = np.unique(np.concatenate([omega, between(omega)]))
-    log = np.log(fine)
-    magnitude, counts = (np.exp(np.interp(log, np.log(omega), np.log(v))) for v in (radius, weight))
-    grid, magnitude, counts = beyond(fine), lasting(magnitude), lasting(counts)
+    grid, magnitude, counts = _resolved_sizes(omega, radius, weight)
     fit = fitted(MagnitudeFit(grid, magnitude, order, weight=counts, cover=True), context)
-    return raised(resolved(fit, fine), grid, magnitude)
+    return reaching(fit, omega, radius)
+
+
+def reaching(function: Rational, omega: RealArray, radius: RealArray) -> Rational:
+    """The function, raised until it covers radii (F,) at frequencies, between and beyond them."""
+    grid, magnitude = _resolved_sizes(omega, radius)
+    return raised(resolved(function, grid[CONSTANT_DECADES:-CONSTANT_DECADES]), grid, magnitude)
+
+
+def _resolved_sizes(omega: RealArray, *sizes: RealArray) -> list[RealArray]:
+    """Frequencies that resolve those given, and reach beyond them; and sizes (F,) there."""
+    fine = np.unique(np.concatenate([omega, between(omega)]))
+    log, logs = np.log(fine), np.log(omega)
+    return [beyond(fine), *(lasting(np.exp(np.interp(log, logs, np.log(v)))) for v in sizes)]
 
 
 def share_of_size(radius: RealArray, extent: RealArray) -> RealArray:

@@ -84,12 +84,12 @@ def cover_for_control(
     """How much lower the certified peak gets when stadiums are chosen for it, not for their width.
 
     A third-order controller and the stadiums' orientations and lengths are optimised in turn,
-    about the nominal of the narrowest stadiums, from the reference controller; then these and the
-    nominal together, again and again. Where that ends, a controller designed anew may lead on.
+    about the nominal of the narrowest stadiums; then these and the nominal together, again and
+    again. Both begin at the controller that is designed for the narrowest stadiums.
 
     cover, frequencies, gain: of the narrowest stadiums, as `cd/<axis>/stadium-cover`.
-    complex_order: of the weight that is chosen for control. rounds: most of the alternation, of all
-    together, and of controllers designed anew.
+    complex_order: of the weight that is chosen for control. rounds: most of the alternation, and
+    of all together.
     """
     responses = measured_drives(axis, frequencies, 5.0, 5000.0, gain)
     return CoverForControl(axis, narrowest, responses, complex_order, rounds)
@@ -119,8 +119,7 @@ class CoverForControl(Study):
         return model
 
     def program(self, model: UncertaintyModel, K: StateSpace | None) -> MuSynthesis:
-        order = None if K is None else K.nstates
-        return MuSynthesis(synthesis_plant(self.axis, model), start=K, order=order)
+        return MuSynthesis(synthesis_plant(self.axis, model), start=K)
 
     def compute(self, context: Context) -> Dataset:
         import control
@@ -132,8 +131,8 @@ class CoverForControl(Study):
         cover = control_cover(self.axis, 1.0, self.responses, self.complex_order)
         third = self._in_turn(cover, second, steps, context)
         # A local search: what is best in turn may be a dead end for all together.
-        ends = [self._together(cover, start, steps, context) for start in (third, second)]
-        last = self._led_on(cover, min(ends, key=lambda each: each.peak), steps, context)
+        together = self._together(cover, second, steps, context)
+        last = min(together, third, key=lambda each: each.peak)
         stages = (first, second, third, last)
         omega = self.responses.omega
         curves, bounds = [], []
@@ -186,9 +185,9 @@ class CoverForControl(Study):
     def _in_turn(
         self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
     ) -> DesignStage:
-        """Real weight and controller in turn, as long as the certified peak falls."""
+        """Stadiums and controller in turn, as long as the certified peak falls."""
         for _ in context.track(range(self.rounds), "in turn"):
-            found = self._chosen(cover, best, ["real"], context)
+            found = self._lowered(cover, best, ["real"], context)
             steps.append(("stadiums", found.peak))
             if not np.isfinite(found.peak):
                 break
@@ -206,69 +205,38 @@ class CoverForControl(Study):
     def _together(
         self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
     ) -> DesignStage:
-        """Nominal, real weight and controller at once, as long as the certified peak falls."""
+        """Nominal, stadiums and controller at once, as long as the certified peak falls."""
         for _ in range(self.rounds):
-            found = self._chosen(cover, best, ["nominal", "real", "controller"], context)
+            found = self._lowered(cover, best, ["nominal", "real", "controller"], context)
             steps.append(("nominal, stadiums, controller", found.peak))
             if found.peak >= best.peak * (1 - PEAK_TOLERANCE):
                 break
             best = found
         return best
 
-    def _led_on(
-        self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
-    ) -> DesignStage:
-        """A controller designed anew, then all together, as long as the certified peak falls."""
-        for _ in context.track(range(self.rounds), "led on"):
-            found = self._designed(best)
-            steps.append(("controller", found.peak))
-            found = self._together(cover, found, steps, context)
-            if found.peak >= best.peak * (1 - PEAK_TOLERANCE):
-                break
-            best = found
-        return best
-
-    def _chosen(
+    def _lowered(
         self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
     ) -> DesignStage:
-        """The best of the choices by its certified peak.
-
-        A weight W_c is fitted only where mu with the radii that it must cover, at the frequencies
-        of the cover, is below the best peak so far: a larger W_c does not lower mu.
-        """
-        assert stage.model.W_r is not None
+        """The stage that moving parts, and W_c with them, lead to."""
+        model = stage.model
+        assert model.W_r is not None
         parts: dict[Name, Rational] = {
-            "nominal": stage.model.nominal,
-            "real": stage.model.W_r,
+            "nominal": model.nominal,
+            "real": model.W_r,
             "controller": from_system(stage.K),
         }
-        choices = [(cover.least_peak(each), each) for each in cover.chosen(parts, moving, context)]
-        best: DesignStage | None = None
-        for least, each in sorted(choices, key=lambda choice: choice[0]):
-            if best is not None and least >= best.peak:
-                break
-            K = stage.K if "controller" not in moving else each["controller"].state_space()
-            found = self._stage(cover.model(each, context), K)
-            best = found if best is None or found.peak < best.peak else best
-        assert best is not None  # the first choice is always tried
-        return best
+        if model is not self.given:  # the narrowest stadiums have a W_c of another order
+            parts["circular"] = model.W_c
+        found = cover.lowered(parts, moving, context)
+        K = stage.K if "controller" not in moving else found["controller"].state_space()
+        return self._stage(cover.model(found, context), K)
 
     def _designed(self, stage: DesignStage) -> DesignStage:
-        """The best controller of the same order that "fixed" finds from that of a stage or anew."""
-        program = self.program(stage.model, stage.K)
-        found, messages = [], []
-        for each in (program, replace(program, start=None)):
-            try:
-                solution = solve(each, "fixed")
-            except SolverError as error:
-                messages.append(str(error))
-                continue
-            messages.append(solution.message)
-            if solution.certificate is not None and solution.certificate.valid:
-                found.append(DesignStage(stage.model, solution.answer.K, solution.answer.upper))
-        if not found:
-            raise SolverError(f"no controller for the stadiums: {'; '.join(messages)}")
-        return min(found, key=lambda each: each.peak)
+        """The controller of the same order that method "fixed" finds near that of a stage."""
+        solution = solve(self.program(stage.model, stage.K), "fixed")
+        if solution.certificate is None or not solution.certificate.valid:
+            raise SolverError(f"no controller for the stadiums: {solution.message}")
+        return DesignStage(stage.model, solution.answer.K, solution.answer.upper)
 
     def _stage(self, model: UncertaintyModel, K: StateSpace) -> DesignStage:
         return DesignStage(model, K, self._peak(model, K))

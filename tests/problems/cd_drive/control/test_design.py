@@ -63,7 +63,7 @@ def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(mea
     given = uncertainty("focus", run)
     cover = control_cover("focus", 1.0, measured, 6)
     parts = {"nominal": given.nominal, "real": given.W_r, "controller": from_system(K)}
-    *_, last = cover.chosen(parts, ["real"], Context())
+    last = cover.lowered(parts, ["real"], Context())
     model = cover.model(last, Context())
     assert contains(model, measured)
     peaks = [MuSynthesis(synthesis_plant("focus", each)).certified(K) for each in (given, model)]
