@@ -33,6 +33,7 @@ from workbench.uncertainty.covers.weights import (
     needed_radius,
     reaching,
     resolved,
+    segment_distances,
 )
 
 POWERS = (8, 32, 128, 512)
@@ -74,6 +75,13 @@ class LoopData(NamedTuple):
     T: ComplexArray
     weights: LoopWeights
     radius: RealArray
+
+
+class _Plants(NamedTuple):
+    """Known plants at the frequencies of a cover (F, N), and all at those they are given for."""
+
+    known: ComplexArray
+    given: ComplexArray
 
 
 class ControlCover:
@@ -126,10 +134,12 @@ class ControlCover:
         self.responses, self.complex_order = responses, complex_order
         self.omega = _frequencies(responses, lowest)
         known = [plant.response(self.omega) for plant in responses.known_plants.values()]
-        self._known = np.array(known).reshape(len(known), self.omega.size).T
         all_known = len(known) == len(responses.plants)
         given = responses.omega[: 0 if all_known else None]
         self._given = np.searchsorted(self.omega, given)
+        self._plants = _Plants(
+            np.array(known).reshape(len(known), self.omega.size).T, responses.points[: given.size]
+        )
         lines = [np.interp(np.log(self.omega), np.log(given), row) for row in np.eye(given.size)]
         self._lines = np.array(lines).reshape(given.size, self.omega.size).T
         self._performance = np.abs(performance(self.omega))
@@ -224,6 +234,8 @@ class ControlCover:
         by_radius = by_ratio * by_circular.sum()
         by_known = np.where(known >= lines, by_radius, 0.0)
         by_given = (by_radius - by_known) @ self._lines
+        farthest = self._farthest(values)
+        known, given = self._logs(values, farthest)
         every = []
         for name, by_parameter in slopes.items():
             if name == "circular":
@@ -237,7 +249,7 @@ class ControlCover:
                 beside = values | {name: values[name] + turn * step}
                 change = by_mu * (mu(beside, circular) - found)
                 if name != "controller":
-                    new_known, new_given = self._logs(beside)
+                    new_known, new_given = self._logs(beside, farthest)
                     change += by_known * (new_known - known)
                     change[self._given] += by_given * (new_given - given)
                 slope += (change / step) @ part[1:]
@@ -306,17 +318,29 @@ class ControlCover:
         L = values["controller"] * values["nominal"] * self._sensor[1:]
         return L / (1 + L), self._control / np.abs(values["nominal"])
 
-    def _logs(self, values: dict[Name, ComplexArray]) -> tuple[RealArray, RealArray]:
+    def _logs(
+        self, values: dict[Name, ComplexArray], plants: _Plants | None = None
+    ) -> tuple[RealArray, RealArray]:
         """Logs of the |W_c| that known plants need (F,), and all plants where they are given (N,).
 
         With none known the first count for nothing; with all known there are none of the second.
         """
         nominal, end = values["nominal"], values["real"]
+        plants, at = plants or self._plants, self._given
         known = np.full(self.omega.size, LOG_OF_NOTHING)
-        if self._known.size:
-            known = np.log(_needed(self._known, nominal, end))
-        at = self._given
-        return known, np.log(_needed(self.responses.points[: at.size], nominal[at], end[at]))
+        if plants.known.size:
+            known = np.log(_needed(plants.known, nominal, end))
+        if not at.size:
+            return known, np.zeros(0)
+        return known, np.log(_needed(plants.given, nominal[at], end[at]))
+
+    def _farthest(self, values: dict[Name, ComplexArray]) -> _Plants:
+        """Of the plants at each frequency, the one that is farthest from its segment."""
+        nominal, end, at = values["nominal"], values["real"], self._given
+        return _Plants(
+            _farthest(self._plants.known, nominal, end),
+            _farthest(self._plants.given, nominal[at], end[at]),
+        )
 
     def _radius(self, values: dict[Name, ComplexArray]) -> RealArray:
         """|W_c| (F,) that segments need: exact for known plants, else between the responses."""
@@ -350,6 +374,14 @@ def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> R
     away = plants / nominal[:, None] - 1
     rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
     return np.asarray(needed_radius(away, end) + rounding)
+
+
+def _farthest(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> ComplexArray:
+    """Of plants (F, N) the one (F, 1) that is farthest from the segment of each frequency."""
+    if not plants.size:
+        return plants
+    distance = segment_distances(plants / nominal[:, None] - 1, end)
+    return np.take_along_axis(plants, distance.argmax(axis=1)[:, None], axis=1)
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:

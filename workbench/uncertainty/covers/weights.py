@@ -208,7 +208,12 @@ def needed_radius(away: ComplexArray, end: ComplexArray | None) -> RealArray:
     extent = np.abs(away).max(axis=1)
     if end is None:
         return extent
+    return np.maximum(segment_distances(away, end).max(axis=1), MIN_RADIUS_SHARE * extent)
+
+
+def segment_distances(away: ComplexArray, end: ComplexArray) -> RealArray:
+    """Distances (F, N) of deviations (F, N) from segments -end..end (F,)."""
     square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
     along = np.clip((away * end.conj()[:, None]).real / square[:, None], -1, 1)
-    distance: RealArray = np.abs(away - along * end[:, None]).max(axis=1)
-    return np.maximum(distance, MIN_RADIUS_SHARE * extent)
+    found: RealArray = np.abs(away - along * end[:, None])
+    return found
