@@ -22,6 +22,7 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.loop_weights import LoopWeights, loop_mu
+from workbench.synthesis.mu.covered_plants import RESPONSE_ROUNDING, CoveredPlants
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.covers.everywhere import reaching_known
@@ -33,7 +34,6 @@ from workbench.uncertainty.covers.weights import (
     needed_radius,
     reaching,
     resolved,
-    segment_distances,
 )
 
 POWERS = (8, 32, 128, 512)
@@ -43,8 +43,6 @@ COVER_BFGS_STEPS = 300
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
 """Step of the differences by which mu's slopes are found, over the size of a part's response there;
 and the least share of its largest size that it is taken to have."""
-RESPONSE_ROUNDING = 1e-9
-"""Rounding of a response, relative to the plants, that radii are increased by."""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
 BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
@@ -52,8 +50,6 @@ BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
 PULL = 1e-6
 """Share by which mu counts as larger for a parameter that moves by its unit: what has no effect,
 such as a pole and a zero together, would else drift to where realisations lose their digits."""
-LOG_OF_NOTHING = -700.0
-"""Logarithm of a radius that counts for nothing."""
 UNSTABLE_MU = 1e6
 """Mu assigned to an unstable loop; infinity would leave the optimiser no slope."""
 LEAST_UNIT = 1e-3
@@ -63,7 +59,6 @@ Weight = Callable[[RealArray], Array]
 """Response of a known system at frequencies [rad/s] (F,)."""
 
 Name = Literal["nominal", "real", "controller", "circular"]
-
 
 MINIMUM_PHASE = ("controller", "circular")
 """Parts that keep their zeros on the left."""
@@ -75,13 +70,6 @@ class LoopData(NamedTuple):
     T: ComplexArray
     weights: LoopWeights
     radius: RealArray
-
-
-class _Plants(NamedTuple):
-    """Known plants at the frequencies of a cover (F, N), and all at those they are given for."""
-
-    known: ComplexArray
-    given: ComplexArray
 
 
 class ControlCover:
@@ -133,15 +121,7 @@ class ControlCover:
     ) -> None:
         self.responses, self.complex_order = responses, complex_order
         self.omega = _frequencies(responses, lowest)
-        known = [plant.response(self.omega) for plant in responses.known_plants.values()]
-        all_known = len(known) == len(responses.plants)
-        given = responses.omega[: 0 if all_known else None]
-        self._given = np.searchsorted(self.omega, given)
-        self._plants = _Plants(
-            np.array(known).reshape(len(known), self.omega.size).T, responses.points[: given.size]
-        )
-        lines = [np.interp(np.log(self.omega), np.log(given), row) for row in np.eye(given.size)]
-        self._lines = np.array(lines).reshape(given.size, self.omega.size).T
+        self._plants = CoveredPlants.of(responses, self.omega)
         self._performance = np.abs(performance(self.omega))
         self._control = np.abs(control(self.omega))
         self._from_zero = np.concatenate([[0.0], self.omega])
@@ -205,7 +185,8 @@ class ControlCover:
             omega = self.responses.omega
             found["real"] = damped(resolved(found["real"], omega), omega)
         found = parts | found
-        radius = self._radius({name: part.response(self.omega) for name, part in found.items()})
+        nominal, end = (found[name].response(self.omega) for name in ("nominal", "real"))
+        radius = self._plants.radius(nominal, end)
         ratio = radius / np.abs(found["circular"].response(self.omega))
         return found | {"circular": found["circular"].scaled(float(ratio.max()))}
 
@@ -218,8 +199,9 @@ class ControlCover:
         the parts, whose ``slopes`` (1 + F, P) by the parameters are known. The circular weight is
         scaled so that the power mean of radius over weight is 1.
         """
-        known, given = self._logs(values)
-        size, lines = np.abs(values["circular"]), self._between(given)
+        plants, nominal, end = self._plants, values["nominal"], values["real"]
+        known, given = plants.logs(nominal, end)
+        size, lines = np.abs(values["circular"]), plants.between(given)
         scale, by_ratio = _power_mean(np.exp(np.maximum(known, lines)) / size, power)
         circular = scale * size
 
@@ -233,9 +215,9 @@ class ControlCover:
         by_circular = by_mu * (mu(values, circular * (1 + SLOPE_STEP)) - found) / SLOPE_STEP
         by_radius = by_ratio * by_circular.sum()
         by_known = np.where(known >= lines, by_radius, 0.0)
-        by_given = (by_radius - by_known) @ self._lines
-        farthest = self._farthest(values)
-        known, given = self._logs(values, farthest)
+        by_given = (by_radius - by_known) @ plants.lines
+        farthest = plants.farthest(nominal, end)
+        known, given = farthest.logs(nominal, end)
         every = []
         for name, by_parameter in slopes.items():
             if name == "circular":
@@ -249,9 +231,9 @@ class ControlCover:
                 beside = values | {name: values[name] + turn * step}
                 change = by_mu * (mu(beside, circular) - found)
                 if name != "controller":
-                    new_known, new_given = self._logs(beside, farthest)
+                    new_known, new_given = farthest.logs(beside["nominal"], beside["real"])
                     change += by_known * (new_known - known)
-                    change[self._given] += by_given * (new_given - given)
+                    change[plants.at] += by_given * (new_given - given)
                 slope += (change / step) @ part[1:]
             every.append(slope)
         return norm, np.concatenate([*every, []])
@@ -266,7 +248,7 @@ class ControlCover:
             return None
         values = {name: value[1:] for name, value in values.items()}
         (T, control), real = self._closed(values), values["real"]
-        radius = self._radius(values)
+        radius = self._plants.radius(values["nominal"], real)
         return LoopData(T, LoopWeights(self._performance, control, radius, real), radius)
 
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
@@ -318,39 +300,6 @@ class ControlCover:
         L = values["controller"] * values["nominal"] * self._sensor[1:]
         return L / (1 + L), self._control / np.abs(values["nominal"])
 
-    def _logs(
-        self, values: dict[Name, ComplexArray], plants: _Plants | None = None
-    ) -> tuple[RealArray, RealArray]:
-        """Logs of the |W_c| that known plants need (F,), and all plants where they are given (N,).
-
-        With none known the first count for nothing; with all known there are none of the second.
-        """
-        nominal, end = values["nominal"], values["real"]
-        plants, at = plants or self._plants, self._given
-        known = np.full(self.omega.size, LOG_OF_NOTHING)
-        if plants.known.size:
-            known = np.log(_needed(plants.known, nominal, end))
-        if not at.size:
-            return known, np.zeros(0)
-        return known, np.log(_needed(plants.given, nominal[at], end[at]))
-
-    def _farthest(self, values: dict[Name, ComplexArray]) -> _Plants:
-        """Of the plants at each frequency, the one that is farthest from its segment."""
-        nominal, end, at = values["nominal"], values["real"], self._given
-        return _Plants(
-            _farthest(self._plants.known, nominal, end),
-            _farthest(self._plants.given, nominal[at], end[at]),
-        )
-
-    def _radius(self, values: dict[Name, ComplexArray]) -> RealArray:
-        """|W_c| (F,) that segments need: exact for known plants, else between the responses."""
-        known, given = self._logs(values)
-        return np.exp(np.maximum(known, self._between(given)))
-
-    def _between(self, given: RealArray) -> RealArray:
-        """Logs (F,) on straight lines between those at the responses' frequencies (N,)."""
-        return self._lines @ given if given.size else np.full(self.omega.size, LOG_OF_NOTHING)
-
 
 def _frequencies(responses: Responses, lowest: float) -> RealArray:
     """Where mu is looked at [rad/s] (F,): those of the responses among them.
@@ -367,21 +316,6 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     outside = outside[(outside < responses.omega[0]) | (outside > responses.omega[-1])]
     inside = np.concatenate([between(responses.omega), near])
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
-
-
-def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-    """|W_c| (F,) that plants (F, N) need about segments of a real weight, with rounding errors."""
-    away = plants / nominal[:, None] - 1
-    rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
-    return np.asarray(needed_radius(away, end) + rounding)
-
-
-def _farthest(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> ComplexArray:
-    """Of plants (F, N) the one (F, 1) that is farthest from the segment of each frequency."""
-    if not plants.size:
-        return plants
-    distance = segment_distances(plants / nominal[:, None] - 1, end)
-    return np.take_along_axis(plants, distance.argmax(axis=1)[:, None], axis=1)
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
