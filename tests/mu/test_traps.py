@@ -79,7 +79,7 @@ def test_the_lmi_stalls_without_balancing(monkeypatch):
     def unscaled(M, pattern):
         return M, np.ones((len(M), pattern.size)), np.ones(len(M))
 
-    monkeypatch.setattr(workbench.mu.upper.conic, "balanced", unscaled)
+    monkeypatch.setattr(workbench.mu.upper.conic, "balanced_batch", unscaled)
     assert upper_bound(TRIANGULAR, TWO, "clarabel").value > 1e3
 
 

@@ -184,7 +184,7 @@ def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> lis
     return found
 
 
-def table(parts: Sequence[Turn]) -> IntegerArray:
+def turn_table(parts: Sequence[Turn]) -> IntegerArray:
     """Rows of the address of the step, then address and size of each array; these must be kept."""
     return np.array(
         [[one.step, *chain(*(_place(array) for array in one[1:]))] for one in parts], np.int64

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.simulation.cascade import Cascade, Turn, alone, carried, table, turns
+from workbench.simulation.cascade import Cascade, Turn, alone, carried, turn_table, turns
 from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import machine
 from workbench.simulation.plain import plain_loop
@@ -270,7 +270,7 @@ class SampledLoop:
             stop = plain_loop(made, sense, read, ends, measured, row, rest, *span)
         else:
             loop = machine()[0]
-            stop = loop(table(made), sense, read, ends, measured, row, *rest, *span)
+            stop = loop(turn_table(made), sense, read, ends, measured, row, *rest, *span)
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")

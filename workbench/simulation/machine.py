@@ -202,7 +202,7 @@ def _loop(
 ) -> int:
     """Run samples first to last - 1; return the first with a signal that is not finite, or last.
 
-    ``parts`` are rows of `table`, ``sense`` and ``read`` the addresses of sensor and reading,
+    ``parts`` are rows of `turn_table`, ``sense`` and ``read`` the addresses of sensor and reading,
     ``ends`` their parameters.
     """
     sense_parameters, read_parameters = ends

@@ -20,7 +20,9 @@ NILPOTENT_NORM = 1e-30
 """A matrix that can be scaled to this norm counts as nilpotent, with bound zero."""
 
 
-def balanced(batch: ComplexArray, pattern: Pattern) -> tuple[ComplexArray, RealArray, RealArray]:
+def balanced_batch(
+    batch: ComplexArray, pattern: Pattern
+) -> tuple[ComplexArray, RealArray, RealArray]:
     """E batch E^-1 / scale for matrices (F, c, r), balanced; E (F, N) and scale (F,).
 
     Both are powers of two. A scale of 0 stands for a matrix whose bound is 0.

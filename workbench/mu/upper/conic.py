@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
-from workbench.mu.upper.balance import balanced
+from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.pattern import (
     DIAGONAL,
     Pattern,
@@ -84,7 +84,7 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         statement = _Statement(pattern, structure.rows)
     batch = program.M.reshape(-1, structure.columns, structure.rows)
     D, G = np.zeros((2, len(batch), pattern.size, pattern.size), complex)
-    scaled, E, scale = balanced(batch, pattern)
+    scaled, E, scale = balanced_batch(batch, pattern)
     worst, message = Outcome.SOLVED, ""
     for i in context.track(range(len(batch)), "matrices"):
         M, norm = scaled[i], np.linalg.norm(scaled[i])

@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.mu.upper.alone import closed_form, is_alone
-from workbench.mu.upper.balance import balanced
+from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.batch import held_below, solve_each
 from workbench.mu.upper.lanes.path import follow_paths
 from workbench.mu.upper.lanes.state import room_for
@@ -43,7 +43,7 @@ def path_multipliers(
     gaps, iterations = np.full(count, np.inf), np.zeros(count, int)
     places = diagonal_places(pattern)
     if places is not None:
-        scaled, E, scale = balanced(M, pattern)
+        scaled, E, scale = balanced_batch(M, pattern)
         d, g = np.empty((count, pattern.size)), np.empty((count, np.count_nonzero(pattern.skew)))
         nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]

@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified_bound
-from workbench.mu.upper.balance import balanced
+from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import IM, Pattern, expanded_multipliers, fill
 from workbench.structure import Structure
@@ -122,7 +122,7 @@ def _proper(
 
 def _balanced(M: ComplexArray, pattern: Pattern) -> tuple[np.ndarray, float]:
     """Osborne's scaling (N,), and the Frobenius norm of the scaled M."""
-    scaled, (scaling,), (scale,) = balanced(M[None], pattern)
+    scaled, (scaling,), (scale,) = balanced_batch(M[None], pattern)
     return scaling, float(scale * np.linalg.norm(scaled[0]))
 
 
