@@ -23,7 +23,7 @@ from .bars import ratio_bars
 
 STADIUMS = """
 import workbench as wb
-wb.run("cd/focus/stadiums")
+assert wb.run("cd/focus/stadiums").certificate.valid
 """
 UPPER_BOUND = """
 import numpy as np
@@ -42,7 +42,7 @@ model = parametric(lens, [Parameter("k", 45.0, 0.2)], inputs="f", outputs="x")
 sums = {"f": "u + d", "y": "x + n"}
 signals = {"exogenous": ("d", "n"), "performance": ("x", "u")}
 plant = generalised_plant([model], sums, control="u", measurement="y", **signals)
-wb.solve(MuSynthesis(plant))
+assert wb.solve(MuSynthesis(plant)).certificate.valid
 """
 LIBRARIES = "import control, numba, numpy, scipy.linalg, scipy.optimize, scipy.signal"
 CASES = {

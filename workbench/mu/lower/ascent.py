@@ -39,6 +39,8 @@ move, of the change of the gradient, of the inverse Hessian times that, and of m
 parameter that is held at its bound, and for one that has bounds, as those of real blocks have."""
 INVERSE = 10
 """First row of the inverse Hessian of -lambda."""
+FRESH: bool = np.bool_(True)  # type: ignore[assignment]
+"""An ascent forgets its Hessian. Numba would compile once more for a constant of Python."""
 UNKNOWN_GAIN = 1e-6
 """Another ascent with a new unknown follows one that raised the eigenvalue by this share."""
 
@@ -132,7 +134,7 @@ def _climb_once(M, table, delta, value, free, known, w, v):  # type: ignore[no-u
         at += 2 * (table[k, 2] + table[k, 4]) if table[k, 0] == FULL else 1
     set_parameters(delta, table, v, P)
     best, phase, expected, length, weight = value, 0.0, 0.0, 0.0, 1.0 + 0j
-    tries, fresh, started = 0, True, False
+    tries, fresh, started = 0, FRESH, False
     for _ in range(BFGS_STEPS * STEP_LENGTHS):
         # The first pass evaluates the start, a later one a point of the line.
         for i in range(count):
@@ -161,8 +163,8 @@ def _climb_once(M, table, delta, value, free, known, w, v):  # type: ignore[no-u
                 continue
             if fresh or blocked:
                 break
-            fresh, tries = True, 0
-            length = _set_direction(v, best, True)
+            fresh, tries = FRESH, 0
+            length = _set_direction(v, best, FRESH)
             if not length > 0:
                 break
             continue
@@ -192,7 +194,7 @@ def _climb_once(M, table, delta, value, free, known, w, v):  # type: ignore[no-u
             v[HELD, i] = 1.0 if now else 0.0
         length = _set_direction(v, best, fresh)
         if length < 0:  # no ascent direction: the Hessian is spoilt
-            fresh, length = True, _set_direction(v, best, True)
+            fresh, length = FRESH, _set_direction(v, best, FRESH)
         if not length > 0:
             break
     return best, False

@@ -15,15 +15,16 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 
-X, Y, Q = 0, 1, 2
+# Of NumPy: for each integer of Python that a function is given, Numba compiles it once more.
+X, Y, Q = np.arange(3)
 """Rows of the right and left eigenvectors of M Delta, and of the eigenvalue's sensitivity q."""
-KEPT, BEST = 3, 5
+KEPT, BEST = np.array([3, 5])
 """First of two rows each: eigenvectors to return to, and those of the best Delta."""
-EFFECTS, EXCHANGES = 7, 8
+EFFECTS, EXCHANGES = np.array([7, 8])
 """Rows of the effects q* x of blocks, and of the row exchanges of the elimination."""
-B, U = 9, 10
+B, U = np.array([9, 10])
 """Rows of the two vectors of Delta's outputs in a power iteration."""
-LOOP = 11
+LOOP = np.int64(11)
 """First row of M Delta. After it follow its factors, and a Delta that is tried."""
 TINY_PIVOT = 1e-15
 """A pivot below this share of the largest entry is replaced by it: the shift is an eigenvalue."""

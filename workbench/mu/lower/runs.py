@@ -47,6 +47,8 @@ LINEARISED_STEPS = 6
 """Most steps to the best Delta of the linearised problem of real blocks."""
 RESTORING_STEPS = 15
 """Most steps that remove the imaginary part of an eigenvalue."""
+HELD = np.bool_(False)
+"""Real blocks do not move. Numba would compile once more for a constant of Python."""
 NEARLY_REAL = 1e-3
 """Share of an eigenvalue that its imaginary part may have where Newton's method takes over."""
 
@@ -172,7 +174,7 @@ def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
             return 0j
         for j in range(M.shape[1]):
             w[U, j] = w[Q, j]
-        _align(table, reals, False, delta, w)
+        _align(table, reals, HELD, delta, w)
     return complex(np.sqrt(squared_size(value)), 0.0)
 
 

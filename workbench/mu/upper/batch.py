@@ -86,7 +86,8 @@ def solve_each(
 def held_below(
     batch: np.ndarray,
     level: float,
-    pattern: Pattern,
+    left: np.ndarray,
+    right: np.ndarray,
     D: np.ndarray,
     G: np.ndarray,
     source: np.ndarray,
@@ -97,7 +98,7 @@ def held_below(
     The test of a matrix (c, r) is a Cholesky factor of S, in which rounding is not looked at.
     """
     c, r = batch.shape[1:]
-    N = pattern.size
+    N = D.shape[1]
     Y, M = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
     B, S, L, twist = square(r), square(r), square(r), square(N)
     scale = power_of_two(level)
@@ -109,7 +110,7 @@ def held_below(
         for i in range(N):
             for j in range(N):
                 twist[i, j] = G[source[f], i, j] / scale
-        slack(pattern, M, t, D[source[f]], twist, Y, B, S)
+        slack(left, right, M, t, D[source[f]], twist, Y, B, S)
         held[f] = factor(S, L)
 
 

@@ -69,5 +69,6 @@ def hold_below(
     pattern = pattern_of_structure(structure)
     D, twist = compact_multipliers(pattern, D_right, G)
     held = np.zeros(len(M), bool)
-    held_below(np.ascontiguousarray(M), level, pattern, D, twist, source, held)
+    M = np.ascontiguousarray(M)
+    held_below(M, level, pattern.left, pattern.right, D, twist, source, held)
     return held

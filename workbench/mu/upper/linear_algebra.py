@@ -15,7 +15,7 @@ UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""
 
 
-@compiled
+@unchecked_kernel
 def factor(A: np.ndarray, L: np.ndarray) -> bool:
     """Write the Cholesky factor of a Hermitian A to the lower half of L; False unless A > 0."""
     n = A.shape[0]
@@ -38,7 +38,7 @@ def factor(A: np.ndarray, L: np.ndarray) -> bool:
     return True
 
 
-@compiled
+@unchecked_kernel
 def inverse_from_factor(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
     """Write the inverse (L L^H)^-1 to X; ``work`` receives L^-1."""
     n = L.shape[0]
@@ -60,7 +60,7 @@ def inverse_from_factor(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
             X[j, i] = np.conj(total)
 
 
-@compiled
+@unchecked_kernel
 def multiply(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
     """Write the product A B to X; zeros of A are skipped."""
     X[:] = 0.0
@@ -72,7 +72,7 @@ def multiply(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
                     X[i, j] += entry * B[k, j]
 
 
-@compiled
+@unchecked_kernel
 def multiply_adjoint(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
     """Write the product A B^H to X."""
     for i in range(A.shape[0]):
@@ -90,7 +90,7 @@ def copy(x: np.ndarray, y: np.ndarray) -> None:
         y[k] = x[k]
 
 
-@compiled
+@unchecked_kernel
 def inner(A: np.ndarray, B: np.ndarray) -> float:
     """The real part of trace(A^H B), which for Hermitian A and B is their inner product."""
     total = 0.0
@@ -100,7 +100,7 @@ def inner(A: np.ndarray, B: np.ndarray) -> float:
     return total
 
 
-@compiled
+@unchecked_kernel
 def make_hermitian(A: np.ndarray) -> None:
     """Replace A by (A + A^H) / 2."""
     for i in range(A.shape[0]):

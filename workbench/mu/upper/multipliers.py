@@ -102,7 +102,7 @@ def multipliers_below(
         for beside in (0, 1):
             source, rest = own[np.minimum(place // apart + beside, len(own) - 1)], left[place]
             held = np.zeros(len(rest), bool)
-            held_below(M[rest], low, pattern, D, G, source, held)
+            held_below(M[rest], low, pattern.left, pattern.right, D, G, source, held)
             D[rest[held]], G[rest[held]] = D[source[held]], G[source[held]]
             place = place[~held]
         left = left[place]

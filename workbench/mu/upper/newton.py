@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, multiply_adjoint
 from workbench.mu.upper.pattern import IM, RE, Pattern
 
@@ -18,7 +18,7 @@ def square(n: int) -> np.ndarray:
     return np.zeros((n, n), np.complex128)
 
 
-@compiled
+@unchecked_kernel
 def reach(
     A: np.ndarray,
     first: np.ndarray,
@@ -83,7 +83,7 @@ def hessian(
                 H[other + 1, k + 1] = both
 
 
-@compiled
+@unchecked_kernel
 def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np.ndarray) -> None:
     """Add Re trace(e_k D^-1 e_l W) to the upper half of H, e_k the basis of the compact D."""
     row, column, kind = pattern.row, pattern.column, pattern.kind
@@ -105,7 +105,7 @@ def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np
             H[other, k] += total.real
 
 
-@compiled
+@unchecked_kernel
 def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: np.ndarray) -> None:
     """Set T = P X P^H with P = [M; I] and a Hermitian X; MX and MXM receive M X and M X M^H."""
     c, r = M.shape
@@ -122,7 +122,7 @@ def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: n
             T[c + i, c + j] = X[i, j]
 
 
-@compiled
+@unchecked_kernel
 def multiplier_step(
     S_inverse: np.ndarray, dS: np.ndarray, Z: np.ndarray, work: np.ndarray, dZ: np.ndarray
 ) -> None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.linear_algebra import (
     copy,
     factor,
@@ -124,22 +124,22 @@ def follow(
         if lost:
             recoveries -= 1
             t *= RECOVERY_RISE
-            slack(pattern, M, t, point.D, point.G, scratch.Y, point.B, point.S)
+            slack(pattern.left, pattern.right, M, t, point.D, point.G, scratch.Y, point.B, point.S)
             factor(point.S, point.LS)
     return early_t, gap, iterations
 
 
-@compiled
+@unchecked_kernel
 def _move_to(
     M: np.ndarray, pattern: Pattern, t: float, x: np.ndarray, point: Point, scratch: Scratch
 ) -> bool:
     """D, G, B = D_r and S of the unknowns, and factors of S and D; false where one is not > 0."""
     fill(pattern, x, point.D, point.G)
-    slack(pattern, M, t, point.D, point.G, scratch.Y, point.B, point.S)
+    slack(pattern.left, pattern.right, M, t, point.D, point.G, scratch.Y, point.B, point.S)
     return factor(point.S, point.LS) and factor(point.D, point.LD)
 
 
-@compiled
+@unchecked_kernel
 def _centre(point: Point) -> None:
     """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
     mu = 1.0 / inner(point.S_inverse, point.B)
@@ -151,7 +151,7 @@ def _centre(point: Point) -> None:
             point.W[i, j] = mu * point.D_inverse[i, j]
 
 
-@compiled
+@unchecked_kernel
 def _add(X: np.ndarray, share: float, dX: np.ndarray) -> None:
     """X + share dX, in the place of X."""
     for i in range(X.shape[0]):
@@ -201,7 +201,7 @@ def _newton_system(
     return along, bb, max(schur, 1e-14 * curvature)
 
 
-@compiled
+@unchecked_kernel
 def _predict(
     M: np.ndarray,
     pattern: Pattern,
@@ -245,7 +245,7 @@ def _predict(
     return max(min(ahead / now, 1.0), 0.0) ** 3 * now / (S.shape[0] + D.shape[0])
 
 
-@compiled
+@unchecked_kernel
 def _direction(
     M: np.ndarray,
     pattern: Pattern,
@@ -261,7 +261,7 @@ def _direction(
     ``second`` receives the second order of S, dt dD_r.
     """
     fill(pattern, step.dx, step.dD, step.dG)
-    slack(pattern, M, t, step.dD, step.dG, scratch.Y, step.dB, step.dS)
+    slack(pattern.left, pattern.right, M, t, step.dD, step.dG, scratch.Y, step.dB, step.dS)
     for i in range(point.S.shape[0]):
         for j in range(point.S.shape[0]):
             step.dS[i, j] += dt * point.B[i, j]
@@ -270,7 +270,7 @@ def _direction(
     multiplier_step(point.D_inverse, step.dD, point.W, scratch.work_D, step.dW)
 
 
-@compiled
+@unchecked_kernel
 def _correct(
     M: np.ndarray,
     pattern: Pattern,

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.arrays import ComplexArray
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.structure import Full, Real, Structure
 
 DIAGONAL, RE, IM = 0, 1, 2
@@ -194,7 +194,7 @@ def basis(pattern: Pattern) -> list[tuple[ComplexArray, ComplexArray]]:
     return pairs
 
 
-@compiled
+@unchecked_kernel
 def basis_products(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
     """Set x to the inner products of every unknown's basis matrix with the Hermitian D or G."""
     for k in range(x.size):
@@ -207,7 +207,7 @@ def basis_products(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray
             x[k] = 2.0 * entry.imag
 
 
-@compiled
+@unchecked_kernel
 def expand(places: np.ndarray, D: np.ndarray, X: np.ndarray) -> None:
     """Set X to D_l or D_r from the compact D; a full block has one multiplier on its diagonal."""
     for i in range(places.size):
@@ -216,7 +216,7 @@ def expand(places: np.ndarray, D: np.ndarray, X: np.ndarray) -> None:
             X[i, j] = 0.0 if same else D[places[i], places[j]]
 
 
-@compiled
+@unchecked_kernel
 def collect(places: np.ndarray, X: np.ndarray, sign: float, D: np.ndarray) -> None:
     """Add ``sign`` times the adjoint of `expand` at X to the compact D."""
     for i in range(places.size):
@@ -225,9 +225,9 @@ def collect(places: np.ndarray, X: np.ndarray, sign: float, D: np.ndarray) -> No
                 D[places[i], places[j]] += sign * X[i, j]
 
 
-@compiled
+@unchecked_kernel
 def half_slack(
-    pattern: Pattern, M: np.ndarray, D: np.ndarray, G: np.ndarray, Y: np.ndarray
+    left: np.ndarray, right: np.ndarray, M: np.ndarray, D: np.ndarray, G: np.ndarray, Y: np.ndarray
 ) -> None:
     """Set Y (c, r) to -D_l M / 2 + j G, so that S = t D_r + M^H Y + Y^H M."""
     c, r = M.shape
@@ -235,20 +235,21 @@ def half_slack(
         for j in range(r):
             Y[i, j] = 0.0
         for k in range(c):
-            same = pattern.left[i] == pattern.left[k] and i != k
-            entry = -0.5 * D[pattern.left[i], pattern.left[k]]
+            same = left[i] == left[k] and i != k
+            entry = -0.5 * D[left[i], left[k]]
             if not same and entry != 0.0:
                 for j in range(r):
                     Y[i, j] += entry * M[k, j]
         for j in range(r):
-            entry = G[pattern.left[i], pattern.right[j]]  # zero except in square blocks
+            entry = G[left[i], right[j]]  # zero except in square blocks
             if entry != 0.0:
                 Y[i, j] += 1j * entry
 
 
-@compiled
+@unchecked_kernel
 def slack(
-    pattern: Pattern,
+    left: np.ndarray,
+    right: np.ndarray,
     M: np.ndarray,
     t: float,
     D: np.ndarray,
@@ -259,8 +260,8 @@ def slack(
 ) -> None:
     """Set S = t D_r - M^H D_l M - j (G M - M^H G^H) and B = D_r; ``Y`` (c, r) is work space."""
     c, r = M.shape
-    half_slack(pattern, M, D, G, Y)
-    expand(pattern.right, D, B)
+    half_slack(left, right, M, D, G, Y)
+    expand(right, D, B)
     for i in range(r):
         for j in range(i + 1):
             total = t * B[i, j]
@@ -270,7 +271,7 @@ def slack(
             S[j, i] = np.conj(total)
 
 
-@compiled
+@unchecked_kernel
 def adjoint(
     pattern: Pattern,
     M: np.ndarray,
