@@ -39,10 +39,7 @@ def _balance_each(
 ) -> None:
     """Balance matrices M (F, c, r) in place."""
     for f in range(len(M)):
-        scale[f] = unit(M[f])
-        if scale[f] > 0.0:
-            norm = balance(left, right, M[f], E[f])
-            scale[f] = scale[f] * unit(M[f]) if norm > NILPOTENT_NORM else 0.0
+        scale[f] = rescale(left, right, M[f], E[f])
 
 
 @unchecked_kernel
@@ -52,7 +49,20 @@ def power_of_two(value: float) -> float:
 
 
 @unchecked_kernel
-def unit(M: np.ndarray) -> float:
+def rescale(left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray) -> float:
+    """Balance M, scaled by the E given, in place; return the power of two it was divided by.
+
+    It is 0 where M is nilpotent, or 0 itself; see `_balance` for the rest.
+    """
+    scale = _unit(M)
+    if scale > 0.0:
+        norm = _balance(left, right, M, E)
+        scale = scale * _unit(M) if norm > NILPOTENT_NORM else 0.0
+    return scale
+
+
+@unchecked_kernel
+def _unit(M: np.ndarray) -> float:
     """Divide M by a power of two near its largest entry, and return this power; 0 if M = 0."""
     largest = 0.0
     for i in range(M.shape[0]):
@@ -68,7 +78,7 @@ def unit(M: np.ndarray) -> float:
 
 
 @unchecked_kernel
-def balance(left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray) -> float:
+def _balance(left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray) -> float:
     """Replace M by E M E^-1 whose rows and columns have nearly equal norms.
 
     ``left`` (c,) and ``right`` (r,) are the compact indices of its rows and columns. E (N,) holds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
-from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two, unit
+from workbench.mu.upper.balance import power_of_two, rescale
 from workbench.mu.upper.linear_algebra import copy, factor, inner
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
@@ -44,10 +44,7 @@ def solve_each(
         for i in range(c):
             for j in range(r):
                 M[i, j] = batch[f, i, j] * (E[pattern.left[i]] / E[pattern.right[j]])
-        scale = unit(M)
-        if scale > 0.0:
-            norm = balance(pattern.left, pattern.right, M, E)
-            scale = scale * unit(M) if norm > NILPOTENT_NORM else 0.0
+        scale = rescale(pattern.left, pattern.right, M, E)
         if scale > 0.0:
             solved = False
             enough = (level / scale) ** 2
