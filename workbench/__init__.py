@@ -6,9 +6,10 @@ Nothing heavy is imported until it is used.
 
 from __future__ import annotations
 
-import importlib
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
 
 __version__ = "0.2.0"
 
@@ -27,30 +28,8 @@ if TYPE_CHECKING:
     from workbench.solution import Solution, solve
     from workbench.solvers import Options, Outcome
     from workbench.study import Study
-
-_HOME = {
-    "workbench.api": (
-        "compare",
-        "connect",
-        "load",
-        "problems",
-        "results",
-        "run",
-        "sweep",
-        "verify",
-    ),
-    "workbench.bench.project": ("add_problems",),
-    "workbench.bench.declare": ("problem", "ref"),
-    "workbench.bench.report": ("report",),
-    "workbench.bench.results": ("Run", "open_run"),
-    "workbench.geometry": ("narrowest_stadium", "smallest_area_stadium", "smallest_circle"),
-    "workbench.certificate": ("Certificate", "Check"),
-    "workbench.program": ("Program", "method"),
-    "workbench.solution": ("Solution", "solve"),
-    "workbench.solvers": ("Options", "Outcome"),
-    "workbench.study": ("Study",),
-}
-_MODULE = {name: module for module, names in _HOME.items() for name in names}
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "Certificate",
@@ -81,13 +60,3 @@ __all__ = [
     "sweep",
     "verify",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE:
-        raise AttributeError(f"module 'workbench' has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE[name]), name)
-
-
-def __dir__() -> list[str]:
-    return __all__

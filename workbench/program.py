@@ -10,6 +10,7 @@ A `Study` (see `workbench.study`) has no method to choose: arrays with checks of
 from __future__ import annotations
 
 import functools
+import importlib
 import inspect
 import sys
 from abc import ABC, abstractmethod
@@ -194,6 +195,8 @@ class Program(Task):
     """One family of optimisation problems. Subclasses are frozen dataclasses of its data."""
 
     default_method: ClassVar[str]
+    methods_in: ClassVar[tuple[str, ...]] = ()
+    """Modules of its methods, beside its own: they are imported when its methods are asked for."""
 
     # --- what a comparison of methods reads -------------------------------------------------------
 
@@ -341,8 +344,12 @@ def method(
 
 def is_registered(program: str, name: str) -> bool:
     """Whether a Program of this class name, or a base of it, has a method of this name here."""
-    bases = {base for kind in _METHODS if kind.__name__ == program for base in kind.__mro__}
-    return any(name in entries for kind, entries in _METHODS.items() if kind in bases)
+    return any(name in methods(kind) for kind in _kinds(Program) if kind.__name__ == program)
+
+
+def _kinds(program: type[Any]) -> list[type[Program]]:
+    """The Programs of this process that are one of another, itself included."""
+    return [program, *(one for below in program.__subclasses__() for one in _kinds(below))]
 
 
 def _is_replaced(old: Callable[..., Any], new: Callable[..., Any]) -> bool:
@@ -412,6 +419,9 @@ def conic_method(
 def methods(program: Program | type[Program]) -> dict[str, Method]:
     """The methods registered on a Program, by name."""
     cls = program if isinstance(program, type) else type(program)
+    for base in reversed(cls.__mro__):
+        for module in vars(base).get("methods_in", ()):
+            importlib.import_module(module)
     return {
         name: entry
         for base in reversed(cls.__mro__)

@@ -18,7 +18,7 @@ from workbench.mu import peak
 from workbench.structure import Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import MixedSensitivity
-from workbench.synthesis.hinf.riccati import central_of
+from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.systems.realisation import realisation
 
 from .bars import ratio_bars

@@ -19,7 +19,7 @@ from workbench.executor import WALL_TIME, Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
-from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored, stored
 from workbench.tables import markdown

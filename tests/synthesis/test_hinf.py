@@ -16,8 +16,8 @@ from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
-from workbench.synthesis.hinf import levels
-from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.h_infinity import levels
+from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant
 

@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from workbench.certify.norms import certified_norm
 from workbench.errors import InputError
 from workbench.synthesis import MixedSensitivity, hinf, known_disturbance_bound
-from workbench.synthesis.hinf.known_disturbance import exponentials
+from workbench.synthesis.h_infinity.known_disturbance import exponentials
 from workbench.uncertainty import GeneralisedPlant
 
 RATES = np.geomspace(1e-2, 1e2, 24)

@@ -9,9 +9,9 @@ from workbench.plants.textbook.controller import PLANTS
 import workbench as wb
 from workbench.errors import SolverError
 from workbench.synthesis import MuSynthesis
-from workbench.synthesis.hinf.levels import least_level, level_at, level_from
-from workbench.synthesis.hinf.normalised import normalised_plant
-from workbench.synthesis.hinf.worst_signals import worst_densities
+from workbench.synthesis.h_infinity.levels import least_level, level_at, level_from
+from workbench.synthesis.h_infinity.normalised import normalised_plant
+from workbench.synthesis.h_infinity.worst_signals import worst_densities
 from workbench.synthesis.mu import scaled_plant
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.scaled_plant import Round, level_descent

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from workbench.uncertainty.parametric.factorial import factorial_response
-from workbench.uncertainty.parametric.model import parametric
-from workbench.uncertainty.parametric.parameters import Parameter, levels
+from workbench.uncertainty.parametric_models.factorial import factorial_response
+from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.parameters import Parameter, levels
 
 
 def test_factorials_come_in_the_order_of_their_deltas():

@@ -16,8 +16,8 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-from workbench.uncertainty.parametric.model import parametric
-from workbench.uncertainty.parametric.parameters import Parameter
+from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.parameters import Parameter
 
 FREQUENCY = np.geomspace(5.0, 50e3, 80)
 OMEGA = 2 * np.pi * FREQUENCY

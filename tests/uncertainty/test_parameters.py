@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
+from workbench.uncertainty.parametric_models.parameters import Parameter, levels, samples, vertices
 
 
 def test_full_factorials():

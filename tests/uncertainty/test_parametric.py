@@ -9,8 +9,8 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import two_masses
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
-from workbench.uncertainty.parametric.model import parametric
-from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
+from workbench.uncertainty.parametric_models.model import parametric
+from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
 NAMES = ("K_total", "R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")

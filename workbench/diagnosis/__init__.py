@@ -1,55 +1,64 @@
 """Diagnosis: faults modelled, detected, told apart, estimated, and what to put in their place."""
 
-from workbench.diagnosis.estimation import basis as estimation_basis
-from workbench.diagnosis.estimation import methods as estimation_methods
-from workbench.diagnosis.estimation.fault_loop import EstimationDemands, FaultLoop
-from workbench.diagnosis.estimation.front import FaultFront, FrontPoint
-from workbench.diagnosis.estimation.front_bound import least_total
-from workbench.diagnosis.estimation.front_filters import FrontFilter, few_states, full_order
-from workbench.diagnosis.estimation.laguerre import LaguerreBasis
-from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
-from workbench.diagnosis.estimation.weighting import Requirement
-from workbench.diagnosis.estimators.disturbed import DisturbedPlant
-from workbench.diagnosis.estimators.estimator import Estimate, Estimator, estimate, placed
-from workbench.diagnosis.estimators.kalman import KalmanEstimator, Noise
-from workbench.diagnosis.estimators.observers import observer_gain
-from workbench.diagnosis.estimators.prototypes import prototype_poles
-from workbench.diagnosis.estimators.rotation import Rotation
-from workbench.diagnosis.evaluation.changes import cusum, cusum_threshold, glr, hysteresis
-from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion
-from workbench.diagnosis.evaluation.events import events, matched_events
-from workbench.diagnosis.evaluation.performance import Detection, Roc, detection, intervals, roc
-from workbench.diagnosis.evaluation.quality import clean_level, drop_detector, quality_signal
-from workbench.diagnosis.evaluation.residual_size import moving_rms
-from workbench.diagnosis.evaluation.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
-from workbench.diagnosis.evaluation.thresholds import (
-    Threshold,
-    above_noise,
-    adaptive_alarm,
-    bounded_threshold,
-    quantile_threshold,
-)
-from workbench.diagnosis.generators.exact import fault_detection, fault_isolation
-from workbench.diagnosis.generators.generator import ResidualGenerator, structure_matrix, transfer
-from workbench.diagnosis.generators.matching import (
-    ModelMatch,
-    matching_bound,
-    model_matching,
-    null_space_generator,
-)
-from workbench.diagnosis.generators.parity_space import ParityRelation, parity_relation
-from workbench.diagnosis.generators.performance_index import PerformanceIndex, performance_index
-from workbench.diagnosis.generators.whitening import WhitenedResidual, whitened_residual
-from workbench.diagnosis.models.detectability import (
-    Detectability,
-    attainable_structures,
-    detectability,
-    isolability,
-    masking,
-    unattainable,
-)
-from workbench.diagnosis.models.fault_model import FaultModel
-from workbench.diagnosis.models.parameter_faults import multiplicative_lft
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.diagnosis.estimation.fault_loop import EstimationDemands, FaultLoop
+    from workbench.diagnosis.estimation.front import FaultFront, FrontPoint
+    from workbench.diagnosis.estimation.front_bound import least_total
+    from workbench.diagnosis.estimation.front_filters import FrontFilter, few_states, full_order
+    from workbench.diagnosis.estimation.laguerre import LaguerreBasis
+    from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+    from workbench.diagnosis.estimation.weighting import Requirement
+    from workbench.diagnosis.estimators.disturbed import DisturbedPlant
+    from workbench.diagnosis.estimators.estimator import Estimate, Estimator, estimate, placed
+    from workbench.diagnosis.estimators.kalman import KalmanEstimator, Noise
+    from workbench.diagnosis.estimators.observers import observer_gain
+    from workbench.diagnosis.estimators.prototypes import prototype_poles
+    from workbench.diagnosis.estimators.rotation import Rotation
+    from workbench.diagnosis.evaluation.changes import cusum, cusum_threshold, glr, hysteresis
+    from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion
+    from workbench.diagnosis.evaluation.events import events, matched_events
+    from workbench.diagnosis.evaluation.performance import Detection, Roc, detection, intervals, roc
+    from workbench.diagnosis.evaluation.quality import clean_level, drop_detector, quality_signal
+    from workbench.diagnosis.evaluation.residual_size import moving_rms
+    from workbench.diagnosis.evaluation.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
+    from workbench.diagnosis.evaluation.thresholds import (
+        Threshold,
+        above_noise,
+        adaptive_alarm,
+        bounded_threshold,
+        quantile_threshold,
+    )
+    from workbench.diagnosis.generators.exact import fault_detection, fault_isolation
+    from workbench.diagnosis.generators.generator import (
+        ResidualGenerator,
+        structure_matrix,
+        transfer,
+    )
+    from workbench.diagnosis.generators.matching import (
+        ModelMatch,
+        matching_bound,
+        model_matching,
+        null_space_generator,
+    )
+    from workbench.diagnosis.generators.parity_space import ParityRelation, parity_relation
+    from workbench.diagnosis.generators.performance_index import PerformanceIndex, performance_index
+    from workbench.diagnosis.generators.whitening import WhitenedResidual, whitened_residual
+    from workbench.diagnosis.models.detectability import (
+        Detectability,
+        attainable_structures,
+        detectability,
+        isolability,
+        masking,
+        unattainable,
+    )
+    from workbench.diagnosis.models.fault_model import FaultModel
+    from workbench.diagnosis.models.parameter_faults import multiplicative_lft
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "AMBIGUOUS",
@@ -93,8 +102,6 @@ __all__ = [
     "detection",
     "drop_detector",
     "estimate",
-    "estimation_basis",
-    "estimation_methods",
     "events",
     "fault_detection",
     "fault_isolation",

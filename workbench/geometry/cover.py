@@ -47,6 +47,10 @@ class Cover(Program):
     labels: DataArray | None = field(default=None, init=False, repr=False)
 
     default_method: ClassVar[str] = "exact"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.geometry.conic",
+        "workbench.geometry.nonlinear",
+    )
     headline: ClassVar[str] = "radius_peak"
     answer_names: ClassVar[Mapping[str, str]]
     """Names of the arrays of an answer, each with its long name for datasets."""

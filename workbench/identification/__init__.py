@@ -1,96 +1,97 @@
 """From experiments to models: excitation, responses with confidence, physical parameters."""
 
-from workbench.identification.choice import methods as choice_methods
-from workbench.identification.closed_loop import methods as closed_loop_methods
-from workbench.identification.closed_loop.deviations import (
-    closed_loop_covariance,
-    closed_loop_deviations,
-)
-from workbench.identification.closed_loop.program import ClosedLoopFit
-from workbench.identification.experiments import crest_factor_methods, design_methods
-from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
-from workbench.identification.experiments.design import DesignedSpectrum, ExperimentDesign
-from workbench.identification.experiments.distortion import (
-    LineDistortion,
-    harmonic_distortion,
-    line_distortion,
-    total_harmonic_distortion,
-)
-from workbench.identification.experiments.multisine import (
-    Multisine,
-    line_amplitudes,
-    odd_lines,
-    random_multisine,
-)
-from workbench.identification.experiments.quality import (
-    IdentificationWarning,
-    as_record,
-    saturation,
-)
-from workbench.identification.experiments.records import read_record, read_response
-from workbench.identification.experiments.several import Experiments, as_experiments
-from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
-from workbench.identification.experiments.variables import read_variables
-from workbench.identification.innovations.impulse_responses import (
-    impulse_response,
-    impulse_response_deviations,
-)
-from workbench.identification.innovations.model import InnovationsModel
-from workbench.identification.innovations.uncertainty import response_deviations
-from workbench.identification.parameters import evolution as parameter_evolution
-from workbench.identification.parameters import methods as parameter_methods
-from workbench.identification.parameters.least_squares import FittedParameter
-from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
-from workbench.identification.parameters.program import (
-    ParameterEstimate,
-    ParameterFit,
-    fit_parameters,
-)
-from workbench.identification.polynomials import methods as polynomial_methods
-from workbench.identification.polynomials.regressions import arx
-from workbench.identification.rational_models import methods as rational_model_methods
-from workbench.identification.rational_models.estimate import (
-    RationalModelEstimate,
-    fit_rational_model,
-)
-from workbench.identification.rational_models.model import CommonPoleModel
-from workbench.identification.rational_models.program import RationalModelFit
-from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
-from workbench.identification.rational_models.storage import RationalModels
-from workbench.identification.rational_models.uncertainty import ModelUncertainty
-from workbench.identification.recursive.armax import RecursiveARMAX
-from workbench.identification.recursive.arx import RecursiveARX
-from workbench.identification.responses.assumptions import Assumptions
-from workbench.identification.responses.linear_approximation import (
-    LinearApproximation,
-    best_linear_approximation,
-)
-from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
-from workbench.identification.responses.local_rational import local_rational
-from workbench.identification.responses.periodic import (
-    PeriodicResponse,
-    ResponseEstimate,
-    from_periods,
-)
-from workbench.identification.responses.periodic_local import (
-    PeriodicLocalResponse,
-    PeriodicStream,
-    periodic_local_polynomial,
-    periodic_local_rational,
-)
-from workbench.identification.responses.spectral import SpectralResponse, spectral_response
-from workbench.identification.responses.step import step_response
-from workbench.identification.state_space import methods as state_space_methods
-from workbench.identification.state_space import moesp as state_space_moesp
-from workbench.identification.state_space.physical import PhysicalModel
-from workbench.identification.state_space.program import StateSpaceFit
-from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
-from workbench.identification.transfer_functions.record import SampledRecord
-from workbench.identification.transfer_functions.regression import (
-    filtered_least_squares,
-    output_error,
-    refined_instruments,
-)
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.identification.closed_loop.deviations import (
+        closed_loop_covariance,
+        closed_loop_deviations,
+    )
+    from workbench.identification.closed_loop.program import ClosedLoopFit
+    from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
+    from workbench.identification.experiments.design import DesignedSpectrum, ExperimentDesign
+    from workbench.identification.experiments.distortion import (
+        LineDistortion,
+        harmonic_distortion,
+        line_distortion,
+        total_harmonic_distortion,
+    )
+    from workbench.identification.experiments.multisine import (
+        Multisine,
+        line_amplitudes,
+        odd_lines,
+        random_multisine,
+    )
+    from workbench.identification.experiments.quality import (
+        IdentificationWarning,
+        as_record,
+        saturation,
+    )
+    from workbench.identification.experiments.records import read_record, read_response
+    from workbench.identification.experiments.several import Experiments, as_experiments
+    from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
+    from workbench.identification.experiments.variables import read_variables
+    from workbench.identification.innovations.impulse_responses import (
+        impulse_response,
+        impulse_response_deviations,
+    )
+    from workbench.identification.innovations.model import InnovationsModel
+    from workbench.identification.innovations.uncertainty import response_deviations
+    from workbench.identification.parameters.least_squares import FittedParameter
+    from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
+    from workbench.identification.parameters.program import (
+        ParameterEstimate,
+        ParameterFit,
+        fit_parameters,
+    )
+    from workbench.identification.polynomials.regressions import arx
+    from workbench.identification.rational_models.estimate import (
+        RationalModelEstimate,
+        fit_rational_model,
+    )
+    from workbench.identification.rational_models.model import CommonPoleModel
+    from workbench.identification.rational_models.program import RationalModelFit
+    from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
+    from workbench.identification.rational_models.storage import RationalModels
+    from workbench.identification.rational_models.uncertainty import ModelUncertainty
+    from workbench.identification.recursive.armax import RecursiveARMAX
+    from workbench.identification.recursive.arx import RecursiveARX
+    from workbench.identification.responses.assumptions import Assumptions
+    from workbench.identification.responses.linear_approximation import (
+        LinearApproximation,
+        best_linear_approximation,
+    )
+    from workbench.identification.responses.local_polynomial import (
+        LocalPolynomial,
+        local_polynomial,
+    )
+    from workbench.identification.responses.local_rational import local_rational
+    from workbench.identification.responses.periodic import (
+        PeriodicResponse,
+        ResponseEstimate,
+        from_periods,
+    )
+    from workbench.identification.responses.periodic_local import (
+        PeriodicLocalResponse,
+        PeriodicStream,
+        periodic_local_polynomial,
+        periodic_local_rational,
+    )
+    from workbench.identification.responses.spectral import SpectralResponse, spectral_response
+    from workbench.identification.responses.step import step_response
+    from workbench.identification.state_space.physical import PhysicalModel
+    from workbench.identification.state_space.program import StateSpaceFit
+    from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
+    from workbench.identification.transfer_functions.record import SampledRecord
+    from workbench.identification.transfer_functions.regression import (
+        filtered_least_squares,
+        output_error,
+        refined_instruments,
+    )
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "Assumptions",
@@ -132,12 +133,8 @@ __all__ = [
     "as_experiments",
     "as_record",
     "best_linear_approximation",
-    "choice_methods",
     "closed_loop_covariance",
     "closed_loop_deviations",
-    "closed_loop_methods",
-    "crest_factor_methods",
-    "design_methods",
     "filtered_least_squares",
     "fit_parameters",
     "fit_rational_model",
@@ -151,13 +148,9 @@ __all__ = [
     "local_rational",
     "odd_lines",
     "output_error",
-    "parameter_evolution",
-    "parameter_methods",
     "periodic_local_polynomial",
     "periodic_local_rational",
-    "polynomial_methods",
     "random_multisine",
-    "rational_model_methods",
     "read_record",
     "read_response",
     "read_variables",
@@ -167,8 +160,6 @@ __all__ = [
     "schroeder_phases",
     "sine_fit",
     "spectral_response",
-    "state_space_methods",
-    "state_space_moesp",
     "step_response",
     "total_harmonic_distortion",
 ]

@@ -1,41 +1,45 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
-from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
-from workbench.mu.frequency.peak import Peak, peak, with_complex_part
-from workbench.mu.frequency.sweep import Sweep, frequency_sweep
-from workbench.mu.lower.bound import lower_bound
-from workbench.mu.lower.program import LowerBound, MuLowerBound
-from workbench.mu.margins.classical import ClassicalMargins, classical_margins
-from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
-from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
-from workbench.mu.margins.loop import LoopMargins, loop_margins
-from workbench.mu.margins.of_sets import SetMargins, set_margins
-from workbench.mu.members.bundle import bundle_plot
-from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
-from workbench.mu.robust.branch import branch_and_bound
-from workbench.mu.robust.conditions import Conditions, conditions
-from workbench.mu.robust.destabilising import destabilising
-from workbench.mu.robust.element_sensitivity import margin_sensitivity
-from workbench.mu.robust.gain_room import GainRoom, gain_room
-from workbench.mu.robust.margin import (
-    PerformanceMargin,
-    StabilityMargin,
-    robust_performance,
-    robust_stability,
-)
-from workbench.mu.robust.performance import performance_peak, performance_sweep
-from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
-from workbench.mu.robust.sensitivity import sensitivity
-from workbench.mu.robust.skew import SkewBounds, skew_bounds
-from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
-from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
-from workbench.mu.upper import ab13md as upper_ab13md
-from workbench.mu.upper import conic as upper_conic
-from workbench.mu.upper import fast as upper_fast
-from workbench.mu.upper.bound import upper_bound
-from workbench.mu.upper.gradient import gradient
-from workbench.mu.upper.program import MuUpperBound, UpperBound
-from workbench.structure import Complex, Full, Real, Structure
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
+    from workbench.mu.frequency.peak import Peak, peak, with_complex_part
+    from workbench.mu.frequency.sweep import Sweep, frequency_sweep
+    from workbench.mu.lower.bound import lower_bound
+    from workbench.mu.lower.program import LowerBound, MuLowerBound
+    from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+    from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
+    from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
+    from workbench.mu.margins.loop import LoopMargins, loop_margins
+    from workbench.mu.margins.of_sets import SetMargins, set_margins
+    from workbench.mu.members.bundle import bundle_plot
+    from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
+    from workbench.mu.robust.branch import branch_and_bound
+    from workbench.mu.robust.conditions import Conditions, conditions
+    from workbench.mu.robust.destabilising import destabilising
+    from workbench.mu.robust.element_sensitivity import margin_sensitivity
+    from workbench.mu.robust.gain_room import GainRoom, gain_room
+    from workbench.mu.robust.margin import (
+        PerformanceMargin,
+        StabilityMargin,
+        robust_performance,
+        robust_stability,
+    )
+    from workbench.mu.robust.performance import performance_peak, performance_sweep
+    from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
+    from workbench.mu.robust.sensitivity import sensitivity
+    from workbench.mu.robust.skew import SkewBounds, skew_bounds
+    from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
+    from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
+    from workbench.mu.upper.bound import upper_bound
+    from workbench.mu.upper.gradient import gradient
+    from workbench.mu.upper.program import MuUpperBound, UpperBound
+    from workbench.structure import Complex, Full, Real, Structure
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "ClassicalMargins",
@@ -91,10 +95,7 @@ __all__ = [
     "set_margins",
     "skew_bounds",
     "skewed_peak",
-    "upper_ab13md",
     "upper_bound",
-    "upper_conic",
-    "upper_fast",
     "with_complex_part",
     "worst_case_gain",
 ]

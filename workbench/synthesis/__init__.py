@@ -1,75 +1,72 @@
 """Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
-from workbench.synthesis.designs import DESIGNS, DesignTask
-from workbench.synthesis.hinf import conic as hinf_conic
-from workbench.synthesis.hinf import methods as hinf_methods
-from workbench.synthesis.hinf.assumptions import regularised
-from workbench.synthesis.hinf.gap_metric import gap_metric
-from workbench.synthesis.hinf.known_disturbance import known_disturbance_bound
-from workbench.synthesis.hinf.loop_shaping import LoopShaping
-from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
-from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
-from workbench.synthesis.implementation import implementation_methods
-from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
-from workbench.synthesis.implementation.discretise import discretised
-from workbench.synthesis.implementation.export import export, load_controller
-from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
-from workbench.synthesis.implementation.implemented import ImplementedController
-from workbench.synthesis.implementation.program import Implementation
-from workbench.synthesis.implementation.reduction import (
-    ReducedController,
-    ReducedControllers,
-    approximated,
-    approximations,
-    reduce_order,
-)
-from workbench.synthesis.implementation.sampled_loop import (
-    SampledConditions,
-    SampledMargins,
-    sampled_conditions,
-)
-from workbench.synthesis.implementation.second_order import Sections, second_order_sections
-from workbench.synthesis.limits.analytic_basis import AnalyticBasis
-from workbench.synthesis.limits.dual_bound import DualCertificate
-from workbench.synthesis.limits.dual_search import highest_proven
-from workbench.synthesis.limits.least_mu import LeastMu, largest_least_mu, least_mu
-from workbench.synthesis.limits.loop_functions import LoopFunctions
-from workbench.synthesis.limits.loop_weights import LoopWeights
-from workbench.synthesis.mu import dk
-from workbench.synthesis.mu.control_cover import ControlCover
-from workbench.synthesis.mu.demand_cost import DemandCost
-from workbench.synthesis.mu.equalising_gain import equalising_gain
-from workbench.synthesis.mu.families import Family, Modal
-from workbench.synthesis.mu.multipliers import dgk
-from workbench.synthesis.mu.program import MuController, MuSynthesis
-from workbench.synthesis.mu.rounds import Iterate
-from workbench.synthesis.mu.structured import fixed
-from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
-from workbench.synthesis.records import conic as records_conic
-from workbench.synthesis.records import riccati as records_riccati
-from workbench.synthesis.records.inequalities import ProvenFeedback
-from workbench.synthesis.records.program import FeedbackFromRecords
-from workbench.synthesis.records.record import NoiseEnergy, StateRecords
-from workbench.synthesis.switching import conic as switching_conic
-from workbench.synthesis.switching import descent as switching_descent
-from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
-from workbench.synthesis.switching.controllers import (
-    controller_replaced,
-    measurement_dropped,
-    measurement_filtered,
-    unswitched,
-)
-from workbench.synthesis.switching.deviations import Deviations
-from workbench.synthesis.switching.loops import (
-    ControllerMode,
-    SampledPlant,
-    SwitchedLoop,
-    closed_transition,
-    switched_loop,
-)
-from workbench.synthesis.switching.modes import Mode
-from workbench.synthesis.switching.program import Dwell, SwitchedStability
-from workbench.synthesis.switching.single_loops import SingleLoops
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.synthesis.designs import DESIGNS, DesignTask
+    from workbench.synthesis.h_infinity.assumptions import regularised
+    from workbench.synthesis.h_infinity.gap_metric import gap_metric
+    from workbench.synthesis.h_infinity.known_disturbance import known_disturbance_bound
+    from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
+    from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
+    from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis, hinf
+    from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
+    from workbench.synthesis.implementation.discretise import discretised
+    from workbench.synthesis.implementation.export import export, load_controller
+    from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
+    from workbench.synthesis.implementation.implemented import ImplementedController
+    from workbench.synthesis.implementation.program import Implementation
+    from workbench.synthesis.implementation.reduction import (
+        ReducedController,
+        ReducedControllers,
+        approximated,
+        approximations,
+        reduce_order,
+    )
+    from workbench.synthesis.implementation.sampled_loop import (
+        SampledConditions,
+        SampledMargins,
+        sampled_conditions,
+    )
+    from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+    from workbench.synthesis.limits.analytic_basis import AnalyticBasis
+    from workbench.synthesis.limits.dual_bound import DualCertificate
+    from workbench.synthesis.limits.dual_search import highest_proven
+    from workbench.synthesis.limits.least_mu import LeastMu, largest_least_mu, least_mu
+    from workbench.synthesis.limits.loop_functions import LoopFunctions
+    from workbench.synthesis.limits.loop_weights import LoopWeights
+    from workbench.synthesis.mu.control_cover import ControlCover
+    from workbench.synthesis.mu.demand_cost import DemandCost
+    from workbench.synthesis.mu.equalising_gain import equalising_gain
+    from workbench.synthesis.mu.families import Family, Modal
+    from workbench.synthesis.mu.program import MuController, MuSynthesis
+    from workbench.synthesis.mu.rounds import Iterate
+    from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
+    from workbench.synthesis.records.inequalities import ProvenFeedback
+    from workbench.synthesis.records.program import FeedbackFromRecords
+    from workbench.synthesis.records.record import NoiseEnergy, StateRecords
+    from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
+    from workbench.synthesis.switching.controllers import (
+        controller_replaced,
+        measurement_dropped,
+        measurement_filtered,
+        unswitched,
+    )
+    from workbench.synthesis.switching.deviations import Deviations
+    from workbench.synthesis.switching.loops import (
+        ControllerMode,
+        SampledPlant,
+        SwitchedLoop,
+        closed_transition,
+        switched_loop,
+    )
+    from workbench.synthesis.switching.modes import Mode
+    from workbench.synthesis.switching.program import Dwell, SwitchedStability
+    from workbench.synthesis.switching.single_loops import SingleLoops
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "DESIGNS",
@@ -120,19 +117,13 @@ __all__ = [
     "approximations",
     "closed_transition",
     "controller_replaced",
-    "dgk",
     "discretised",
-    "dk",
     "equalising_gain",
     "export",
-    "fixed",
     "fixed_point",
     "gap_metric",
     "highest_proven",
     "hinf",
-    "hinf_conic",
-    "hinf_methods",
-    "implementation_methods",
     "known_disturbance_bound",
     "largest_least_mu",
     "least_mu",
@@ -140,15 +131,11 @@ __all__ = [
     "measurement_dropped",
     "measurement_filtered",
     "proven_share",
-    "records_conic",
-    "records_riccati",
     "reduce_order",
     "regularised",
     "sampled_conditions",
     "sampled_robustness",
     "second_order_sections",
     "switched_loop",
-    "switching_conic",
-    "switching_descent",
     "unswitched",
 ]

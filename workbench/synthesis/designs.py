@@ -20,10 +20,10 @@ from workbench.heavy_types import StateSpace
 from workbench.program import Program
 from workbench.solution import solve
 from workbench.structure import Structure
-from workbench.synthesis.hinf.loop_shaping import LoopShaping
-from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
-from workbench.synthesis.hinf.program import HinfSynthesis
-from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
+from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
+from workbench.synthesis.h_infinity.program import HinfSynthesis
+from workbench.synthesis.h_infinity.riccati import central
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm

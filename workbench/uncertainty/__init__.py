@@ -1,50 +1,57 @@
 """Uncertainty models: covers of response sets, parametric models, generalised plants."""
 
-from workbench.systems.connection import generalised_plant
-from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.uncertainty.algebra.functions import (
-    append,
-    block,
-    complex_scalar,
-    delay,
-    dynamics,
-    feedback,
-    real,
-    ss,
-    tf,
-)
-from workbench.uncertainty.algebra.interconnect import interconnect
-from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
-from workbench.uncertainty.algebra.system import UncertainSystem
-from workbench.uncertainty.covers import conic as cover_conic
-from workbench.uncertainty.covers import methods as cover_methods
-from workbench.uncertainty.covers.circle_cover import CircleCover
-from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
-from workbench.uncertainty.covers.of_estimate import cover_of_estimate
-from workbench.uncertainty.covers.orientation import (
-    Orientation,
-    cheapest,
-    limited,
-    narrowest,
-    smooth,
-)
-from workbench.uncertainty.covers.stadium_cover import StadiumCover
-from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.matrix_covers import methods as matrix_methods
-from workbench.uncertainty.matrix_covers.cover import MatrixCover
-from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
-from workbench.uncertainty.matrix_covers.model import MatrixModel
-from workbench.uncertainty.matrix_covers.nominal import central_nominal
-from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-from workbench.uncertainty.matrix_sets import barrier as matrix_barrier
-from workbench.uncertainty.matrix_sets import conic as matrix_conic
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
-from workbench.uncertainty.parametric.estimate_region import EstimateRegion
-from workbench.uncertainty.parametric.members import members
-from workbench.uncertainty.parametric.model import ParametricModel, parametric
-from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
-from workbench.uncertainty.responses.extrapolation import widened
-from workbench.uncertainty.responses.plants import Responses
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.systems.connection import generalised_plant
+    from workbench.systems.generalised_plant import GeneralisedPlant
+    from workbench.uncertainty.algebra.functions import (
+        append,
+        block,
+        complex_scalar,
+        delay,
+        dynamics,
+        feedback,
+        real,
+        ss,
+        tf,
+    )
+    from workbench.uncertainty.algebra.interconnect import interconnect
+    from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
+    from workbench.uncertainty.algebra.system import UncertainSystem
+    from workbench.uncertainty.covers.circle_cover import CircleCover
+    from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
+    from workbench.uncertainty.covers.of_estimate import cover_of_estimate
+    from workbench.uncertainty.covers.orientation import (
+        Orientation,
+        cheapest,
+        limited,
+        narrowest,
+        smooth,
+    )
+    from workbench.uncertainty.covers.stadium_cover import StadiumCover
+    from workbench.uncertainty.covers.steps import CoverSteps
+    from workbench.uncertainty.matrix_covers.cover import MatrixCover
+    from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
+    from workbench.uncertainty.matrix_covers.model import MatrixModel
+    from workbench.uncertainty.matrix_covers.nominal import central_nominal
+    from workbench.uncertainty.matrix_covers.responses import MatrixResponses
+    from workbench.uncertainty.matrix_sets.sets import MatrixSets
+    from workbench.uncertainty.parametric_models.estimate_region import EstimateRegion
+    from workbench.uncertainty.parametric_models.members import members
+    from workbench.uncertainty.parametric_models.model import ParametricModel, parametric
+    from workbench.uncertainty.parametric_models.parameters import (
+        Parameter,
+        levels,
+        samples,
+        vertices,
+    )
+    from workbench.uncertainty.responses.extrapolation import widened
+    from workbench.uncertainty.responses.plants import Responses
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "CircleCover",
@@ -70,8 +77,6 @@ __all__ = [
     "cheapest",
     "complex_scalar",
     "contains",
-    "cover_conic",
-    "cover_methods",
     "cover_of_estimate",
     "delay",
     "dynamics",
@@ -83,9 +88,6 @@ __all__ = [
     "levels",
     "limited",
     "matrix",
-    "matrix_barrier",
-    "matrix_conic",
-    "matrix_methods",
     "members",
     "narrowest",
     "parametric",

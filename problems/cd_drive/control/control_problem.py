@@ -20,7 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel
-from workbench.uncertainty.parametric.model import ParametricModel
+from workbench.uncertainty.parametric_models.model import ParametricModel
 
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import Axis, check_axis, drives

@@ -27,7 +27,7 @@ from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import known_disturbance_bound
-from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.norms import norm
 from workbench.uncertainty import GeneralisedPlant, generalised_plant
 

@@ -15,8 +15,8 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 from workbench.uncertainty.algebra.lft import left_divide, matrix
-from workbench.uncertainty.parametric.model import ParametricModel, parametric
-from workbench.uncertainty.parametric.parameters import Parameter
+from workbench.uncertainty.parametric_models.model import ParametricModel, parametric
+from workbench.uncertainty.parametric_models.parameters import Parameter
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import nominal_parameters, plant, total_gain

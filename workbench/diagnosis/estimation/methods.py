@@ -10,9 +10,9 @@ from workbench.diagnosis.estimation.program import FaultEstimation
 from workbench.executor import Context
 from workbench.program import Claim, conic_method, find_method, method
 from workbench.solvers import ConicSolver
-from workbench.synthesis.hinf.conic import LMI_ACCURACY
-from workbench.synthesis.hinf.methods import LEVEL_ACCURACY
-from workbench.synthesis.hinf.program import HinfSynthesis
+from workbench.synthesis.h_infinity.conic import LMI_ACCURACY
+from workbench.synthesis.h_infinity.methods import LEVEL_ACCURACY
+from workbench.synthesis.h_infinity.program import HinfSynthesis
 from workbench.synthesis.mu.program import MuSynthesis
 
 MU_METHODS = ("dk", "mu-dk", "dgk")

@@ -31,7 +31,7 @@ from workbench.mu import Peak, peak
 from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
 from workbench.program import Program
 from workbench.second_opinion import loops
-from workbench.synthesis.hinf.figures import DrawnController
+from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
@@ -160,6 +160,10 @@ class FaultEstimation(Program):
     start: StateSpace | None
 
     default_method: ClassVar[str] = "riccati"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.diagnosis.estimation.methods",
+        "workbench.diagnosis.estimation.basis",
+    )
     headline: ClassVar[str] = "peak"
 
     def __init__(

@@ -24,8 +24,8 @@ from workbench.diagnosis.models.detectability import frequencies, masking, need_
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.hinf.assumptions import regularised
-from workbench.synthesis.hinf.program import hinf
+from workbench.synthesis.h_infinity.assumptions import regularised
+from workbench.synthesis.h_infinity.program import hinf
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
@@ -78,7 +78,7 @@ def model_matching(
         Poles of the basis Q_1, some of which cancel: one for all, or a list from which each row of
         Q_1 takes as many as its order.
     gamma, method
-        As for `workbench.synthesis.hinf`; gamma None: nearly the least level.
+        As for `workbench.synthesis.h_infinity`; gamma None: nearly the least level.
     regularisation
         Relative size of the noise that is added if faults and noise do not reach every direction
         of R_1 (at high frequencies, or at a zero on the stability boundary).
@@ -89,7 +89,7 @@ def model_matching(
         The model has no fault; the reference is unstable or does not fit; disturbances leave no
         null space; the poles are refused by `generator.denominator`.
     SolverError
-        As `workbench.synthesis.hinf`; or rounding makes the error unstable.
+        As `workbench.synthesis.h_infinity`; or rounding makes the error unstable.
 
     Examples
     --------

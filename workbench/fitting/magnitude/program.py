@@ -80,6 +80,14 @@ class MagnitudeFit(Program):
     cover: bool = False
 
     default_method: ClassVar[str] = "best"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.fitting.magnitude.best",
+        "workbench.fitting.magnitude.sanathanan_koerner",
+        "workbench.fitting.magnitude.sb10yd",
+        "workbench.fitting.magnitude.conic",
+        "workbench.fitting.magnitude.minimax",
+        "workbench.fitting.magnitude.nonlinear",
+    )
     headline: ClassVar[str] = "error_worst"
 
     def __post_init__(self) -> None:

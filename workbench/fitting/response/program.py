@@ -92,6 +92,12 @@ class ResponseFit(Program):
     unstable_poles: int = 0
 
     default_method: ClassVar[str] = "best"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.fitting.response.vector_fitting",
+        "workbench.fitting.response.conic",
+        "workbench.fitting.response.nonlinear",
+        "workbench.fitting.response.best",
+    )
     headline: ClassVar[str] = "error_worst"
 
     def __post_init__(self) -> None:

@@ -59,6 +59,10 @@ class SmallestAreaStadium(EnclosingStadium):
     """
 
     default_method: ClassVar[str] = "search"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.geometry.area.evolution",
+        "workbench.geometry.area.nonlinear",
+    )
     headline: ClassVar[str] = "area_peak"
 
     def objective(self, answer: Stadium) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -72,6 +72,8 @@ class ClosedLoopFit(StateSpaceFit):
     >>> wb.solve(program, "two-stage").certificate.valid
     True
     """
+
+    methods_in: ClassVar[tuple[str, ...]] = ("workbench.identification.closed_loop.methods",)
 
     excitation: Any = field(default=None, kw_only=True)
     controller: StateSpace | None = field(default=None, kw_only=True)

@@ -59,6 +59,9 @@ class CrestFactor(Program):
     samples: int
 
     default_method: ClassVar[str] = "ipopt"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.identification.experiments.crest_factor_methods",
+    )
     headline: ClassVar[str] = "crest_factor"
 
     def __post_init__(self) -> None:

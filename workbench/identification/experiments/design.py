@@ -104,6 +104,7 @@ class ExperimentDesign(Program):
     uses: Any = None
 
     default_method: ClassVar[str] = "clarabel"
+    methods_in: ClassVar[tuple[str, ...]] = ("workbench.identification.experiments.design_methods",)
     headline: ClassVar[str] = "worst"
 
     def __post_init__(self) -> None:

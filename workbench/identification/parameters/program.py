@@ -64,6 +64,10 @@ class ParameterFit(LeastSquares, Program):
     """
 
     default_method: ClassVar[str] = "ipopt"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.identification.parameters.evolution",
+        "workbench.identification.parameters.methods",
+    )
     headline: ClassVar[str] = "chi_square"
 
     @property

@@ -113,6 +113,7 @@ class RationalModelFit(Program):
     degrees: float = np.inf
 
     default_method: ClassVar[str] = "levenberg-marquardt"
+    methods_in: ClassVar[tuple[str, ...]] = ("workbench.identification.rational_models.methods",)
     headline: ClassVar[str] = "cost_ratio"
 
     def __post_init__(self) -> None:

@@ -144,6 +144,12 @@ class StateSpaceFit(RecordedQuestion, Program):
     physical: Mapping[str, PhysicalModel] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.identification.state_space.methods",
+        "workbench.identification.polynomials.methods",
+        "workbench.identification.state_space.moesp",
+        "workbench.identification.choice.methods",
+    )
     headline: ClassVar[str] = "fit_free_run_y1"
 
     def __post_init__(self) -> None:

@@ -77,6 +77,7 @@ class MuLowerBound(Program):
     labels: DataArray | None = field(default=None, init=False, repr=False)
 
     default_method: ClassVar[str] = "best"
+    methods_in: ClassVar[tuple[str, ...]] = ("workbench.mu.lower.methods",)
     headline: ClassVar[str] = "mu_lower_peak"
 
     def __post_init__(self) -> None:

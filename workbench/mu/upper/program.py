@@ -101,6 +101,11 @@ class MuUpperBound(Program):
 
     headline: ClassVar[str] = "largest_bound"
     default_method: ClassVar[str] = "fast"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.mu.upper.fast",
+        "workbench.mu.upper.ab13md",
+        "workbench.mu.upper.conic",
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", self.M if hasattr(self.M, "dims") else None)

@@ -9,7 +9,7 @@ import numpy as np
 from workbench import figures
 from workbench.certify.sampled_sets import Roots, mu_at
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench.synthesis.hinf.figures import grid
+from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.implementation.implemented import ImplementedController
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
 from workbench.synthesis.implementation.second_order import Sections

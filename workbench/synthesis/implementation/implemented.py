@@ -11,7 +11,7 @@ import numpy as np
 from workbench.certify.sampled_sets import SetPeak
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.hinf.figures import DrawnController
+from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.implementation.c_fixed_point import fixed_header
 from workbench.synthesis.implementation.export import replace_file
 from workbench.synthesis.implementation.export_c import Limits, header

@@ -116,6 +116,9 @@ class Implementation(Program):
     sign: int | None = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "best"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.synthesis.implementation.implementation_methods",
+    )
     headline: ClassVar[str] = "peak"
 
     def __post_init__(self) -> None:

@@ -26,8 +26,8 @@ from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
-from workbench.synthesis.hinf.normalised import normalised_plant
-from workbench.synthesis.hinf.riccati import central_above, central_of
+from workbench.synthesis.h_infinity.normalised import normalised_plant
+from workbench.synthesis.h_infinity.riccati import central_above, central_of
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant

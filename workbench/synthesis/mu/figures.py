@@ -10,7 +10,7 @@ from workbench import figures
 from workbench.heavy_types import Figure, StateSpace
 from workbench.mu import frequency_sweep
 from workbench.structure import Structure
-from workbench.synthesis.hinf.figures import grid
+from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
 
 LOG_SCALE_RATIO = 10.0

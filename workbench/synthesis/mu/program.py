@@ -23,7 +23,7 @@ from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
-from workbench.synthesis.hinf.figures import DrawnController, controller
+from workbench.synthesis.h_infinity.figures import DrawnController, controller
 from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
@@ -192,6 +192,11 @@ class MuSynthesis(Program):
     units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "dk"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.synthesis.mu.dk",
+        "workbench.synthesis.mu.multipliers.dgk",
+        "workbench.synthesis.mu.structured.fixed",
+    )
     headline: ClassVar[str] = "peak"
 
     def __post_init__(self) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError, SolverError
-from workbench.synthesis.hinf.levels import EVEN_STEEPNESS, least_level, level_from
-from workbench.synthesis.hinf.normalised import normalised_plant
-from workbench.synthesis.hinf.worst_signals import worst_densities
+from workbench.synthesis.h_infinity.levels import EVEN_STEEPNESS, least_level, level_from
+from workbench.synthesis.h_infinity.normalised import normalised_plant
+from workbench.synthesis.h_infinity.worst_signals import worst_densities
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.generalised_plant import GeneralisedPlant

@@ -89,6 +89,10 @@ class FeedbackFromRecords(ConicallyStated):
     F: RealArray | None = None
 
     default_method: ClassVar[str] = "riccati"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.synthesis.records.conic",
+        "workbench.synthesis.records.riccati",
+    )
     headline: ClassVar[str] = "level"
 
     def __post_init__(self) -> None:

@@ -97,6 +97,10 @@ class SwitchedStability(Program):
     limit: int = 100_000
 
     default_method: ClassVar[str] = "clarabel"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.synthesis.switching.conic",
+        "workbench.synthesis.switching.descent",
+    )
     headline: ClassVar[str] = "dwell"
 
     def __post_init__(self) -> None:

@@ -94,6 +94,10 @@ class UncertaintyCover(Program):
     windows: Any = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.uncertainty.covers.conic",
+        "workbench.uncertainty.covers.methods",
+    )
     shape: ClassVar[Literal["circle", "stadium"]]
     size_name: ClassVar[str]
     """Name of a set's radius in the metrics."""

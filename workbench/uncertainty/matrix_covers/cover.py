@@ -116,6 +116,7 @@ class MatrixCover(Program):
     floor: float = field(default=1e-3, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
+    methods_in: ClassVar[tuple[str, ...]] = ("workbench.uncertainty.matrix_covers.methods",)
     headline: ClassVar[str] = "radius_mean"
 
     def __post_init__(self) -> None:

@@ -147,6 +147,10 @@ class MatrixSets(Program):
     loop: Any = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "barrier"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.uncertainty.matrix_sets.barrier",
+        "workbench.uncertainty.matrix_sets.conic",
+    )
     headline: ClassVar[str] = "radius_mean"
 
     def __post_init__(self) -> None:

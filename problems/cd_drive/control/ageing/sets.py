@@ -16,7 +16,7 @@ from workbench.solvers import Options
 from workbench.synthesis import MuSynthesis
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, Parameter, ParametricModel
-from workbench.uncertainty.parametric.model import parametric
+from workbench.uncertainty.parametric_models.model import parametric
 
 from ...drive.plants import controller
 from ...drive.tables import Axis, nominal_table

@@ -18,7 +18,7 @@ from workbench.heavy_types import Dataset, StateSpace
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel, UncertaintyModel
-from workbench.uncertainty.parametric.parameters import vertices
+from workbench.uncertainty.parametric_models.parameters import vertices
 
 from ...drive.plants import ANTIALIASING
 from ...drive.tables import Axis

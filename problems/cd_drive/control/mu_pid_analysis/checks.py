@@ -14,7 +14,7 @@ from workbench.certificate import EVERY_PERTURBATION, worst
 from workbench.heavy_types import Dataset
 from workbench.mu import rank_one_mu
 from workbench.uncertainty.covers.storage import rational
-from workbench.uncertainty.parametric.parameters import vertices
+from workbench.uncertainty.parametric_models.parameters import vertices
 
 from ...drive.plants import ANTIALIASING, controller
 from ...drive.tables import Axis

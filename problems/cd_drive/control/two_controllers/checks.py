@@ -11,7 +11,7 @@ from workbench.arrays import ComplexArray
 from workbench.certificate import EVERY_PERTURBATION, quantified, worst
 from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.generalised_plant import response
-from workbench.uncertainty.parametric.parameters import vertices
+from workbench.uncertainty.parametric_models.parameters import vertices
 
 from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants

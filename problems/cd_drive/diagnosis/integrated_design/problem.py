@@ -22,7 +22,7 @@ from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.solution import solve
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import HinfSynthesis
-from workbench.synthesis.hinf.program import HinfController
+from workbench.synthesis.h_infinity.program import HinfController
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 from ...drive.plants import controller, total_gains

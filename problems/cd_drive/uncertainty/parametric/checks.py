@@ -10,8 +10,8 @@ from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import worst
 from workbench.heavy_types import Dataset
-from workbench.uncertainty.parametric.model import ParametricModel
-from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
+from workbench.uncertainty.parametric_models.model import ParametricModel
+from workbench.uncertainty.parametric_models.parameters import Parameter, samples, vertices
 
 from ...drive.actuator import specific_model, stack
 from ...drive.plants import nominal_response

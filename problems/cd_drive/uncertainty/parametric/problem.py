@@ -19,9 +19,9 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
-from workbench.uncertainty.parametric.factorial import factorial_response
-from workbench.uncertainty.parametric.model import ParametricModel
-from workbench.uncertainty.parametric.parameters import Parameter, levels, samples
+from workbench.uncertainty.parametric_models.factorial import factorial_response
+from workbench.uncertainty.parametric_models.model import ParametricModel
+from workbench.uncertainty.parametric_models.parameters import Parameter, levels, samples
 
 from ...drive.plants import nominal_response, responses
 from ...drive.shared_parameters import TABLES, Frequencies, Frequency, grid

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.uncertainty.parametric.parameters import Parameter
+from workbench.uncertainty.parametric_models.parameters import Parameter
 
 from ...drive.actuator import SERIES_RESISTANCE
 from ...drive.plants import nominal_response

@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.hinf.levels import level_at
-from workbench.synthesis.hinf.normalised import normalised_plant
-from workbench.synthesis.hinf.riccati import LEVEL_RISE_MULTIPLES, Central, central, central_of
+from workbench.synthesis.h_infinity.levels import level_at
+from workbench.synthesis.h_infinity.normalised import normalised_plant
+from workbench.synthesis.h_infinity.riccati import (
+    LEVEL_RISE_MULTIPLES,
+    Central,
+    central,
+    central_of,
+)
 from workbench.synthesis.mu.dk import LEVEL_TOLERANCE
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied, scaled_by_D

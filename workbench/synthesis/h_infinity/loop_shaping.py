@@ -24,9 +24,9 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.hinf.levels import LARGEST_LEVEL
-from workbench.synthesis.hinf.methods import LEVEL_ACCURACY, claimed, distance
-from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL
+from workbench.synthesis.h_infinity.methods import LEVEL_ACCURACY, claimed, distance
+from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous, to_continuous
 from workbench.systems.conversion import as_system, as_weight

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.uncertainty.parametric.model import ParametricModel
+from workbench.uncertainty.parametric_models.model import ParametricModel
 from workbench.uncertainty.responses.plants import Responses
 
 

@@ -13,9 +13,9 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, slicot_routine, slycot_missing
-from workbench.synthesis.hinf.levels import CANCELLED_SHARE, level_ends, without_control
-from workbench.synthesis.hinf.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
-from workbench.synthesis.hinf.riccati import MANY_RISES, InfeasibleError, central_of
+from workbench.synthesis.h_infinity.levels import CANCELLED_SHARE, level_ends, without_control
+from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.riccati import MANY_RISES, InfeasibleError, central_of
 from workbench.systems.bilinear import to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation

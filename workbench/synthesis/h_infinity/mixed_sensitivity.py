@@ -13,8 +13,8 @@ from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.hinf.figures import grid
-from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.figures import grid
+from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.generalised_plant import GeneralisedPlant, response

@@ -31,7 +31,7 @@ from workbench.uncertainty.algebra.lft import (
 )
 from workbench.uncertainty.algebra.reduction import grouped, reduced
 from workbench.uncertainty.algebra.system import Algebraic
-from workbench.uncertainty.parametric.parameters import Parameter
+from workbench.uncertainty.parametric_models.parameters import Parameter
 
 Model = Callable[..., tuple[Any, Any, Any, Any]]
 """Function of named parameters that gives A, B, C and D."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.systems.frequency_response import frequency_response
-from workbench.uncertainty.parametric.model import ParametricModel
+from workbench.uncertainty.parametric_models.model import ParametricModel
 
 
 def factorial_response(model: ParametricModel, omega: ArrayLike, deltas: ArrayLike) -> Array:

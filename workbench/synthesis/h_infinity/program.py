@@ -20,9 +20,9 @@ from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.solution import solve
 from workbench.solvers import Options
-from workbench.synthesis.hinf import figures as drawn
-from workbench.synthesis.hinf.assumptions import checked
-from workbench.synthesis.hinf.normalised import Scaled
+from workbench.synthesis.h_infinity import figures as drawn
+from workbench.synthesis.h_infinity.assumptions import checked
+from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.margins import highest_crossover
@@ -119,6 +119,10 @@ class HinfSynthesis(Program):
     gamma: float | None = None
 
     default_method: ClassVar[str] = "riccati"
+    methods_in: ClassVar[tuple[str, ...]] = (
+        "workbench.synthesis.h_infinity.methods",
+        "workbench.synthesis.h_infinity.conic",
+    )
     headline: ClassVar[str] = "norm"
 
     def __post_init__(self) -> None:

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.synthesis.hinf.levels import Level
-from workbench.synthesis.hinf.normalised import Scaled
+from workbench.synthesis.h_infinity.levels import Level
+from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.frequency_response import frequency_response
 
 

@@ -18,7 +18,7 @@ from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu import nu_gap
-from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation, worst_pole

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
-from workbench.synthesis.hinf.normalised import Scaled, has_rank, normalised_plant
+from workbench.synthesis.h_infinity.normalised import Scaled, has_rank, normalised_plant
 from workbench.systems.balancing import state_units
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant

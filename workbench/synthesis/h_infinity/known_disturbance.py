@@ -21,7 +21,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError, SolverError
-from workbench.synthesis.hinf.normalised import has_rank, rank_advice
+from workbench.synthesis.h_infinity.normalised import has_rank, rank_advice
 from workbench.systems.balancing import balanced
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import standard_plant

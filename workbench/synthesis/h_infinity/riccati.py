@@ -15,8 +15,8 @@ from scipy.linalg import LinAlgError
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
-from workbench.synthesis.hinf.levels import LARGEST_LEVEL, Level, least_level, level_at
-from workbench.synthesis.hinf.normalised import Scaled, normalised_plant
+from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL, Level, least_level, level_at
+from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant

@@ -19,8 +19,8 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, slicot_routine, solve_conic
-from workbench.synthesis.hinf.methods import claimed
-from workbench.synthesis.hinf.program import HinfSynthesis
+from workbench.synthesis.h_infinity.methods import claimed
+from workbench.synthesis.h_infinity.program import HinfSynthesis
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
