@@ -41,6 +41,7 @@ def inlined(function: Callable[..., Any]) -> Any:
     """As `kernel`, for a function that is to become a part of those that call it.
 
     A call hands over seven numbers for each array, and hides from the caller which of them stay.
+    Besides, Numba compiles what a function calls once more with it, at every level of calls.
     """
     return _kept(function, {"_nrt": False, "inline": "always"})
 

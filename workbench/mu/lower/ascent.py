@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench.compiled import compiled, inlined, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL, eigenvectors
 from workbench.mu.lower.parameters import set_delta, set_gradient, set_parameters
 from workbench.mu.lower.rayleigh import KEPT, LOOP, X, Y, copy_pair, squared_size
@@ -77,7 +77,7 @@ def _distance(first, second):  # type: ignore[no-untyped-def]
     return np.sqrt(largest)
 
 
-@unchecked_kernel
+@inlined
 def polished_perturbation(M, table, delta, value, w):  # type: ignore[no-untyped-def]
     """Make a real eigenvalue real to rounding; Delta is kept where that does not succeed."""
     set_sensitivity(M, w)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import unchecked_kernel
+from workbench.compiled import inlined, unchecked_kernel
 from workbench.mu.lower.attain import FULL, REAL
 from workbench.mu.lower.rayleigh import (
     EFFECTS,
@@ -160,7 +160,7 @@ def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
                 w[Y, c + i], w[B, r + i] = np.conj(value) * w[U, r + i], value * w[X, c + i]
 
 
-@unchecked_kernel
+@inlined
 def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
     """Estimate of an eigenvalue (0: lost) after steps that align the complex blocks with it.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench.compiled import compiled, inlined, unchecked_kernel
 from workbench.mu.lower.ascent import climb, copy_delta, polished_perturbation
 from workbench.mu.lower.edges import (
     MOST_POINTS,
@@ -137,7 +137,7 @@ def _search_edges(M, table, least, delta, polynomials, determinants, found, w): 
     set_crossings(table, polynomials, count, least, most, determinants, delta, found)
 
 
-@unchecked_kernel
+@inlined
 def _edge_start(M, table, crossing, delta, least, w):  # type: ignore[no-untyped-def]
     """The real eigenvalue (0: none above the least) of an edge's estimate; Delta is set."""
     if not crossing[0] > least * (1 + SAME_VALUE):
