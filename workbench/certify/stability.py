@@ -10,7 +10,7 @@ from workbench.certify.eigenvalues import FEWEST_KEPT, Discs, pole_discs, separa
 from workbench.certify.modes.modal_form import MODAL_FORMS, real_balls
 from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
-from workbench.systems.balancing import balancing
+from workbench.systems.balancing import balancing, with_state_units
 
 
 def stability_of(loop: StateSpace) -> Check:
@@ -19,11 +19,11 @@ def stability_of(loop: StateSpace) -> Check:
     Stable poles lie left of the imaginary axis in continuous time, within the unit circle in
     discrete time. The value bounds their distance beyond it from above.
     """
-    A, n = np.asarray(loop.A, dtype=float), len(loop.A)
-    if n >= FEWEST_KEPT and np.isfinite(A).all():
+    A = np.asarray(loop.A, dtype=float)
+    if len(A) >= FEWEST_KEPT and np.isfinite(A).all():
         # scaled as for the loop's norm, which needs the same discs
-        scale = balancing(np.block([[A, loop.B], [loop.C, loop.D]]), n)[0][:n]
-        value, worst = _bound_of(A * scale[:, None] / scale, bool(loop.dt))
+        scaled = with_state_units(A, *map(np.asarray, (loop.B, loop.C, loop.D)))[0]
+        value, worst = _bound_of(scaled, bool(loop.dt))
     else:
         value, worst = pole_bound(A, bool(loop.dt))
     where = "" if worst is None else f"at {worst:.6g}"

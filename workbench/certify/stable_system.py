@@ -29,7 +29,7 @@ from workbench.certify.modes.modal_response import (
 )
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
-from workbench.systems.balancing import balancing
+from workbench.systems.balancing import balancing, with_state_units
 from workbench.systems.frequency_response import (
     CHUNK_ENTRIES,
     Triangular,
@@ -228,10 +228,8 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
         raise InputError("the system has entries that are not finite")
     M, n = np.asarray(part.M, dtype=float), part.states
     seen = _seen(M, n)
-    scale = balancing(M, n)[0][:n]
-    A, B, C = M[:n, :n] * scale[:, None] / scale, M[:n, n:] * scale[:, None], M[n:, :n] / scale
+    own = with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:])
     period = float(part.dt or 0.0)
-    own = (A, B, C, M[n:, n:])
     plain, D = _realised(own, period)
     parts, discs = plain, pole_discs(plain[0])
     best, unstable = _spread(discs), _unstable(discs)

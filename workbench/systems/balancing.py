@@ -13,6 +13,15 @@ def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealA
     return A * factor[:, None] / factor, B * factor[:, None], C / factor
 
 
+def with_state_units(
+    A: RealArray, B: RealArray, C: RealArray, D: RealArray
+) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+    """A, B, C and D with the states scaled by powers of two, so that D's entries count too."""
+    n = len(A)
+    scale = balancing(np.block([[A, B], [C, D]]), n)[0][:n]
+    return A * scale[:, None] / scale, B * scale[:, None], C / scale, D
+
+
 def state_units(A: RealArray, B: RealArray, C: RealArray) -> RealArray:
     """Factors (n,), powers of two, by which the states are multiplied to balance a realisation."""
     M = np.block([[A, B], [C, np.zeros((len(C), B.shape[1]))]])
