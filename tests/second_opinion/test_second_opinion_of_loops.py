@@ -13,7 +13,7 @@ from workbench.second_opinion.responses import (
     tried_frequencies,
     upper_closed,
 )
-from workbench.second_opinion.simulation import _run, energy_ratio
+from workbench.second_opinion.simulation import _Blocks, energy_ratio
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -137,9 +137,12 @@ def test_simulated_blocks_are_the_recursion(n, samples):
     rng = np.random.default_rng(n)
     A, B, C, D = (rng.standard_normal(shape) for shape in ((n, n), (n, 3), (2, n), (2, 3)))
     A *= 0.2
-    w = rng.standard_normal((samples, 3))
-    x, expected = np.zeros(n), []
-    for drive in w:
-        expected.append(C @ x + D @ drive)
-        x = A @ x + B @ drive
-    np.testing.assert_allclose(_run(A, B, C, D, w), expected, rtol=1e-12, atol=1e-12)
+    loop = _Blocks(A, B, C, D)
+    for blocks, parts in ((loop, (A, B, C, D)), (loop.adjoint(), (A.T, C.T, B.T, D.T))):
+        A_, B_, C_, D_ = parts
+        w = rng.standard_normal((samples, B_.shape[1]))
+        x, expected = np.zeros(n), []
+        for drive in w:
+            expected.append(C_ @ x + D_ @ drive)
+            x = A_ @ x + B_ @ drive
+        np.testing.assert_allclose(blocks.run(w), expected, rtol=1e-12, atol=1e-12)

@@ -61,51 +61,71 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
     if known:
         turn = omega * dt if dt else 2 * math.atan(math.pi / SAMPLES_PER_PERIOD)
         w = np.sin(turn * np.arange(SAMPLES)[:, None] + rng.uniform(0, 2 * math.pi, D.shape[1]))
-    ratio, near = 0.0, list[Realisation]()
+    loop = _Blocks(A, B, C, D)
+    adjoint = loop.adjoint()
+    ratio, near = 0.0, list[_Blocks]()
     for _ in range(PASSES):
-        z = _run(A, B, C, D, w)
+        z = loop.run(w)
         size = float(np.linalg.norm(z))
         if size > claimed * np.linalg.norm(w):
             if not near:
-                near = _neighbours(given)
-                near = near if dt else [_bilinear(one, omega if known else None) for one in near]
-            size -= SPREAD * max(float(np.linalg.norm(z - _run(*one, w))) for one in near)
+                others = _neighbours(given)
+                if not dt:
+                    others = [_bilinear(one, omega if known else None) for one in others]
+                near = [_Blocks(*one) for one in others]
+            size -= SPREAD * max(float(np.linalg.norm(z - one.run(w))) for one in near)
         ratio = max(ratio, size / float(np.linalg.norm(w)))
         if not np.any(z):
             break
-        w = _run(A.T, C.T, B.T, D.T, z[::-1])[::-1]  # the adjoint, backwards in time
+        w = adjoint.run(z[::-1])[::-1]  # backwards in time
         w = w / (np.linalg.norm(w) or 1.0)
         if not np.any(w):
             break
     return ratio
 
 
-def _run(A: RealArray, B: RealArray, C: RealArray, D: RealArray, w: RealArray) -> RealArray:
-    """Outputs (N, outputs) of the loop from rest, driven by w (N, inputs).
+class _Blocks:
+    """A sampled loop by blocks of samples: each is one step of a larger system.
 
-    A block of samples is one step of a larger system: its input is all that enters in the block,
-    its output all that leaves.
+    Its input is all that enters in the block, its output all that leaves.
     """
-    (n, r), c = B.shape, len(C)
-    blocks = -(-len(w) // BLOCK)
-    entering = np.zeros((blocks, BLOCK * r))
-    entering.reshape(blocks * BLOCK, r)[: len(w)] = w
-    reached, seen = [B], [C]
-    for _ in range(BLOCK - 1):
-        reached.append(A @ reached[-1])
-        seen.append(seen[-1] @ A)
-    into, out = np.hstack(reached[::-1]), np.vstack(seen)
-    through = np.zeros((BLOCK, c, BLOCK, r))  # the outputs of a block for its own inputs
-    for k in range(BLOCK):
-        response = D if k == 0 else C @ reached[k - 1]
-        for i in range(BLOCK - k):
-            through[i + k, :, i] = response
-    states, added = np.zeros((blocks, n)), entering @ into.T
-    power = np.linalg.matrix_power(A, BLOCK)
-    for k in range(1, blocks):
-        states[k] = power @ states[k - 1] + added[k - 1]
-    leaving = states @ out.T + entering @ through.reshape(BLOCK * c, BLOCK * r).T
-    return leaving.reshape(blocks * BLOCK, c)[: len(w)]
+
+    def __init__(self, A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> None:
+        r, c = B.shape[1], len(C)
+        reached, seen = [B], [C]
+        for _ in range(BLOCK - 1):
+            reached.append(A @ reached[-1])
+            seen.append(seen[-1] @ A)
+        through = np.zeros((BLOCK, c, BLOCK, r))  # the outputs of a block for its own inputs
+        for k in range(BLOCK):
+            response = D if k == 0 else C @ reached[k - 1]
+            for i in range(BLOCK - k):
+                through[i + k, :, i] = response
+        self.power: RealArray = np.linalg.matrix_power(A, BLOCK)
+        self.into, self.out, self.through = np.hstack(reached[::-1]), np.vstack(seen), through
+
+    def adjoint(self) -> _Blocks:
+        """That of A^T, C^T, B^T and D^T: the same products, in the other order."""
+        found = object.__new__(_Blocks)
+        found.power = self.power.T
+        c, r = self.through.shape[1::2]
+        n = len(self.power)
+        found.into = self.out.T.reshape(n, BLOCK, c)[:, ::-1].reshape(n, BLOCK * c)
+        found.out = self.into.T.reshape(BLOCK, r, n)[::-1].reshape(BLOCK * r, n)
+        found.through = self.through.transpose(2, 3, 0, 1)[::-1, :, ::-1]
+        return found
+
+    def run(self, w: RealArray) -> RealArray:
+        """Outputs (N, outputs) from rest, driven by w (N, inputs)."""
+        _, c, _, r = self.through.shape
+        blocks = -(-len(w) // BLOCK)
+        entering = np.zeros((blocks, BLOCK * r))
+        entering.reshape(blocks * BLOCK, r)[: len(w)] = w
+        states, added = np.zeros((blocks, len(self.power))), entering @ self.into.T
+        for k in range(1, blocks):
+            states[k] = self.power @ states[k - 1] + added[k - 1]
+        own = entering @ self.through.reshape(BLOCK * c, BLOCK * r).T
+        return (states @ self.out.T + own).reshape(blocks * BLOCK, c)[: len(w)]
 
 
 def _neighbours(given: Realisation) -> list[Realisation]:

@@ -30,6 +30,8 @@ NYQUIST_SHARE = 0.999
 response of a hold is still regular."""
 SEARCH_POINTS = 600
 """Frequencies of the default search grid. Two crossings between neighbours are missed."""
+LAST_POINTS = 33
+"""Frequencies between those where the last crossing lies: they take less time than bisection."""
 HALF_POWER = 2**-0.5
 """Magnitude at -3 dB, which defines the bandwidths of S and T."""
 
@@ -139,13 +141,21 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
         return np.log(np.maximum(values.max(axis=1, initial=0.0), 1e-300))
 
     frequency = (omega if omega.size else np.array([min(1.0, end / 2)])) / (2 * np.pi)
-    while excess(frequency[-1:])[0] > 0:
+    values = excess(frequency)
+    while values[-1] > 0:
         if frequency[-1] * 2 * np.pi >= end:
             return math.inf
         frequency = np.append(frequency, min(2 * frequency[-1], end / (2 * np.pi)))
-    if len(moving) < len(poles) and excess(frequency).max() < 0:  # an integrator crosses below
-        frequency = np.concatenate([np.geomspace(1e-12, 0.5, 100) * frequency[0], frequency])
-    return float(crossings(excess, frequency).max(initial=0.0))
+        values = np.append(values, excess(frequency[-1:]))
+    if len(moving) < len(poles) and values.max() < 0:  # an integrator crosses below
+        below = np.geomspace(1e-12, 0.5, 100) * frequency[0]
+        frequency, values = np.concatenate([below, frequency]), np.append(excess(below), values)
+    changes = np.flatnonzero(np.diff(np.sign(values)))
+    if not changes.size:
+        return 0.0
+    low, high = frequency[changes[-1]], frequency[changes[-1] + 1]
+    # Rounding may move a crossing at the lower end out of the range.
+    return float(crossings(excess, np.geomspace(low, high, LAST_POINTS)).max(initial=low))
 
 
 @dataclass(frozen=True)

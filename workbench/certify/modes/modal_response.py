@@ -154,6 +154,37 @@ def real_eigenvectors(A: RealArray) -> tuple[Array, Array]:
     return _eigenvectors(np.ascontiguousarray(A, dtype=float).tobytes(), len(A))
 
 
+@lru_cache(maxsize=4)
+def _real_modes(entries: bytes, n: int) -> tuple[Array, Array, RealArray, RealArray]:
+    values, vectors = _eigenvectors(entries, n)
+    first = np.flatnonzero(values.imag > 0)
+    V = vectors.real.copy()
+    V[:, first + 1] = vectors.imag[:, first]
+    W: RealArray = np.linalg.inv(V)
+    first.flags.writeable = V.flags.writeable = W.flags.writeable = False
+    return values, first, V, W
+
+
+def real_modes(A: RealArray) -> tuple[Array, Array, RealArray, RealArray]:
+    """Eigenvalues of a real A (n, n), eigenvectors V in real numbers, and an inverse of V.
+
+    Real and imaginary part of the vector of a pair stand side by side. The second result are the
+    numbers of their first columns; eigenvalues are in the order of the columns, those with positive
+    imaginary parts first. Kept, and raises, as `real_eigenvectors`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.certify.modes.modal_response import real_modes
+    >>> values, first, V, W = real_modes(np.array([[-1.0, 2.0], [-2.0, -1.0]]))
+    >>> values.tolist(), first.tolist()
+    ([(-1+2j), (-1-2j)], [0])
+    >>> (W @ [[-1.0, 2.0], [-2.0, -1.0]] @ V).round(9).tolist()
+    [[-1.0, 2.0], [-2.0, -1.0]]
+    """
+    return _real_modes(np.ascontiguousarray(A, dtype=float).tobytes(), len(A))
+
+
 def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | None:
     """The realisation with its eigenvectors; None for few states, and where they are dependent."""
     if len(A) < FEWEST_DECOMPOSED:

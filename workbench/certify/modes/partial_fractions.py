@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import EPS, Array, ComplexArray, RealArray
-from workbench.certify.modes.modal_response import real_eigenvectors
+from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import (
     TINY,
     UPWARD,
@@ -81,11 +81,7 @@ def partial_fractions(
     if not n or not all(part.finite for part in (A, B, C, D)):
         return None
     try:
-        poles, vectors = real_eigenvectors(A.mid)
-        first = np.flatnonzero(poles.imag > 0)  # of a pair, whose second one follows
-        T = vectors.real.copy()
-        T[:, first + 1] = vectors.imag[:, first]
-        W = np.linalg.inv(T)
+        poles, first, T, W = real_modes(A.mid)
     except np.linalg.LinAlgError:
         return None
     if not (poles.real < 0.0).all():

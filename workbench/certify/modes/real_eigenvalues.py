@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
-from workbench.certify.modes.modal_response import real_eigenvectors
+from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
 
 FEWEST_REAL = 40
@@ -34,11 +34,7 @@ def real_pencil(
     if back is None:
         return None
     try:
-        values, vectors = real_eigenvectors(A.mid - B.mid @ back.mid @ C.mid)
-        first = np.flatnonzero(values.imag > 0)  # of a pair, whose second one follows
-        V = vectors.real.copy()
-        V[:, first + 1] = vectors.imag[:, first]
-        W = np.linalg.inv(V)
+        _, first, V, W = real_modes(A.mid - B.mid @ back.mid @ C.mid)
     except (np.linalg.LinAlgError, ValueError):
         return None
     below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
