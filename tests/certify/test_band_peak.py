@@ -3,8 +3,16 @@
 import control
 import numpy as np
 import pytest
+from flint import ctx
 from ill_conditioned import ill_conditioned, known_peak
-from test_partial_fractions import family, fractions_of, modal, tried
+from test_partial_fractions import (
+    family,
+    fractions_of,
+    modal,
+    nearly_unstable,
+    response,
+    tried,
+)
 
 from workbench.certify import norms
 from workbench.certify.modes.band_peak import _below, _positive, largest_singular_value, proven_peak
@@ -99,6 +107,17 @@ def test_norms_of_many_modes_take_no_eigenvalues_of_a_hamiltonian(monkeypatch):
         assert certified_norm(sampled) == pytest.approx(
             certified_norm(control.ss(*parts)), rel=3 * NORM_TOLERANCE
         )
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-9, 1e-12])
+def test_a_pole_next_to_the_axis(distance):
+    A, B, C, D = nearly_unstable(distance)
+    found = certified_norm(control.ss(A, B, C, D))
+    with ctx.workprec(300):
+        peak = np.linalg.norm([complex(x.mid()) for x in response((A, B, C, D), 1.0).entries()])
+    assert peak * (1 - 1e-12) <= found <= peak * (1 + 3 * NORM_TOLERANCE)
+    with pytest.raises(InputError, match="unstable"):
+        certified_norm(control.ss(*nearly_unstable(-distance)))
 
 
 def test_an_unstable_system_is_refused():

@@ -132,6 +132,14 @@ MUTANTS = [
     ),
     Mutant("norm a constant", NORM, constant(0.02), "hinf_flexible"),
     *(
+        Mutant(f"{name} of {problem} times 0.98", place, field(part, 0.98), problem)
+        for name, place, part in (
+            ("residues", "certify.modes.partial_fractions:partial_fractions", "out"),
+            ("polynomials", "certify.modes.power_series:polynomials", "terms"),
+        )
+        for problem in ("hinf", "hinf_flexible")
+    ),
+    *(
         Mutant(f"peak times {factor}", PEAK, field("upper", factor), LOOP)
         for factor in (0.5, 0.9, 0.99)
     ),

@@ -1,6 +1,7 @@
 """H-infinity controllers against closed forms, peers, each other and their certificates."""
 
 import warnings
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -12,11 +13,13 @@ from plants import random_plant, scalar_plant, textbook_plants
 from workbench.plants.cd_drive.control.control_problem import generalised
 from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
+from workbench.certify.norms import certified_norm
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
 from workbench.synthesis.h_infinity import levels
+from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant
@@ -121,6 +124,26 @@ def test_a_certificate_finds_what_is_wrong():
     assert "stability" in failures(control.ss([], [], [], [[0.0]]), right.norm)[0]
     assert "dimensions" in failures(control.append(K, K), right.norm)[0]
     assert failures(K, np.nan)
+
+
+def test_claims_on_either_side_of_the_proven_norm():
+    program = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1))
+    answer = solve(program).answer
+    least = certified_norm(program.plant.close(answer.K)) / (1 + CLAIM_TOLERANCE)
+    for share, holds in ((1 + 1e-9, True), (1 - 1e-9, False)):
+        claim = replace(answer, norm=share * least, gamma=2 * answer.gamma)
+        assert program.certify(claim, 1e-6).valid is holds
+
+
+@pytest.mark.parametrize("distance", [1e-12, 0.0, -1e-12])
+def test_a_loop_next_to_instability_is_told_from_an_unstable_one(distance):
+    program = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1))
+    K = control.ss([], [], [], [[-1.0 - distance]])
+    size = 2.01e12
+    claim = program.certify(HinfController(K, size, size), 1e-6)
+    assert claim.valid is (distance > 0.0), claim
+    if claim.valid:
+        assert not program.certify(HinfController(K, 0.99 * size, size), 1e-6).valid
 
 
 def test_an_answer_is_stored_and_read_back():

@@ -117,6 +117,20 @@ def test_the_highest_crossover_is_that_of_the_fastest_channel():
     assert found == pytest.approx(highest_crossover(fast, gain(1.0)), rel=1e-9)
 
 
+def test_the_highest_crossover_is_behind_the_last_resonance():
+    s = control.tf("s")
+    peaks = sum(1e-4 * w * s / (s**2 + 1e-4 * w * s + w**2) for w in (1.0, 20.0, 300.0))
+    loop = control.ss(3 * peaks)
+    found = highest_crossover(loop, gain(1.0))
+    assert 300.0 < HZ * found < 300.1
+    assert abs(loop(2j * np.pi * found)) == pytest.approx(1.0, rel=1e-7)
+
+
+def test_a_crossing_at_a_frequency_of_the_grid_is_kept():
+    loop = control.ss([[-1.0]], [[1.0]], [[np.sqrt(2.0)]], 0.0)  # |L| = 1 at the pole's size
+    assert HZ * highest_crossover(loop, gain(1.0)) == pytest.approx(1.0, rel=1e-9)
+
+
 def test_a_loop_without_a_crossover():
     unit = gain(1.0)
     assert highest_crossover(triple_lag(0.5), unit) == 0.0
