@@ -15,8 +15,14 @@ from test_partial_fractions import (
 )
 
 from workbench.certify import norms
-from workbench.certify.modes.band_peak import _below, _positive, largest_singular_value, proven_peak
-from workbench.certify.modes.power_series import polynomials
+from workbench.certify.modes.band_peak import (
+    _below,
+    _Intervals,
+    _positive,
+    largest_singular_value,
+    proven_peak,
+)
+from workbench.certify.modes.power_series import TERMS, polynomials
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.errors import InputError
 
@@ -159,6 +165,36 @@ def test_a_quadratic_is_below_where_it_is_everywhere():
         largest = np.linalg.eigvalsh(form)[..., -1].max(axis=0)
         assert (largest[found] < square[found]).all()
         assert (found | (largest > 0.5 * square)).all()
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 16])
+@pytest.mark.parametrize(("q", "p"), [(1, 1), (3, 2)])
+def test_no_part_is_proven_below_its_largest_value(degree, q, p):
+    rng = np.random.default_rng(degree)
+    shape = (60, TERMS + 1, q, p)
+    terms = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    terms[:, degree + 1 :] = 0.0
+    terms[:20] /= 2.0 ** np.arange(TERMS + 1)[:, None, None]
+    terms[20:40, 0] *= 3.0
+    error = rng.uniform(0, 1, 60)
+    g = _Intervals(terms, error)
+    proven = 0
+    for level in (1, 2, 3):
+        count = 4**level
+        cell, place = np.repeat(np.arange(60), count), np.tile(np.arange(count), 60)
+        t = (2 * place + 1 - count)[:, None] / count + np.linspace(-1, 1, 21) / count
+        values = np.einsum("snm,smqp->snqp", t[..., None] ** np.arange(TERMS + 1), terms[cell])
+        largest = np.linalg.norm(values, 2, axis=(2, 3)).max(axis=1)
+        expansion = g.expansion(cell, place, level)
+        for share in (0.9, 0.99, 0.999999, 1.02, 1.5):
+            for k in range(0, len(cell), 7):
+                part = slice(k, k + 1)
+                beta = share * largest[k] + error[cell[k]]
+                few = tuple(one[part] for one in expansion)
+                held = g.holds(beta, few, cell[part], place[part], level)[0]
+                assert not (held and share < 1.0)
+                proven += held
+    assert proven > 100
 
 
 def test_largest_singular_values():

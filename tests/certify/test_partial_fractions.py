@@ -8,7 +8,9 @@ import pytest
 from flint import acb, acb_mat, ctx
 from ill_conditioned import ill_conditioned
 
+from workbench.certify.modes import partial_fractions as module
 from workbench.certify.modes import power_series
+from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.modes.partial_fractions import partial_fractions
 from workbench.certify.modes.power_series import polynomials
 from workbench.certify.rounding import Enclosure, exact
@@ -95,17 +97,21 @@ def tried(poles, rng):
     return np.abs(np.concatenate([near.ravel(), np.abs(poles) * rng.uniform(0, 3), [0.0]]))
 
 
+def assert_errors_hold(fractions, parts, omega):
+    with ctx.workprec(BITS):
+        for at in omega:
+            resolvent = (1 + 1e-12) / np.abs(1j * at - fractions.poles)[None]
+            missed = distance(fractions_at(fractions, at), response(parts, at))
+            assert missed <= fractions.error(resolvent)[0]
+
+
 @pytest.mark.parametrize("number", range(11))
 def test_the_error_of_the_fractions_is_a_bound(number):
     parts = list(family())[number]
     fractions = fractions_of(parts)
     assert fractions is not None
     omega = tried(fractions.poles, np.random.default_rng(0))[:30]
-    with ctx.workprec(BITS):
-        for at in omega.tolist():
-            resolvent = (1 + 1e-12) / np.abs(1j * at - fractions.poles)[None]
-            missed = distance(fractions_at(fractions, at), response(parts, at))
-            assert missed <= fractions.error(resolvent)[0]
+    assert_errors_hold(fractions, parts, omega.tolist())
 
 
 @pytest.mark.parametrize("share", [1e-14, 1e-10])
@@ -118,11 +124,39 @@ def test_it_holds_for_every_matrix_enclosed(share):
             part + share * np.abs(part) * (1 - 1e-3) * rng.choice([-1.0, 1.0], part.shape)
             for part in parts
         ]
-        with ctx.workprec(BITS):
-            for at in tried(fractions.poles, rng)[::4].tolist():
-                resolvent = (1 + 1e-12) / np.abs(1j * at - fractions.poles)[None]
-                missed = distance(fractions_at(fractions, at), response(other, at))
-                assert missed <= fractions.error(resolvent)[0]
+        assert_errors_hold(fractions, other, tried(fractions.poles, rng)[::4].tolist())
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_it_holds_for_every_one_of_the_matrices_enclosed(place):
+    """One of A, B, C and D has errors, which nothing else covers."""
+    parts, rng = modal(6), np.random.default_rng(place)
+    share = np.where(np.arange(4) == place, 1e-9, 0.0)
+    rads = [e * np.abs(X) for X, e in zip(parts, share, strict=True)]
+    fractions = partial_fractions(*map(Enclosure, parts, rads))
+    omega = tried(fractions.poles, rng)[::5].tolist()
+    for _ in range(5):
+        other = [
+            X + (1 - 1e-3) * rad * rng.choice([-1.0, 1.0], X.shape)
+            for X, rad in zip(parts, rads, strict=True)
+        ]
+        assert_errors_hold(fractions, other, omega)
+
+
+@pytest.mark.parametrize(("left", "right"), [(1e-6, 0.0), (0.0, 1e-6), (1e-9, 1e-9)])
+def test_it_holds_for_any_eigenvectors_and_inverse(left, right, monkeypatch):
+    rng = np.random.default_rng(0)
+
+    def poor(A):
+        values, first, V, W = real_modes(A)
+        V, W = (X * (1 + e * rng.normal(size=X.shape)) for X, e in ((V, right), (W, left)))
+        return values, first, V, W
+
+    monkeypatch.setattr(module, "real_modes", poor)
+    for seed in range(3):
+        parts = modal(seed)
+        fractions = fractions_of(parts)
+        assert_errors_hold(fractions, parts, tried(fractions.poles, rng)[::3].tolist())
 
 
 @pytest.mark.parametrize("beyond", [1e-12, 1e-3, 1.0])

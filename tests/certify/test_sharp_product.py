@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from workbench.certify.rounding import sharp_product
+from workbench.certify.rounding import exact, residual_product, sharp_product
 
 
 def holds(found, X, Y):
@@ -47,3 +47,27 @@ def test_zeros_and_the_smallest_numbers():
     assert holds(sharp_product(X, Y), X, Y)
     X, Y = np.array([[1e-200, 1e200]]), np.array([[1e200], [1e-200]])
     assert holds(sharp_product(X, Y), X, Y)
+
+
+@pytest.mark.parametrize("inner", [1, 2, 7, 64])
+@pytest.mark.parametrize("decades", [0, 8])
+def test_products_for_residuals_are_enclosed(inner, decades):
+    rng = np.random.default_rng(inner)
+    X, Y = (rng.normal(size=s) * 10.0 ** rng.uniform(-decades, decades, s)
+            for s in ((9, inner), (inner, 6)))  # fmt: skip
+    found = residual_product(X, Y)
+    assert holds(found, X, Y)
+    unit = np.abs(X).max(axis=1, keepdims=True) * np.abs(Y).max(axis=0) * 10.0**decades
+    assert (found.rad <= 3e-16 * np.abs(found.mid) + 1e-20 * inner**2 * unit).all()
+
+
+@pytest.mark.parametrize("size", [1, 7, 30])
+def test_residuals_keep_digits_that_products_of_doubles_lose(size):
+    rng = np.random.default_rng(size)
+    A, B = rng.normal(size=(size, size)), rng.normal(size=(size, 6))
+    X = np.linalg.solve(A, B)
+    left, right = np.hstack([A, np.eye(size)]), np.vstack([X, -B])
+    found = residual_product(left, right)
+    assert holds(found, left, right)
+    plain = exact(left) @ exact(right)
+    assert found.rad.max() < 2.0**-16 * plain.rad.max()
