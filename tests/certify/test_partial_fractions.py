@@ -11,7 +11,7 @@ from ill_conditioned import ill_conditioned
 from workbench.certify.modes import partial_fractions as module
 from workbench.certify.modes import power_series
 from workbench.certify.modes.modal_response import real_modes
-from workbench.certify.modes.partial_fractions import partial_fractions
+from workbench.certify.modes.partial_fractions import enclosed_fractions
 from workbench.certify.modes.power_series import polynomials
 from workbench.certify.rounding import Enclosure, exact
 from workbench.systems.balancing import with_state_units
@@ -60,7 +60,7 @@ def family():
 
 
 def fractions_of(parts):
-    return partial_fractions(*(exact(part) for part in with_state_units(*parts)))
+    return enclosed_fractions(*(exact(part) for part in with_state_units(*parts)))
 
 
 def balls(matrix):
@@ -118,7 +118,7 @@ def test_the_error_of_the_fractions_is_a_bound(number):
 def test_it_holds_for_every_matrix_enclosed(share):
     parts, rng = modal(6), np.random.default_rng(1)
     enclosed = [Enclosure(part, share * np.abs(part)) for part in parts]
-    fractions = partial_fractions(*enclosed)
+    fractions = enclosed_fractions(*enclosed)
     for _ in range(5):
         other = [
             part + share * np.abs(part) * (1 - 1e-3) * rng.choice([-1.0, 1.0], part.shape)
@@ -133,7 +133,7 @@ def test_it_holds_for_every_one_of_the_matrices_enclosed(place):
     parts, rng = modal(6), np.random.default_rng(place)
     share = np.where(np.arange(4) == place, 1e-9, 0.0)
     rads = [e * np.abs(X) for X, e in zip(parts, share, strict=True)]
-    fractions = partial_fractions(*map(Enclosure, parts, rads))
+    fractions = enclosed_fractions(*map(Enclosure, parts, rads))
     omega = tried(fractions.poles, rng)[::5].tolist()
     for _ in range(5):
         other = [
@@ -175,7 +175,7 @@ def test_no_states_and_no_finite_entries():
     nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
     assert fractions_of(nothing) is None
     A, B, C, D = map(exact, modal(0))
-    assert partial_fractions(A, Enclosure(np.inf * B.mid, B.rad), C, D) is None
+    assert enclosed_fractions(A, Enclosure(np.inf * B.mid, B.rad), C, D) is None
 
 
 @pytest.mark.parametrize(("terms", "rest"), [(16, 1e-6), (3, 1e-1), (5, 1e-2)])

@@ -134,7 +134,7 @@ MUTANTS = [
     *(
         Mutant(f"{name} of {problem} times 0.98", place, field(part, 0.98), problem)
         for name, place, part in (
-            ("residues", "certify.modes.partial_fractions:partial_fractions", "out"),
+            ("residues", "certify.modes.partial_fractions:enclosed_fractions", "out"),
             ("polynomials", "certify.modes.power_series:polynomials", "terms"),
         )
         for problem in ("hinf", "hinf_flexible")

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds, with_peak
 from workbench.certify.modes.band_peak import largest_singular_value, proven_peak
-from workbench.certify.modes.partial_fractions import partial_fractions
+from workbench.certify.modes.partial_fractions import enclosed_fractions
 from workbench.certify.rounding import Enclosure, exact
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.heavy_types import StateSpace
@@ -65,7 +65,7 @@ def _certified_norm(loop: StateSpace) -> float:
 
 def _peak_of_fractions(parts: Sequence[Enclosure]) -> float | None:
     """The norm of A, B, C and D, which are proven to be stable too; None where it is not proven."""
-    fractions = partial_fractions(*parts)
+    fractions = enclosed_fractions(*parts)
     return None if fractions is None else proven_peak(fractions, NORM_TOLERANCE)
 
 

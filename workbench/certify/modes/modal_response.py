@@ -177,7 +177,7 @@ def real_modes(A: RealArray) -> tuple[Array, Array, RealArray, RealArray]:
     >>> import numpy as np
     >>> from workbench.certify.modes.modal_response import real_modes
     >>> values, first, V, W = real_modes(np.array([[-1.0, 2.0], [-2.0, -1.0]]))
-    >>> values.tolist(), first.tolist()
+    >>> values.round(9).tolist(), first.tolist()
     ([(-1+2j), (-1-2j)], [0])
     >>> (W @ [[-1.0, 2.0], [-2.0, -1.0]] @ V).round(9).tolist()
     [[-1.0, 2.0], [-2.0, -1.0]]

@@ -70,7 +70,7 @@ class PartialFractions:
         return error
 
 
-def partial_fractions(
+def enclosed_fractions(
     A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure
 ) -> PartialFractions | None:
     """The fractions of real matrices A (n, n), B (n, r), C (m, n) and D (m, r).

@@ -26,7 +26,7 @@ REST = 1e-6
 """What the terms left out, and modes left out, may add to a response, as a share of its size."""
 NARROWEST = 1e-13
 """Relative half-width of an interval that rounding of its ends may hide."""
-MOST_INTERVALS = 20_000
+MOST_INTERVALS = 5_000
 """Intervals at which the search stops."""
 MODERATE = 1e100
 """Largest size of a response and of its poles; the least is the reciprocal."""
