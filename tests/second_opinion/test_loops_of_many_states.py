@@ -56,4 +56,4 @@ def test_simulation_by_blocks_is_the_recursion():
         for row in w:
             z.append(C @ x + D @ row)
             x = A @ x + B @ row
-        np.testing.assert_allclose(simulation._run(A, B, C, D, w), z, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(simulation._Blocks(A, B, C, D).run(w), z, rtol=0, atol=1e-10)
