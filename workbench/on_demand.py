@@ -41,7 +41,4 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         exec(compile(statement, str(module.__file__), "exec"), vars(module))
         return vars(module)[name]
 
-    def names() -> list[str]:
-        return sorted({*vars(module), *module.__all__})
-
-    return imported, names
+    return imported, lambda: module.__all__
