@@ -46,9 +46,12 @@ LOST_STEP = 0.05
 """A step shorter than this means that the path is lost."""
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
-PREDICTOR_TRIALS, CORRECTOR_TRIALS = np.int64(2), np.int64(6)
-"""Trials that find the longest step of the predictor and of the corrector. Numba compiles once more
-for each integer of Python that it is given, not for one of NumPy."""
+PREDICTED_STEP = 0.6
+"""Largest step of the predictor that the corrector's aim counts on; one that the last step of the
+path did not reach is not counted on either. To look for the longest step takes longer and serves no
+better."""
+STEP_TRIALS = 6
+"""Trials that find the longest step."""
 FALL = 0.6
 """Factor from one trial to the next until one holds; then the interval is halved."""
 STEP_HALVINGS = 20
@@ -111,7 +114,7 @@ def follow_paths(
             if not fates.active[w]:
                 numbers.dt[w] = 0.0
             numbers.rho[w] = -numbers.dt[w] * numbers.along[w]
-        _predict(at, lanes, numbers, fates)
+        _predict(at, lanes, numbers)
         _correct(at, lanes, numbers)
         _advance(at, lanes, numbers, fates)
         for w in range(LANES):
@@ -157,6 +160,7 @@ def _load(
     t = START * np.sqrt(square)
     for a in range(r):
         lanes.S[(a * r + a) * 2 * LANES + w] += t
+    numbers.primal[w] = numbers.dual[w] = PREDICTED_STEP
     numbers.t[w], numbers.nothing[w], numbers.enough[w] = t, NEGLIGIBLE_T * t, enough[f]
     fates.matrix[w], fates.used[w], fates.active[w], fates.lost[w] = f, 0, 1, 0
 
@@ -195,34 +199,28 @@ def _end(
 
 
 @unchecked_kernel
-def _predict(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None:
+def _predict(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """The predictor's step, and how far from the boundary the corrector should aim."""
     r, N = places.r, places.blocks
     every, number = 2 * r * r, lanes.number
-    S, Z, dS, dZ = lanes.S, lanes.Z, lanes.dS, lanes.dZ
-    x, dx, W, dW = lanes.x, lanes.dx, lanes.W, lanes.dW
+    dS, dZ, dx = lanes.dS, lanes.dZ, lanes.dx
     for start in range(0, (N + places.q) * LANES, LANES):
         for w in range(LANES):
             e = start + w
             dx[e] = -numbers.dt[w] * lanes.toward_u[e] - numbers.rho[w] * lanes.toward_b[e]
     _direction(places, lanes, numbers)
-    paths = (places, lanes, numbers, fates)
-    _reach(*paths, S, dS, x, dx, numbers.dt, PREDICTOR_TRIALS, numbers.primal)
-    _reach(*paths, Z, dZ, W, dW, numbers.none, PREDICTOR_TRIALS, numbers.dual)
-    set_real_product(number, 2, 0, dS, 0, 0, 1, Z, 0, 0, 1, every)
-    set_real_product(number, 3, 0, S, 0, 0, 1, dZ, 0, 0, 1, every)
-    set_real_product(number, 4, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
-    set_real_product(number, 5, 0, dx, 0, 0, 1, W, 0, 0, 1, N)
-    set_real_product(number, 6, 0, x, 0, 0, 1, dW, 0, 0, 1, N)
-    set_real_product(number, 7, 0, dx, 0, 0, 1, dW, 0, 0, 1, N)
+    set_real_product(number, 2, 0, dS, 0, 0, 1, lanes.Z, 0, 0, 1, every)
+    set_real_product(number, 3, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
+    set_real_product(number, 4, 0, dx, 0, 0, 1, lanes.W, 0, 0, 1, N)
+    set_real_product(number, 5, 0, dx, 0, 0, 1, lanes.dW, 0, 0, 1, N)
     for w in range(LANES):
-        p, q = numbers.primal[w], numbers.dual[w]
+        p, q = min(numbers.primal[w], PREDICTED_STEP), min(numbers.dual[w], PREDICTED_STEP)
         now = number[w] + number[LANES + w]
-        first = number[2 * LANES + w] + number[5 * LANES + w]
-        other = number[3 * LANES + w] + number[6 * LANES + w]
-        both = number[4 * LANES + w] + number[7 * LANES + w]
-        second = numbers.dt[w] * (_trace(places, Z, dx, w) + q * _trace(places, dZ, dx, w))
-        left = (now + p * first + q * other + p * q * both + p * p * second) / now
+        # <S, dZ> is -<S, Z> - <dS, Z>, for W likewise; <Z, D_r(dx)> is 0
+        first = number[2 * LANES + w] + number[4 * LANES + w]
+        both = number[3 * LANES + w] + number[5 * LANES + w]
+        both += p * numbers.dt[w] * _trace(places, dZ, dx, w)
+        left = (now + p * first - q * (now + first) + p * q * both) / now
         numbers.center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
 
 
@@ -238,8 +236,8 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
         if not active[w]:
             dt[w] = 0.0
     paths = (places, lanes, numbers, fates)
-    _reach(*paths, lanes.S, lanes.dS, x, dx, dt, CORRECTOR_TRIALS, primal)
-    _reach(*paths, Z, dZ, W, dW, numbers.none, CORRECTOR_TRIALS, dual)
+    _reach(*paths, lanes.S, lanes.dS, x, dx, dt, primal)
+    _reach(*paths, Z, dZ, W, dW, numbers.none, dual)
     for w in range(LANES):
         if active[w] and t[w] + primal[w] * dt[w] < -numbers.nothing[w]:
             primal[w] = (t[w] + numbers.nothing[w]) / -dt[w]  # any t < 0 will do
@@ -417,7 +415,6 @@ def _reach(
     v: Lane,
     dv: Lane,
     dt: Lane,
-    trials: int,
     low: Lane,
 ) -> None:
     """Steps ``low`` (LANES,) after which A + a first + a^2 dt dD_r and v + a dv are still positive.
@@ -433,7 +430,7 @@ def _reach(
             if v[e] + longest * dv[e] <= 0.0:
                 longest = -v[e] / dv[e] if dv[e] < 0.0 else 0.0
         low[w], high[w], step[w] = 0.0, longest, longest
-    for _ in range(trials):
+    for _ in range(STEP_TRIALS):
         set_sum(trial, 0, A, 0, step, 0, first, 0, 2 * r * r)
         for j in range(r):
             at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
