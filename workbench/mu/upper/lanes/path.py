@@ -96,6 +96,7 @@ def follow_paths(
             for w in range(left_over):
                 _load(at, lanes, numbers, fates, batch, enough, waiting + w, w)
             waiting += left_over
+            _start(at, lanes, numbers, fates)
             cholesky(lanes.S, lanes.L, r, fates.held)
         inverse_of_factored(lanes.L, lanes.work, lanes.S_inverse, r)
         for w in range(LANES):
@@ -140,7 +141,7 @@ def _load(
     f: int,
     w: int,
 ) -> None:
-    """Start the path of matrix f (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
+    """Put matrix f (c, r) into a lane, with D = 1 and G = 0."""
     c, r = places.c, places.r
     for i in range(c):
         for j in range(r):
@@ -148,21 +149,22 @@ def _load(
             lanes.M[at + w], lanes.M[at + LANES + w] = entry.real, entry.imag
     for k in range(places.blocks + places.q):
         lanes.x[k * LANES + w] = 1.0 if k < places.blocks else 0.0
-    square = 0.0
-    for a in range(r):
-        for b in range(r):
-            total = 0.0j
-            for i in range(c):
-                total -= np.conj(batch[f, i, a]) * batch[f, i, b]
-            square += total.real**2 + total.imag**2
-            at = (a * r + b) * 2 * LANES
-            lanes.S[at + w], lanes.S[at + LANES + w] = total.real, total.imag
-    t = START * np.sqrt(square)
-    for a in range(r):
-        lanes.S[(a * r + a) * 2 * LANES + w] += t
     numbers.primal[w] = numbers.dual[w] = PREDICTED_STEP
-    numbers.t[w], numbers.nothing[w], numbers.enough[w] = t, NEGLIGIBLE_T * t, enough[f]
+    numbers.t[w], numbers.enough[w] = 0.0, enough[f]
     fates.matrix[w], fates.used[w], fates.active[w], fates.lost[w] = f, 0, 1, 0
+
+
+@unchecked_kernel
+def _start(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None:
+    """Start the paths of all lanes: S = t - M^H M > 0."""
+    r, S = places.r, lanes.S
+    inequality(places, lanes.M, numbers.t, lanes.x, lanes.MX, S)
+    set_real_product(lanes.number, 0, 0, S, 0, 0, 1, S, 0, 0, 1, 2 * r * r)
+    for w in range(LANES):
+        t = START * np.sqrt(lanes.number[w])
+        numbers.t[w], numbers.nothing[w] = t, NEGLIGIBLE_T * t
+        for j in range(r):
+            S[(j * r + j) * 2 * LANES + w] += t
 
 
 @unchecked_kernel
@@ -338,21 +340,18 @@ def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """The corrector's dt and step, after the predictor's."""
     c, r, N = places.c, places.r, places.blocks
     m = N + places.q
-    M, Si, Z, Q, V = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V
+    M, Si, Z, Q, V, work = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V, lanes.work
     dS, dZ, dx, x, number = lanes.dS, lanes.dZ, lanes.dx, lanes.x, lanes.number
     t, dt, rho, center = numbers.t, numbers.dt, numbers.rho, numbers.center
     # Q is the Hermitian part of S^-1 (dS dZ + dt dD_r Z)
+    for k in range(N):
+        for w in range(LANES):
+            lanes.second[k * LANES + w] = dt[w] * dx[k * LANES + w]
+    product(dS, dZ, work, r, r, r)
     for i in range(r):
-        for j in range(r):
-            e, of = (i * r + j) * 2 * LANES, places.right[i] * LANES
-            for w in range(LANES):
-                share = dt[w] * dx[of + w]
-                V[e + w] = share * Z[e + w]
-                V[e + LANES + w] = share * Z[e + LANES + w]
-    product(dS, dZ, lanes.work, r, r, r)
-    for e in range(2 * r * r * LANES):
-        lanes.work[e] += V[e]
-    product(Si, lanes.work, V, r, r, r)
+        row = 2 * i * r
+        set_sum(work, row, work, row, lanes.second, places.right[i], Z, row, 2 * r)
+    product(Si, work, V, r, r, r)
     two = 2 * LANES
     for i in range(r):
         for j in range(i + 1):
@@ -393,11 +392,9 @@ def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
             step = lanes.other[e] - dt[w] * lanes.toward_u[e]
             dx[e] = step - rho[w] * lanes.toward_b[e]
     _direction(places, lanes, numbers)
-    for e in range(r * r):
-        for w in range(LANES):
-            a = e * two + w
-            dZ[a] += center[w] * Si[a] - Q[a]
-            dZ[a + LANES] += center[w] * Si[a + LANES] - Q[a + LANES]
+    set_sum(dZ, 0, dZ, 0, center, 0, Si, 0, 2 * r * r)
+    for e in range(2 * r * r * LANES):
+        dZ[e] -= Q[e]
     for k in range(N):
         for w in range(LANES):
             e = k * LANES + w
