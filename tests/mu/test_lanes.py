@@ -111,6 +111,21 @@ def test_bounds_of_graded_matrices_are_least(blocks, seed, decades):
     assert (found <= expected * (1 + 1e-5) + 1e-12 * np.abs(M).max((1, 2))).all()
 
 
+def test_paths_of_nearly_triangular_matrices_are_rarely_lost(monkeypatch):
+    M = np.triu(drawn(60, 5, 5)) + 1e-8 * drawn(60, 5, 5, seed=1)
+    left = []
+
+    def counted(batch, *others):
+        left.append(len(batch))
+        return solve_each(batch, *others)
+
+    solve_each = multipliers.solve_each
+    monkeypatch.setattr(multipliers, "solve_each", counted)
+    found = upper_bound(M, Structure((Complex(1),) * 5)).value
+    assert sum(left) <= 12
+    np.testing.assert_allclose(found, np.abs(np.diagonal(M, axis1=1, axis2=2)).max(1), rtol=1e-2)
+
+
 def test_hard_matrices_beside_easy_ones_leave_these_alone():
     structure = Structure((Real(1), Complex(1), Real(1), Complex(1)))
     M = drawn(16, 4, 4)

@@ -50,10 +50,11 @@ PREDICTED_STEP = 0.6
 """Largest step of the predictor that the corrector's aim counts on; one that the last step of the
 path did not reach is not counted on either. To look for the longest step takes longer and serves no
 better."""
-STEP_TRIALS = 6
+STEP_TRIALS = 5
 """Trials that find the longest step."""
-FALL = 0.6
-"""Factor from one trial to the next until one holds; then the interval is halved."""
+FALL = 0.83
+"""Factor on the step after the first trial that fails, squared after each: the last trial is just
+above `LOST_STEP`. Once one holds, the interval is halved."""
 STEP_HALVINGS = 20
 """Most halvings of a step until S and D are positive definite after it."""
 ITERATIONS = 40
@@ -427,6 +428,7 @@ def _reach(
             if v[e] + longest * dv[e] <= 0.0:
                 longest = -v[e] / dv[e] if dv[e] < 0.0 else 0.0
         low[w], high[w], step[w] = 0.0, longest, longest
+    fall = FALL
     for _ in range(STEP_TRIALS):
         set_sum(trial, 0, A, 0, step, 0, first, 0, 2 * r * r)
         for j in range(r):
@@ -444,7 +446,8 @@ def _reach(
                 high[w] = step[w]
             found = found and low[w] == high[w]
             if low[w] < high[w]:
-                step[w] = 0.5 * (low[w] + high[w]) if low[w] > 0.0 else FALL * high[w]
+                step[w] = 0.5 * (low[w] + high[w]) if low[w] > 0.0 else fall * high[w]
+        fall *= fall
         if found:
             break
     for w in range(LANES):
