@@ -126,6 +126,16 @@ def test_paths_of_nearly_triangular_matrices_are_rarely_lost(monkeypatch):
     np.testing.assert_allclose(found, np.abs(np.diagonal(M, axis1=1, axis2=2)).max(1), rtol=1e-2)
 
 
+@pytest.mark.parametrize("blocks", [(Real(1),) * 2, (Real(1),) * 3], ids=["two", "three"])
+def test_no_step_of_rounding_raises_a_bound_that_was_least(blocks, monkeypatch):
+    structure, rng = Structure(blocks), np.random.default_rng(77)
+    real, imaginary = rng.normal(size=(2, 6000, len(blocks), len(blocks)))
+    M = real + 1j * imaginary
+    found, expected = upper_bound(M, structure).value, one_at_a_time(M, structure, monkeypatch)
+    clear = expected > 1e-6 * np.linalg.norm(M, 2, axis=(1, 2))
+    assert (found[clear] <= expected[clear] * (1 + 1e-6)).all()
+
+
 def test_hard_matrices_beside_easy_ones_leave_these_alone():
     structure = Structure((Real(1), Complex(1), Real(1), Complex(1)))
     M = drawn(16, 4, 4)

@@ -110,6 +110,7 @@ def follow_paths(
             inside = lanes.number[w] + lanes.number[LANES + w]
             gap = inside / (numbers.t[w] * _trace(at, lanes.Z, lanes.x, w))
             numbers.dt[w] = max(-1.0 / numbers.schur[w], -LARGEST_FALL * numbers.t[w])
+            numbers.gap[w] = gap
             near = gap <= accuracy and -numbers.dt[w] <= accuracy * numbers.t[w]
             if fates.active[w] and (near or fates.used[w] >= ITERATIONS):
                 _end(at, lanes, fates, gap, w, D, G, gaps, iterations)
@@ -118,6 +119,11 @@ def follow_paths(
             numbers.rho[w] = -numbers.dt[w] * numbers.along[w]
         _predict(at, lanes, numbers)
         _correct(at, lanes, numbers)
+        for w in range(LANES):
+            # steps that raise t over a closed gap come from rounding: such a path is lost
+            rises = numbers.gap[w] <= accuracy and numbers.dt[w] > accuracy * numbers.t[w]
+            if fates.active[w] and rises:
+                _end(at, lanes, fates, np.inf, w, D, G, gaps, iterations)
         _advance(at, lanes, numbers, fates)
         for w in range(LANES):
             if fates.active[w]:

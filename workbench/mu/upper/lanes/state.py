@@ -86,6 +86,7 @@ class Numbers(NamedTuple):
     """
 
     t: Lane
+    gap: Lane
     nothing: Lane
     enough: Lane
     dt: Lane
