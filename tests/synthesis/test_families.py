@@ -58,3 +58,17 @@ def test_what_has_no_block_is_refused():
     family, _ = Modal.of(random(5, 1, 1))
     with pytest.raises(InputError, match="corners"):
         family.parameters(random(4, 1, 1, seed=1))
+
+
+def test_parameters_of_modes_far_apart_keep_the_digits_of_a_response():
+    """Each real mode has its own size: together they would cancel, and again in every round."""
+    poles, residues = np.array([-7e-4, -6e4, -9e4]), np.array([3.0, -1e5, 4e4])
+    B, C = np.sqrt(abs(residues)) * [1e4, 1e-4, 1.0], np.sign(residues) * np.sqrt(abs(residues))
+    K = control.ss(np.diag(poles), B[:, None], [C / [1e4, 1e-4, 1.0]], 0.5)
+    omega = np.geomspace(1e-4, 1e6, 60)
+    exact = 0.5 + (residues / (1j * omega[:, None] - poles)).sum(axis=1)
+    for _ in range(4):
+        family, x = Modal.of(K)
+        K = family.system(x)
+        np.testing.assert_allclose(K(1j * omega), exact, rtol=1e-9)
+    assert max(abs(K.B).max(), abs(K.C).max()) < 1e6

@@ -19,7 +19,7 @@ LEAST_DAMPING, POLE_ROOM = 1e-6, 1e-6
 """Least coefficient of a block that is asked to be stable, and the share of the size allowed that
 poles keep away from it."""
 STATE_DIRECTIONS = 24
-"""Directions of the second state of a second-order block that are tried for good conditioning."""
+"""Directions of the first state of a second-order block that are tried for good conditioning."""
 
 
 class Family(ABC):
@@ -65,7 +65,7 @@ class Family(ABC):
 class Modal(Family):
     """Every controller of an order, with second-order blocks in A and free B, C and D.
 
-    A has blocks w [[0, 1], [-a, -b]], and a block -w c if the order is odd. A block may have
+    A has blocks w [[-b, -a], [1, 0]], and a block -w c if the order is odd. A block may have
     complex or real poles, stable or not. The corners ``w`` [rad/s] are those of the controller for
     which the family is made, so that the parameters are of order one.
 
@@ -98,12 +98,13 @@ class Modal(Family):
         family = cls(tuple(corners), K.ninputs, K.noutputs, K.nstates)
         B, C = np.linalg.solve(T, K.B), K.C @ T
         at = 0
-        for change in changes:
+        for block, change in zip(blocks, changes, strict=True):
             part = slice(at, at + len(change))
+            if block[0, -1] == 0:  # two real modes: a block may hold one large, the other small
+                for mode in range(part.start, part.stop):
+                    _even(B, C, slice(mode, mode + 1))
             B[part], C[:, part] = np.linalg.solve(change, B[part]), C[:, part] @ change
-            out, into = float(np.linalg.norm(C[:, part])), float(np.linalg.norm(B[part]))
-            size = np.sqrt(out / into) if out > 0 and into > 0 else 1.0
-            B[part], C[:, part] = B[part] * size, C[:, part] / size
+            _even(B, C, part)
             at = part.stop
         x = np.concatenate([*shapes, B.ravel(), C.ravel(), K.D.ravel()]) if shapes else K.D.ravel()
         return family, np.asarray(x, dtype=float)
@@ -153,7 +154,8 @@ class Modal(Family):
         for k, w in enumerate(self.corners):
             i = 2 * k
             if i + 1 < n:
-                A[i, i + 1], A[i + 1, i], A[i + 1, i + 1] = w, -w * shape[i], -w * shape[i + 1]
+                # With b first eigenvalues keep the digits of a slow pole beside a fast one.
+                A[i, i], A[i, i + 1], A[i + 1, i] = -w * shape[i + 1], -w * shape[i], w
             else:
                 A[i, i] = -w * shape[i]
         return A, B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
@@ -170,8 +172,8 @@ class Modal(Family):
         into, out = resolvent @ B, C @ resolvent
         slopes = np.zeros((count, x.size, p, m), complex)
         for i in range(n):
-            w, row = self.corners[i // 2], min(i | 1, n - 1)
-            slopes[:, i] = -w * out[:, :, row, None] * into[:, None, i, :]
+            w, row, column = self.corners[i // 2], i - i % 2, min(i ^ 1, n - 1)
+            slopes[:, i] = -w * out[:, :, row, None] * into[:, None, column, :]
         B_slopes = slopes[:, n : n + n * m].reshape(count, n, m, p, m)
         C_slopes = slopes[:, n + n * m : n + n * m + p * n].reshape(count, p, n, p, m)
         D_slopes = slopes[:, n + n * m + p * n :].reshape(count, p, m, p, m)
@@ -183,6 +185,13 @@ class Modal(Family):
                 D_slopes[:, i, j, i, j] = 1.0
         K: ComplexArray = np.asarray(out @ B + D, dtype=complex)
         return K, slopes
+
+
+def _even(B: RealArray, C: RealArray, part: slice) -> None:
+    """Scale some of the states so that their rows of B and columns of C have one size."""
+    out, into = float(np.linalg.norm(C[:, part])), float(np.linalg.norm(B[part]))
+    size = np.sqrt(out / into) if out > 0 and into > 0 else 1.0
+    B[part], C[:, part] = B[part] * size, C[:, part] / size
 
 
 def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
@@ -213,10 +222,10 @@ def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
         return corner, [-block[0, 0] / corner], np.eye(1)
     determinant, trace = float(np.linalg.det(block)), float(np.trace(block))
     corner = float(np.sqrt(abs(determinant))) or 1.0
-    # The second state may be any direction u; the first is then (block u - trace u) / corner.
+    # The first state may be any direction u; the second is then (block u - trace u) / corner.
     angles = np.pi * np.arange(STATE_DIRECTIONS) / STATE_DIRECTIONS
     changes = [
-        np.column_stack([(block @ u - trace * u) / corner, u])
+        np.column_stack([u, (block @ u - trace * u) / corner])
         for u in np.column_stack([np.cos(angles), np.sin(angles)])
     ]
     best = min(changes, key=np.linalg.cond)
