@@ -7,14 +7,17 @@ Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
+from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
 from workbench.synthesis.h_infinity.normalised import Scaled, has_rank, normalised_plant
-from workbench.systems.balancing import state_units
+from workbench.systems.balancing import speed, state_units
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_response import frequency_response
@@ -65,17 +68,17 @@ def checked(plant: StandardPlant) -> Scaled:
             f"(C2, A) is not detectable: no measurement shows the mode {at(hidden)}; weights must "
             "be stable, their integrators moved a little to the left"
         )
-    zero = _axis_zero(small.A, small.B2, small.C1, small.D12)
-    if zero is not None:
+    zeros = axis_zeros(small.A, small.B2, small.C1, small.D12)
+    if zeros:
         raise InputError(
             "(A, B2, C1, D12), u -> z, has an invariant zero on the stability boundary, at "
-            f"{at(1j * abs(zero))}: weigh a signal that moves there, or ask regularised()"
+            f"{at(1j * zeros[0].omega)}: weigh a signal that moves there, or ask regularised()"
         )
-    zero = _axis_zero(small.A.T, small.C2.T, small.B1.T, small.D21.T)
-    if zero is not None:
+    zeros = axis_zeros(small.A.T, small.C2.T, small.B1.T, small.D21.T)
+    if zeros:
         raise InputError(
             "(A, B1, C2, D21), w -> y, has an invariant zero on the stability boundary, at "
-            f"{at(1j * abs(zero))}: let a disturbance or noise act there, or ask regularised()"
+            f"{at(1j * zeros[0].omega)}: let a disturbance or noise act there, or ask regularised()"
         )
     return normal
 
@@ -93,36 +96,19 @@ def _unreached(A: RealArray, B: RealArray) -> complex | None:
     return None
 
 
-def _axis_zero(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> float | None:
-    """The frequency of an invariant zero on the imaginary axis, for D^T D = 1; None if none.
-
-    With D^T D = 1 the invariant zeros are the modes of A - B D^T C that are unobservable through
-    (1 - D D^T) C.
-    """
-    inner, shown = A - B @ D.T @ C, C - D @ (D.T @ C)
-    size = float(np.linalg.norm(inner))
-    rounding = ZERO_ROUNDING * EPS * len(A) * size
-    for mode in np.linalg.eigvals(inner).astype(complex):
-        if abs(mode.real) > max(1e-6 * abs(mode), 1e-6 * size):
-            continue
-        pencil = np.vstack([inner - 1j * mode.imag * np.eye(len(A)), shown])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
-            return float(mode.imag)
-    return None
-
-
 def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     """Add small exogenous inputs and performance outputs so that the plant meets the assumptions.
 
     Where D12 lacks rank, every control becomes a performance output. Where D21 lacks rank, every
     measurement gets noise. Both pass through a first-order high-pass whose corner is the plant's
-    fastest pole, so that they have no effect at low frequencies, where weights may integrate. Where
-    there are zeros on the stability boundary, every state becomes a performance output or gets a
-    disturbance.
+    fastest pole, so that they have no effect at low frequencies, where weights may integrate. For
+    each zero on the stability boundary, performance outputs show the states that move there
+    unseen, or disturbances move them (two for a zero other than 0).
 
     The weight of u is `size` times the largest response of u -> z at the corner, the weight of the
-    noise `size` times the largest response of w -> y there. The weights of balanced states are
-    `size` times the largest entry of C1 and of B1 (1 where these are zero). The closed loop
+    noise `size` times the largest response of w -> y there. The outputs for a zero are `size` times
+    as large as the terms of z that cancel there; where none do, as the largest entry of C1 for
+    balanced states (1 if that is zero). The disturbances are as large by w -> y. The closed loop
     contains the old channels, so its norm is at least theirs.
 
     The new signals come after the old exogenous inputs and performance outputs. Their names are
@@ -183,21 +169,24 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
 
 
 def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
-    """Rows that make u and rows that make x performance outputs; no rows where not needed."""
+    """Rows that make u and states performance outputs; no rows where not needed."""
     n, m = given.states, given.controls
     plant = continuous(given)
-    u, x = np.zeros((0, m)), np.zeros((0, n))
+    u = np.zeros((0, m))
     if not has_rank(plant.D12):
         M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
         response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
         u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
     Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
-    B2, C1 = plant.B2 @ np.linalg.inv(R), np.vstack([plant.C1, np.zeros((len(u), n))])
-    factor = state_units(plant.A, B2, C1)
-    A, B2, C1 = plant.A * factor[:, None] / factor, B2 * factor[:, None], C1 / factor
-    if _axis_zero(A, B2, C1, Q) is not None:
-        x = size * (float(np.abs(C1).max(initial=0.0)) or 1.0) * np.diag(factor)
-    return u, x
+    rate = speed(plant.A)
+    # All channels count for the units, those of states that z does not show too.
+    factor = state_units(plant.A / rate, plant.B, plant.C)
+    A, B2 = plant.A * factor[:, None] / factor, plant.B2 * factor[:, None]
+    C1 = np.vstack([plant.C1 / factor, np.zeros((len(u), n))])
+    root = math.sqrt(rate)
+    zeros = axis_zeros(A / rate, B2 @ np.linalg.inv(R) / root, C1 / root, Q)
+    rows = [size * root * zero.outputs * factor for zero in zeros]
+    return u, np.vstack([np.zeros((0, n)), *rows])
 
 
 def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
