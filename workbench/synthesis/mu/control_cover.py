@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
@@ -43,11 +43,16 @@ COVER_BFGS_STEPS = 300
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
 """Step of the differences by which mu's slopes are found, over the size of a part's response there;
 and the least share of its largest size that it is taken to have."""
+STALLED_STEPS, STALLED_SHARE = 20, 1e-5
+"""A search ends where this number of steps lowers mu by less than this share of it: even the most
+steps would then gain less than a certified peak resolves."""
+LEAST_CURVATURE = 1e-12
+"""Least eigenvalue of an inverse of second derivatives, over the largest."""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
 BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
 """Multiples of the highest of these frequencies at which mu is looked at too."""
-PULL = 1e-6
+PULL = 3e-6
 """Share by which mu counts as larger for a parameter that moves by its unit: what has no effect,
 such as a pole and a zero together, would else drift to where realisations lose their digits."""
 UNSTABLE_MU = 1e6
@@ -176,10 +181,14 @@ class ControlCover:
             pull = 1 + PULL * float(moved @ moved)
             return norm * pull, (slope * pull + 2 * norm * PULL * moved / sizes) * units
 
-        y = x / units
+        y, curvature = x / units, np.eye(x.size)
         for power in context.track(POWERS, " and ".join(moving)):
-            steps = {"maxiter": COVER_BFGS_STEPS}
-            y = minimize(largest, y, (power,), "BFGS", jac=True, options=steps).x
+            # Each mean is curved about as the one before.
+            options = {"maxiter": COVER_BFGS_STEPS, "hess_inv0": curvature}
+            done = minimize(
+                largest, y, (power,), "BFGS", jac=True, callback=_until_stalled(), options=options
+            )
+            y, curvature = done.x, _definite(done.hess_inv)
         found = {name: part.rational(vector) for name, part, vector in split(y)}
         if "real" in found:
             omega = self.responses.omega
@@ -316,6 +325,26 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     outside = outside[(outside < responses.omega[0]) | (outside > responses.omega[-1])]
     inside = np.concatenate([between(responses.omega), near])
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
+
+
+def _until_stalled() -> Callable[[OptimizeResult], None]:
+    """A callback that ends a search that no longer gains."""
+    found: list[float] = []
+
+    def callback(intermediate_result: OptimizeResult) -> None:
+        found.append(float(intermediate_result.fun))
+        before = found[-1 - STALLED_STEPS] if len(found) > STALLED_STEPS else np.inf
+        if before - found[-1] < STALLED_SHARE * found[-1]:
+            raise StopIteration
+
+    return callback
+
+
+def _definite(inverse: RealArray) -> RealArray:
+    """An inverse of second derivatives, symmetric and positive definite despite rounding."""
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
+    found = (vectors * np.maximum(values, LEAST_CURVATURE * values[-1])) @ vectors.T
+    return np.asarray((found + found.T) / 2)
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
