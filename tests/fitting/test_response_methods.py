@@ -254,5 +254,5 @@ def test_methods_that_cannot_say_why():
 def test_best_says_what_it_chose():
     program = ResponseFit(OMEGA, FITTED, 3)
     solution = solve(program)
-    assert solution.message.startswith("ipopt chosen; vector-fitting 0.")
+    assert solution.message.startswith("vector-fitting chosen; vector-fitting 0.")
     assert "sb10yd" in solution.message

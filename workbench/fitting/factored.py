@@ -162,6 +162,21 @@ class FactoredRational:
             len(self.numerators),
         )
 
+    @cached_property
+    def second_order(self) -> tuple[RealArray, NDArray[np.bool_]]:
+        """What second derivatives follow from: factors (P, P), and which parameters are logarithms.
+
+        That with respect to two parameters is the product of the two first derivatives over the
+        value, times a factor: 1; but where both belong to the same factor of the numerator 0, of
+        the denominator 2. Twice with respect to a logarithm, the first derivative is added.
+        """
+        parts = self.parts
+        counts = [len(part.moving) for part in parts]
+        of = np.append(np.repeat(np.arange(len(parts)), counts), -1)  # the gain is a numerator
+        own = np.where(of >= len(self.numerators), 2.0, 0.0)
+        factors = np.where(of[:, None] == of, own, 1.0)
+        return factors, np.append(np.repeat([part.positive for part in parts], counts) != 0, False)
+
     def response(self, vector: RealArray, omega: RealArray) -> ComplexArray:
         """Values (F,) at frequencies (F,) [rad/s]."""
         return self.values(vector, omega)[0]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
+import numpy as np
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE, DEFAULT_TOLERANCE
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.fitting.response.least_peak import polished
-from workbench.fitting.response.nonlinear import IPOPT_ACCURACY, refined_from, worst_error
+from workbench.fitting.response.least_peak import polished, worst_error
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.fitting.slicot import sb10yd
@@ -35,32 +36,23 @@ def _sb10yd(program: ResponseFit, context: Context) -> Claim:
     return fit, Outcome.SOLVED, ""
 
 
-@method(ResponseFit, "best", optimal=False, accuracy=AccuracyRange(finest=IPOPT_ACCURACY))
+@method(ResponseFit, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: ResponseFit, context: Context) -> Claim:
-    """The fit of least error among vector-fitting, sb10yd, and IPOPT from the better of the two."""
-    fits = vector_fits(program, context)
-    found = {"vector-fitting": fits[0]}
+    """The fit of least error of vector-fitting and sb10yd, which is refined if it is the better."""
+    found = {"vector-fitting": vector_fits(program, context)[0]}
     said: list[str] = []
     if reason := _unfit_for_sb10yd(program):
         said.append(f"sb10yd: {reason}")
     else:
         try:
             found["sb10yd"] = _sb10yd(program, context)[0]
-            if worst_error(program, found["sb10yd"]) < worst_error(program, fits[0]):
-                fits.append(polished(program, found["sb10yd"])[1])
         except SolverError as error:
             said.append(f"sb10yd: {error}")
-    found["ipopt"], _, message = refined_from(program, fits, context)
-    said.append(message)
-
-    def rank(name: str) -> tuple[bool, float]:
-        valid = program.certify(found[name], context.options.accuracy).valid
-        return not valid, worst_error(program, found[name])
-
-    ranks = {name: rank(name) for name in found}
-    errors = [
-        f"{name} {error:.4g}{' (invalid)' if invalid else ''}"
-        for name, (invalid, error) in ranks.items()
-    ]
-    chosen = min(ranks, key=lambda name: ranks[name])
-    return found[chosen], Outcome.SOLVED, "; ".join([f"{chosen} chosen", *errors, *said])
+    errors = {name: worst_error(program, fit) for name, fit in found.items()}
+    if errors.get("sb10yd", np.inf) < errors["vector-fitting"]:
+        errors["refined"], found["refined"] = polished(program, found["sb10yd"])
+    ranked = sorted(found, key=lambda name: errors[name])
+    valid = (n for n in ranked if program.certify(found[n], DEFAULT_TOLERANCE).valid)
+    chosen = next(valid, ranked[0])
+    words = [f"{name} {errors[name]:.4g}" for name in found]
+    return found[chosen], Outcome.SOLVED, "; ".join([f"{chosen} chosen", *words, *said])

@@ -6,9 +6,10 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
+from workbench.fitting.response.least_peak import EXACT_ERROR
 from workbench.fitting.response.numerator import NumeratorBasis, real_over_imaginary, with_numerator
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import EXACT_ERROR, vector_fits
+from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 

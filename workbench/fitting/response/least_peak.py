@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import RealArray
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
+from workbench.fitting.response.interior_point import least_peak
+from workbench.fitting.response.point import Point
 from workbench.fitting.response.program import ResponseFit
 
 LEAST_SQUARES_STEPS = 40
 """Most Gauss-Newton steps of the least squares."""
-REWEIGHTINGS = 40
+REWEIGHTINGS = 8
 """Most reweightings of the least peak, with one Gauss-Newton step each."""
 DAMPING_TRIALS = 10
 """Dampings tried, each ten times the last, before a point counts as a minimum."""
+EXACT_ERROR = 1e-12
+"""Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
 ERROR_ROUNDING = 1e-14
 """Worst error, relative to the largest weighted datum, that is rounding only."""
 MIN_LAWSON_WEIGHT = 1e-14
@@ -42,17 +46,23 @@ def factored(program: ResponseFit, start: Rational) -> FactoredRational:
     )
 
 
+def worst_error(program: ResponseFit, fit: Rational) -> float:
+    """The worst weighted error of a fit; infinite if it is not finite."""
+    error = float(np.max(program.errors(fit)))
+    return error if np.isfinite(error) else np.inf
+
+
 def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
     """Smallest worst error found by a local search from ``start``, and the function that has it.
 
-    The search takes steps of Levenberg and Marquardt to the weighted least squares, then uses
-    Lawson's reweighting: each weight is multiplied by its error, and fixed points are minimax.
+    The search takes steps of Levenberg and Marquardt to the weighted least squares, reweights them
+    as Lawson does (each weight is multiplied by its error; fixed points are minimax), and goes on
+    by the interior-point method to a local optimum.
     """
-    data = program.active
     form = factored(program, start)
-    here = _Point(program, form, form.start)
+    here = Point(program, form, form.start)
     best = here
-    even = np.ones(data.omega.size)
+    even = np.ones(here.error.size)
     damping = 1e-6
     for _ in range(LEAST_SQUARES_STEPS):
         moved, damping = _step(here, even, damping)
@@ -74,35 +84,19 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
             break
         here = moved
         best = min(best, here, key=lambda point: point.peak)
-    found = form.rational(best.vector)
-    near = within_reach(found, data.omega, FIT_ROOT_REACH)
-    peak = float(program.errors(near).max())
-    return (peak, near) if peak <= best.peak * (1 + REACH_COST) else (best.peak, found)
+    ends = [best]
+    if EXACT_ERROR * program.size < best.peak < np.inf:
+        ends = [least_peak(best), best]
+    for end in ends:  # the first whose roots doubles can realise
+        found = form.rational(end.vector)
+        near = within_reach(found, program.active.omega, FIT_ROOT_REACH)
+        peak = worst_error(program, near)
+        if peak <= end.peak * (1 + REACH_COST):
+            return peak, near
+    return best.peak, found
 
 
-class _Point:
-    """A vector of parameters (P,), with the weighted errors (F,) and their peak."""
-
-    def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
-        data = program.active
-        self.program, self.form, self.vector = program, form, vector
-        values, self._slopes = form.values(vector, data.omega)
-        self.error = data.weight * (values - data.response)
-        peak = float(np.abs(self.error).max())
-        self.peak = peak if np.isfinite(peak) else np.inf
-
-    @property
-    def slopes(self) -> ComplexArray:
-        """Derivatives (F, P) of the weighted errors with respect to the parameters."""
-        data = self.program.active
-        return data.weight[:, None] * self._slopes
-
-    def square(self, weight: RealArray) -> float:
-        """Sum of squared errors, each multiplied by a weight (F,) before squaring."""
-        return float(np.sum(np.abs(weight * self.error) ** 2))
-
-
-def _step(here: _Point, weight: RealArray, damping: float) -> tuple[_Point | None, float]:
+def _step(here: Point, weight: RealArray, damping: float) -> tuple[Point | None, float]:
     """A point with a smaller weighted sum of squares, and the next damping.
 
     The point is None if no damping gives one.
@@ -122,7 +116,7 @@ def _step(here: _Point, weight: RealArray, damping: float) -> tuple[_Point | Non
     for _ in range(DAMPING_TRIALS):
         step = directions @ (along / (curvature + damping * curvature[-1]))
         with np.errstate(all="ignore"):  # a step that overflows is refused
-            moved = _Point(here.program, here.form, here.vector - step / size)
+            moved = here.moved(-step / size)
             if moved.square(weight) < now:
                 return moved, max(damping / 100, MIN_DAMPING)
         damping = max(10 * damping, 1e-10)

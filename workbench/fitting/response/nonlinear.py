@@ -11,12 +11,11 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.factored_values import LARGEST_LOGARITHM
 from workbench.fitting.rational import Rational
-from workbench.fitting.response.conic import best_numerator, not_convex
-from workbench.fitting.response.least_peak import factored
+from workbench.fitting.response.least_peak import EXACT_ERROR, factored, worst_error
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import EXACT_ERROR, vector_fits
+from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.program import Claim, method
-from workbench.solvers import Outcome, conic_solvers, ipopt, ipopt_outcome
+from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
 IPOPT_ACCURACY = 1e-4
 """Smallest accuracy asked of IPOPT: the last digits of a local minimum take the longest."""
@@ -25,47 +24,12 @@ STEP_BOUND = 3.0
 
 Without a bound IPOPT sometimes wanders for thousands of iterations.
 """
-START_ERROR_RATIO = 1.1
-"""Largest worst error of a start that is refined, relative to that of the best start."""
 
 
 @method(ResponseFit, "ipopt", optimal=False, accuracy=AccuracyRange(finest=IPOPT_ACCURACY))
 def _ipopt(program: ResponseFit, context: Context) -> Claim:
-    """Nonlinear program over the coefficients of quadratic factors, from the best vector fits."""
-    return refined_from(program, vector_fits(program, context), context)
-
-
-def refined_from(program: ResponseFit, fits: list[Rational], context: Context) -> Claim:
-    """The best local minimax fit found from the better ones of the given fits.
-
-    Each fit first gets the best numerator for its poles, where that is a convex problem.
-    """
-    starts = sorted(
-        (numerator_improved(program, fit, context) for fit in fits),
-        key=lambda fit: worst_error(program, fit),
-    )
-    near = [
-        fit
-        for fit in starts
-        if worst_error(program, fit) <= START_ERROR_RATIO * worst_error(program, starts[0])
-    ]
-    claims = [refined_fit(program, fit, context) for fit in context.track(near, "refinements")]
-    return min(claims, key=lambda claim: worst_error(program, claim[0]))
-
-
-def numerator_improved(program: ResponseFit, fit: Rational, context: Context) -> Rational:
-    """The fit with the best numerator for its poles, or the same fit where that is not convex."""
-    solvers = conic_solvers()
-    if not_convex(program) or not solvers:
-        return fit
-    improved = best_numerator(program, fit, context, solvers[0])[0]
-    return fit if improved is None else min(fit, improved, key=lambda f: worst_error(program, f))
-
-
-def worst_error(program: ResponseFit, fit: Rational) -> float:
-    """The worst weighted error of a fit; infinite if it is not finite."""
-    error = float(np.max(program.errors(fit)))
-    return error if np.isfinite(error) else np.inf
+    """Nonlinear program over the coefficients of quadratic factors, from the best vector fit."""
+    return refined_fit(program, vector_fits(program, context)[0], context)
 
 
 def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Claim:

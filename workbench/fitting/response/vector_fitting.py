@@ -15,7 +15,7 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, conjugate_pairs
-from workbench.fitting.response.least_peak import polished
+from workbench.fitting.response.least_peak import EXACT_ERROR, polished
 from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, real_over_imaginary
 from workbench.fitting.response.program import ResponseFit
 from workbench.program import Claim, method
@@ -31,8 +31,6 @@ EXTRA_POLES = 4
 """Poles above the order in one of the starts, which then keeps the most important ones."""
 UNSTABLE_STARTS = 4
 """Places over the band at which poles right of the axis start."""
-EXACT_ERROR = 1e-12
-"""Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
 
 
 @method(ResponseFit, "vector-fitting", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
