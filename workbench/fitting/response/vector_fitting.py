@@ -18,6 +18,7 @@ from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.least_peak import EXACT_ERROR, polished
 from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, real_over_imaginary
 from workbench.fitting.response.program import ResponseFit
+from workbench.fitting.response.relocation import denominator_matrix, least_squares
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
@@ -27,6 +28,8 @@ MAX_RELOCATIONS = 30
 """Most relocations of the poles from one start."""
 POLE_MOVEMENT = 1e-9
 """Largest relative movement of a pole at which the relocation has converged."""
+LEAST_FALL, MAX_IDLE = 0.01, 8
+"""Most relocations in a row in which the worst error does not fall by so much, relatively."""
 EXTRA_POLES = 4
 """Poles above the order in one of the starts, which then keeps the most important ones."""
 UNSTABLE_STARTS = 4
@@ -108,9 +111,8 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     groups = real_groups(poles)
     columns = [partial_fractions(group, data.omega) for group in groups]
     basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
-    solution = _least_squares(
-        real_over_imaginary(basis), real_over_imaginary(data.weight * data.response)
-    )
+    target = data.weight * data.response
+    solution = least_squares(real_over_imaginary(np.column_stack([basis, target])).T.copy())
     ends = np.cumsum([0, *(len(group) for group in groups)])
     parts = [basis[:, a:b] @ solution[a:b] for a, b in pairwise(ends)]
     kept: list[complex] = []
@@ -135,14 +137,17 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     x = data.omega / scale
     poles = best = poles / scale
     zeros = poles.size - (program.order - program.zeros)  # keep the relative degree
-    lowest = np.inf
+    lowest, idle = np.inf, 0
     for _ in range(MAX_RELOCATIONS):
         basis = NumeratorBasis.over(x, data.weight, poles, zeros).columns
         known = real_over_imaginary(target)
         left = known - basis @ (basis.T @ known)
         peak = float(np.abs(left[: x.size] + 1j * left[x.size :]).max())
+        idle = 0 if peak < (1 - LEAST_FALL) * lowest else idle + 1
         if peak < lowest:
             lowest, best = peak, poles
+        if idle == MAX_IDLE:
+            break
         moved = _relocate(x, target, basis, poles)
         if program.unstable_poles:
             moved = _sided(moved, program.unstable_poles)
@@ -182,15 +187,11 @@ def relocated_poles(
     ``fractions`` (F, k + 1) are those of the present poles and 1; their sum of values, times the
     weight, is fixed (relaxation).
     """
-    rows = np.vstack([columns, weight * fractions.real.sum(axis=0)])
-    right = np.append(np.zeros(len(columns)), weight * len(fractions))
-    size = np.linalg.norm(rows, axis=0)
-    size[size == 0] = 1.0
-    solution = _least_squares(rows / size, right) / size
-    share, constant = solution[:-1], solution[-1]
-    constant = np.copysign(max(abs(constant), 1e-8), constant)
-    matrix, column = _realisation(groups)
-    return conjugate_pairs(np.linalg.eigvals(matrix - np.outer(column, share / constant)))
+    upper = np.array([group[0] for group in groups])
+    matrix = denominator_matrix(
+        columns, fractions.real.sum(axis=0), weight, float(len(fractions)), upper
+    )
+    return conjugate_pairs(np.linalg.eigvals(matrix))
 
 
 def _sided(poles: ComplexArray, count: int) -> ComplexArray:
@@ -226,35 +227,3 @@ def partial_fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
         return 1 / (1j * x - group[0])[:, None]
     one, other = 1 / (1j * x - group[0]), 1 / (1j * x - group[1])
     return np.column_stack([one + other, 1j * (one - other)])
-
-
-def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
-    """A and b of a system whose states are the partial fractions."""
-    from scipy.linalg import block_diag
-
-    blocks = [
-        np.array([[p[0].real]]) if p.size == 1
-        else np.array([[p[0].real, p[0].imag], [-p[0].imag, p[0].real]])
-        for p in groups
-    ]  # fmt: skip
-    entries = [[1.0] if p.size == 1 else [2.0, 0.0] for p in groups]
-    return block_diag(*blocks), np.concatenate([np.zeros(0), *entries])
-
-
-def _least_squares(rows: RealArray, right: RealArray) -> RealArray:
-    """Least-squares solution by QR decompositions of blocks, then of their triangles, and so on.
-
-    The blocks are so small that each uses one thread: on a tall matrix the threads of a
-    linear-algebra library spend longer on synchronisation than on computation.
-    """
-    left: np.ndarray = np.column_stack([rows, right])
-    width = left.shape[1]
-    block = 4 * width
-    while len(left) > block:
-        count = -(-len(left) // block)
-        padded = np.zeros((count * block, width))
-        padded[: len(left)] = left
-        triangles: Any = np.linalg.qr(padded.reshape(count, block, width), mode="r")
-        left = triangles.reshape(-1, width)
-    solution: RealArray = np.linalg.lstsq(left[:, :-1], left[:, -1])[0]
-    return solution
