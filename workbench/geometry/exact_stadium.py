@@ -25,6 +25,7 @@ from workbench.compiled import compiled
 from workbench.geometry.exact_circle import circle_radius, rounded_up
 from workbench.geometry.hull import cross, hull_indices
 from workbench.geometry.points import (
+    Frame,
     as_batch,
     find_frame,
     length_from_frame,
@@ -76,8 +77,10 @@ def _stadiums(
     radius, half_length = np.empty(which.size), np.empty(which.size)
     for i, chosen in enumerate(which):
         points = sets[chosen]
-        frame = find_frame(points, centered, center[i])
-        x, y = to_frame(points, frame)
+        # Many directions may be asked for of one set: what they share is computed once.
+        if i == 0 or not directed or chosen != which[i - 1] or center[i] != given_center[i - 1]:
+            frame = find_frame(points, centered, center[i])
+            x, y = to_frame(points, frame)
         if not directed:
             vertices = hull_indices(x, y)
             x, y = x[vertices], y[vertices]
@@ -87,7 +90,10 @@ def _stadiums(
             c, s = math.cos(angle[i]), math.sin(angle[i])
             center[i] = point_from_frame(frame, c * along - s * across, s * along + c * across)
         half_length[i] = length_from_frame(frame, half)
-        radius[i] = stadium_radius(points, center[i], half_length[i], angle[i])
+        if centered and directed and half_length[i] > 0.0:
+            radius[i] = _radius(x, y, frame, half_length[i], angle[i])
+        else:
+            radius[i] = stadium_radius(points, center[i], half_length[i], angle[i])
     return center, radius, half_length, angle
 
 
@@ -101,14 +107,21 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
     if half_length == 0.0:
         return circle_radius(points, center)
     frame = find_frame(points, True, center)
+    x, y = to_frame(points, frame)
+    return _radius(x, y, frame, half_length, angle)
+
+
+@compiled
+def _radius(
+    x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, angle: float
+) -> float:
+    """As `stadium_radius`, of a set given by its coordinates (N,), (N,) about the centre."""
     half = length_to_frame(frame, half_length)
     c, s = math.cos(angle), math.sin(angle)
     square = 0.0
-    for p in points:
-        x = (p.real * frame.shrink - frame.x) * frame.zoom
-        y = (p.imag * frame.shrink - frame.y) * frame.zoom
-        beyond = abs(c * x + s * y) + 2.5 * EPS * (abs(c * x) + abs(s * y)) - half
-        aside = abs(c * y - s * x) + 2.5 * EPS * (abs(c * y) + abs(s * x))
+    for i in range(x.size):
+        beyond = abs(c * x[i] + s * y[i]) + 2.5 * EPS * (abs(c * x[i]) + abs(s * y[i])) - half
+        aside = abs(c * y[i] - s * x[i]) + 2.5 * EPS * (abs(c * y[i]) + abs(s * x[i]))
         square = max(square, aside * aside + max(beyond, 0.0) ** 2)
     return rounded_up(length_from_frame(frame, math.sqrt(square) * (1.0 + 4.0 * EPS)))
 

@@ -12,8 +12,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.geometry.points import canonical_angle
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
@@ -132,8 +134,8 @@ def cheapest(cost: Cost, weight: float) -> Orientation:
         costs = np.asarray(cost(omega, angle, shape.radius, shape.half_length), dtype=float)
         if costs.shape != every.shape or np.isnan(costs).any():
             raise InputError(f"the cost must be of shape {every.shape}, without NaN")
-        turn = _turn(angle[:, None], angle[None, :]) ** 2
-        return angle[_cheapest_path(costs, turn, weight / np.diff(np.log(omega)))]
+        weights = weight * angle[1] ** 2 / np.diff(np.log(omega))
+        return angle[_cheapest_path(costs, weights)]
 
     return orientation
 
@@ -146,19 +148,65 @@ def _narrow(
     return np.log(np.maximum(radius, 1e-3 * size) + np.finfo(float).tiny)
 
 
-def _cheapest_path(costs: RealArray, turn: RealArray, weights: RealArray) -> np.ndarray:
-    """Indices (F,) of least total cost, by Bellman's recursion back from the last frequency."""
-    count, _ = costs.shape
-    follow = np.zeros(costs.shape, dtype=int)
-    ahead = costs[-1]
+@compiled
+def _cheapest_path(costs: RealArray, weights: RealArray) -> NDArray[np.int_]:
+    """Indices (F,) of least total cost, by Bellman's recursion back from the last frequency.
+
+    A change by so many of the A angles, the shorter way round, costs its square times a weight
+    (F - 1,), beside the ``costs`` (F, A).
+    """
+    count, angles = costs.shape
+    follow = np.zeros((count, angles), dtype=np.int64)
+    ahead = costs[count - 1].copy()
     for k in range(count - 2, -1, -1):
-        total = weights[k] * turn + ahead[None, :]
-        follow[k] = total.argmin(axis=1)
-        ahead = costs[k] + total.min(axis=1)
-    path = [int(ahead.argmin())]
+        _followers(ahead, weights[k], follow[k])
+        least = np.empty(angles)
+        for i in range(angles):
+            change = abs(i - follow[k, i])
+            change = min(change, angles - change)
+            least[i] = weights[k] * change**2 + ahead[follow[k, i]]
+        for i in range(angles):
+            ahead[i] = costs[k, i] + least[i]
+    path = np.empty(count, dtype=np.int64)
+    path[0] = ahead.argmin()
     for k in range(count - 1):
-        path.append(int(follow[k, path[-1]]))
-    return np.array(path)
+        path[k + 1] = follow[k, path[k]]
+    return path
+
+
+@compiled
+def _followers(ahead: RealArray, weight: float, found: NDArray[np.int_]) -> None:
+    """For each index i the j of least ahead[j] + weight * change^2, by the lower envelope.
+
+    The parabolas over i, one for each j and its neighbours round the circle, are entered from left
+    to right (Felzenszwalb and Huttenlocher, Theory of Computing 8, 2012).
+    """
+    angles, last = ahead.size, -1
+    if weight == 0.0:
+        found[:] = ahead.argmin()
+        return
+    places = np.empty(2 * angles + 1, dtype=np.int64)
+    starts = np.empty(2 * angles + 1)
+    for place in range(-(angles // 2) - 1, angles + (angles + 1) // 2):
+        value = ahead[place % angles]
+        if value == np.inf:
+            continue
+        start = -np.inf
+        while last >= 0:
+            other = places[last]
+            fall = (ahead[other % angles] - value) / (2 * weight * (place - other))
+            start = 0.5 * (place + other) - fall
+            if start > starts[last]:
+                break
+            last -= 1
+            start = -np.inf
+        last += 1
+        places[last], starts[last] = place, start
+    on = 0
+    for i in range(angles if last >= 0 else 0):
+        while on < last and starts[on + 1] < i:
+            on += 1
+        found[i] = places[on] % angles
 
 
 def _turn(one: RealArray, other: RealArray) -> RealArray:
