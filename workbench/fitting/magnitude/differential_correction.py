@@ -82,17 +82,21 @@ def minimax(
     def proven(fit: Rational) -> bool:
         return abs(program.gap(fit)[1]) <= context.options.accuracy
 
+    def plain(start: Rational) -> Rational:
+        return _differential_correction(replace(target, cover=False), start, solver, context)
+
     def corrected(start: Rational) -> Rational:
-        plain = _differential_correction(replace(target, cover=False), start, solver, context)
-        fit = with_best_gain(target, plain.zeros, plain.poles)
         if not target.cover:
+            found = plain(start)
+            return with_best_gain(target, found.zeros, found.poles)
+        found = _covering_correction(target, start, solver, context)
+        fit = with_best_gain(target, found.zeros, found.poles)
+        if proven(fit):
             return fit
         # The plain fit may be zero between the data, from where no correction leads to a cover.
-        for first in (plain, start):
-            found = _covering_correction(target, first, solver, context)
-            fit = min(fit, with_best_gain(target, found.zeros, found.poles), key=program.error)
-            if proven(fit):
-                break
+        near = plain(start)
+        for end in (near, _covering_correction(target, near, solver, context)):
+            fit = min(fit, with_best_gain(target, end.zeros, end.poles), key=program.error)
         return fit
 
     fit = corrected(sanathanan_koerner(target, program.order))
@@ -117,11 +121,13 @@ def _covering_correction(
 ) -> Rational:
     """The best cover; points between the data are added where it is too low."""
     fit = start
+    known, _ = target.with_valleys(fit)
     for _ in range(MAX_VALLEY_ROUNDS):
-        target, least = target.with_valleys(fit)
-        fit = _differential_correction(target, fit, solver, context)
-        if least > (1 - VALLEY_TOLERANCE) * target.ratio(fit).min():
+        fit = _differential_correction(known, fit, solver, context)
+        refined, least = known.with_valleys(fit)
+        if least > (1 - VALLEY_TOLERANCE) * known.ratio(fit).min():
             break
+        known = refined
     return fit
 
 
