@@ -59,9 +59,10 @@ class Rational:
             roots = np.asarray(getattr(self, name), dtype=complex).ravel()
             if not np.isfinite(roots).all():
                 raise InputError(f"{name} must be finite, they are {roots}")
-            if not np.array_equal(_ordered(roots), _ordered(roots.conj())):
+            ordered = _ordered(roots)
+            if roots.imag.any() and not np.array_equal(ordered, _ordered(roots.conj())):
                 raise InputError(f"{name} must come in conjugate pairs, they are {roots}")
-            object.__setattr__(self, name, _ordered(roots))
+            object.__setattr__(self, name, ordered)
         object.__setattr__(self, "gain", float(self.gain))
         if not np.isfinite(self.gain):
             raise InputError(f"gain must be finite, it is {self.gain}")

@@ -112,9 +112,7 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
 
 
 @compiled
-def _radius(
-    x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, angle: float
-) -> float:
+def _radius(x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, angle: float) -> float:
     """As `stadium_radius`, of a set given by its coordinates (N,), (N,) about the centre."""
     half = length_to_frame(frame, half_length)
     c, s = math.cos(angle), math.sin(angle)

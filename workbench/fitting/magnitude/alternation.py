@@ -67,8 +67,10 @@ def error_bound(
     order
         Order of the competitors.
     """
-    bound = 0.0
-    for limits in ((np.inf, 0.0), (REMOTE_ROOT_FACTOR, UNDAMPED_RATIO)):
+    bound, tried = 0.0, [(np.inf, 0.0)]
+    if _extreme(fit, omega):
+        tried.append((REMOTE_ROOT_FACTOR, UNDAMPED_RATIO))
+    for limits in tried:
         points = _points(omega, magnitude, weight, cover, fit, order, *limits)
         bound = max(bound, _cover_bound(points) if cover else _bound(points))
     return bound
@@ -143,6 +145,14 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
         places[a + np.argmax(np.where(signs[a:b] == signs[a], size[a:b], 0.0))] for a, b in runs
     ]
     return float(levels[low]), np.array(tops)
+
+
+def _extreme(fit: Rational, omega: RealArray) -> bool:
+    """Whether a root is remote or hardly damped, so that it may be moved."""
+    roots = np.concatenate([fit.zeros, fit.poles])
+    size = np.abs(roots)
+    remote = (size > REMOTE_ROOT_FACTOR * omega[-1]) | (size < omega[0] / REMOTE_ROOT_FACTOR)
+    return bool((remote | (np.abs(roots.real) < UNDAMPED_RATIO * size)).any())
 
 
 def _points(

@@ -11,6 +11,7 @@ constraints, as in the filter of Waechter and Biegler (Mathematical Programming 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
@@ -60,20 +61,20 @@ class _Iterate:
     @classmethod
     def inside(cls, point: Point, unit: float) -> _Iterate:
         """A point with slacks that meet the constraints."""
-        square = np.abs(point.error / unit) ** 2
+        square = _squares(point, unit)
         height = STARTING_HEIGHT * float(square.max())
         slack = height - square
         return cls(point, unit, height, slack, 1 / slack / np.sum(1 / slack))
 
-    @property
+    @cached_property
     def products(self) -> float:
         """Sum of the products s z; in a convex program it bounds t less its optimum."""
         return float(self.multiplier @ self.slack)
 
-    @property
+    @cached_property
     def excess(self) -> RealArray:
         """Violations (F,) of the constraints, positive where t is too small."""
-        excess: RealArray = np.abs(self.point.error / self.unit) ** 2 + self.slack - self.height
+        excess: RealArray = _squares(self.point, self.unit) + self.slack - self.height
         return excess
 
     def barrier(self, mu: float) -> float:
@@ -92,13 +93,10 @@ class _Step:
     multiplier: RealArray
 
     def reach(self, here: _Iterate) -> tuple[float, float]:
-        """Shares of the step, at most 1, after which a slack or a multiplier is zero."""
-        with_zero = (here.slack, self.slack), (here.multiplier, self.multiplier)
-        shares = [
-            float(np.min(-value[change < 0] / change[change < 0], initial=np.inf))
-            for value, change in with_zero
-        ]
-        return shares[0], shares[1]
+        """Shares of the step after which the first slack, the first multiplier is zero."""
+        primal = float((-self.slack / here.slack).max())
+        dual = float((-self.multiplier / here.multiplier).max())
+        return 1 / max(primal, EPS), 1 / max(dual, EPS)
 
     def slope(self, here: _Iterate) -> float:
         """Derivative of the barrier function along the step."""
@@ -111,23 +109,21 @@ class _System:
     def __init__(self, here: _Iterate, damping: float) -> None:
         """``damping`` is that of the last system; `damping` becomes infinite if none suffices."""
         point, z = here.point, here.multiplier
-        error, slopes = point.error / here.unit, point.slopes / here.unit
+        slopes, error = point.slopes / here.unit, point.error / here.unit
+        real, count = np.concatenate([slopes.real, slopes.imag]), slopes.shape[1]
         self.here, self.excess, self.ratio = here, here.excess, z / here.slack
         self.slopes = 2 * (error.conj()[:, None] * slopes).real  # of |e|^2
         steep = self.slopes * self.ratio[:, None]
-        convex = 2 * ((slopes.conj().T * z) @ slopes).real + steep.T @ self.slopes
+        convex = 2 * (real.T * np.concatenate([z, z])) @ real + steep.T @ self.slopes
         curved = point.curvature(2 * z * error.conj() / here.unit)
         self.natural = point.natural_units
         cost = STEP_COST * min(here.products, 1.0) / self.natural**2
-        total = self.ratio.sum()
-        matrix = np.block(
-            [
-                [convex + curved + np.diag(cost), -steep.sum(axis=0)[:, None]],
-                [-steep.sum(axis=0), total],
-            ]
-        )
-        size = np.append(np.diag(convex) + np.abs(np.diag(curved)) + cost, total)
-        self.size = np.sqrt(size)
+        matrix = np.empty((count + 1, count + 1))
+        matrix[:count, :count] = convex + curved
+        matrix[np.arange(count), np.arange(count)] += cost
+        matrix[count, :count] = matrix[:count, count] = -steep.sum(axis=0)
+        matrix[count, count] = total = self.ratio.sum()
+        self.size = np.sqrt(np.append(convex.diagonal() + abs(curved.diagonal()) + cost, total))
         matrix /= self.size * self.size[:, None]
         self.damping = damping / 10 if damping > FIRST_DAMPING else 0.0
         while True:
@@ -149,6 +145,13 @@ class _System:
         slack = height - self.excess - self.slopes @ vector
         multiplier = mu / self.here.slack - self.here.multiplier - self.ratio * slack
         return _Step(mu, vector, height, slack, multiplier)
+
+
+def _squares(point: Point, unit: float) -> RealArray:
+    """Squares |e|^2 (F,) of the errors in a unit."""
+    scaled = point.error / unit
+    squares: RealArray = scaled.real**2 + scaled.imag**2
+    return squares
 
 
 def least_peak(start: Point) -> Point:
@@ -197,7 +200,7 @@ def _moved(here: _Iterate, step: _Step, natural: RealArray) -> _Iterate | None:
         point = here.point.moved(share * step.vector)
         if np.isfinite(point.peak):
             height = here.height + share * step.height
-            square = np.abs(point.error / here.unit) ** 2
+            square = _squares(point, here.unit)
             slack = np.maximum(here.slack + share * step.slack, height - square)
             least = LEAST_MULTIPLIER * step.mu / slack
             moved = _Iterate(point, here.unit, height, slack, np.maximum(multiplier, least))

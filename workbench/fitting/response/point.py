@@ -44,7 +44,9 @@ class Point:
         factor = factor * self.program.active.weight
         ratio = np.divide(factor, self._values, out=np.zeros_like(factor), where=self._values != 0)
         factors, logarithmic = self.form.second_order
-        matrix: RealArray = factors * ((self._slopes.T * ratio) @ self._slopes).real
+        scaled, slopes = self._slopes * ratio[:, None], self._slopes
+        left = np.concatenate([scaled.real, -scaled.imag])
+        matrix: RealArray = factors * (left.T @ np.concatenate([slopes.real, slopes.imag]))
         matrix[np.diag_indices_from(matrix)] += logarithmic * (factor @ self._slopes).real
         return matrix
 

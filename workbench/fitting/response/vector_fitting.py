@@ -6,6 +6,7 @@ IEEE Trans. Power Delivery 21(3), 2006.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -48,12 +49,17 @@ def vector_fits(program: ResponseFit, context: Context) -> list[Rational]:
     A fit that is exact to rounding is returned alone.
     """
     found: list[tuple[float, Rational]] = []
-    for poles in context.track(starting_poles(program), "starts"):
-        for fit in _ways_in(program, relocated(program, poles)):
-            found.append(polished(program, fit))
-            if found[-1][0] <= EXACT_ERROR * program.size:
-                return [found[-1][1]]
+    for fit in relocated_fits(program, context):
+        found.append(polished(program, fit))
+        if found[-1][0] <= EXACT_ERROR * program.size:
+            return [found[-1][1]]
     return [fit for _, fit in sorted(found, key=lambda pair: pair[0])]
+
+
+def relocated_fits(program: ResponseFit, context: Context) -> Iterator[Rational]:
+    """Fits by relocation from each start, not yet refined."""
+    for poles in context.track(starting_poles(program), "starts"):
+        yield from _ways_in(program, relocated(program, poles))
 
 
 def starting_poles(program: ResponseFit) -> list[ComplexArray]:

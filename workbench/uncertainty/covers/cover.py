@@ -174,11 +174,15 @@ class UncertaintyCover(Program):
 
     def thinned(self, most: int) -> Self:
         """The same program with at most so many of the frequencies."""
-        return replace(self, responses=self.responses.thinned(most))
+        return self._of(self.responses.thinned(most))
 
     def refined(self) -> Self:
         """The same program at further frequencies, at which the known plants' resonances show."""
-        return replace(self, responses=self.responses.refined())
+        return self._of(self.responses.refined())
+
+    def _of(self, responses: Responses) -> Self:
+        """The same program for other responses; for its own, itself with the points it has."""
+        return self if responses is self.responses else replace(self, responses=responses)
 
     @property
     def minimum_phase(self) -> bool:

@@ -7,8 +7,9 @@ import warnings
 import numpy as np
 
 from workbench.executor import Context
+from workbench.fitting.response.least_peak import worst_error
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import vector_fits
+from workbench.fitting.response.vector_fitting import relocated_fits, vector_fits
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.starts import mean_response
@@ -27,11 +28,17 @@ def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
         return
     omega, mean = program.responses.axis, mean_response(program.responses.points)
 
+    def fit(count: int) -> ResponseFit:
+        """The fit with so many poles right of the axis."""
+        return ResponseFit(omega, mean, program.order, zeros=program.zeros, unstable_poles=count)
+
     def error(count: int) -> float:
         """Largest relative error of the best fit with so many poles right of the axis."""
-        fit = ResponseFit(omega, mean, program.order, zeros=program.zeros, unstable_poles=count)
-        return float(fit.errors(vector_fits(fit, context)[0]).max())
+        return worst_error(fit(count), vector_fits(fit(count), context)[0])
 
+    # A refinement only lowers the error.
+    if any(worst_error(fit(0), one) < POOR for one in relocated_fits(fit(0), context)):
+        return
     stable = error(0)
     if stable < POOR:
         return
