@@ -152,3 +152,26 @@ def test_a_line_of_plants_has_its_own_direction():
 def test_refused(make, words):
     with pytest.raises(InputError, match=words):
         make()(OMEGA, random_deviations(0))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_long_path_over_all_angles_is_the_cheapest(seed):
+    """Against Bellman's recursion over all pairs of angles; infinite costs shut some out."""
+    rng = np.random.default_rng(seed)
+    angles, count = (360, 7, 2)[seed % 3], 30
+    costs = rng.normal(size=(count, angles)).cumsum(axis=1)
+    if seed % 2:
+        costs[rng.random(costs.shape) < 0.4] = np.inf
+    weights = 10 ** rng.uniform(-4, 4, count - 1) * (rng.random(count - 1) < 0.8)
+    index = np.arange(angles)
+    way = np.abs(index[:, None] - index)
+    turn = np.minimum(way, angles - way) ** 2.0
+
+    def price(path):
+        return costs[np.arange(count), path].sum() + weights @ turn[path[1:], path[:-1]]
+
+    ahead = costs[-1]
+    for k in range(count - 2, -1, -1):
+        ahead = costs[k] + (weights[k] * turn + ahead).min(axis=1)
+    found = price(orientation._cheapest_path(costs, weights))
+    assert found == pytest.approx(ahead.min(), rel=1e-12)

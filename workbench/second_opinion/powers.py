@@ -47,17 +47,17 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
     size, share = np.zeros(S.shape[:-2]), 1.0
     rounding = np.full(S.shape[:-2], unit)
     tiny = float(np.finfo(float).tiny)
+    norm = np.linalg.norm(S, axis=(-2, -1))
     for _ in range(SQUARINGS):
-        norm = np.linalg.norm(S, axis=(-2, -1))
         known = (norm > 0.0) & (norm < math.inf)
         with np.errstate(all="ignore"):  # 0 counts as -inf, and what overflows as inf, for good
             size = size + share * np.log(norm)
             S = S / np.where(norm > 0.0, norm, 1.0)[..., None, None]
             S = S @ S
         share /= 2
+        norm = np.linalg.norm(S, axis=(-2, -1))
         # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
-        left = np.maximum(np.linalg.norm(S, axis=(-2, -1)), tiny)
-        rounding = rounding + np.where(known, share * unit / left, 0.0)
+        rounding = rounding + np.where(known, share * unit / np.maximum(norm, tiny), 0.0)
     size = np.where(np.isnan(size), np.inf, size)
     if S.ndim == 2 and np.isrealobj(S) and rounding < size < math.inf:
         return _precise_growth(np.asarray(A, dtype=float), dt), PRECISE_ROUNDING
