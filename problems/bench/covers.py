@@ -40,7 +40,7 @@ TASKS = {
     "large, circles": "joint circles, {} plants",
 }
 """Timed tasks, and their names in the figure."""
-LEAST_RATIO = 20.0
+LEAST_RATIO = 70.0
 """Least speed of the seven steps relative to the peer's."""
 LARGE_OVER_CONIC, GIBIBYTES = 1.0, 2.0
 """Longest processor time, over the peer's for the small task, and largest memory of a cover of the
