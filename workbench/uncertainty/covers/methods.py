@@ -13,14 +13,14 @@ from workbench.uncertainty.covers.joint import FoundModel, smallest_sets
 from workbench.uncertainty.covers.sides import warn_of_unstable
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import nominals, real_weights, through
+from workbench.uncertainty.covers.steps import CoverSteps
 
 TRIAL_FREQUENCIES = 100
 """Largest number of frequencies at which starts are tried."""
 FINAL_FREQUENCIES = 1000
-"""Largest number of frequencies at which the best starts are finished."""
-FINISHED_STARTS = 6
-"""Number of starts that are finished; the one with the smallest fitted sets is the answer, judged
-where known plants' resonances show too."""
+"""Largest number of frequencies at which what the starts lead to is finished."""
+MOST_RENEWALS = 3
+"""Most searches that start from the nominal of the best cover and new real weights."""
 
 
 @method(CircleCover, "steps", optimal=False)
@@ -43,14 +43,43 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     found, said = _tried(_trial(program), context)
     if not found:
         return None, Outcome.FAILED, said
+    objective = program.refined().objective
+    best = min(_finished(program, found, context), key=objective)
+    for _ in range(MOST_RENEWALS if isinstance(program, StadiumCover) else 0):
+        try:
+            again = _renewed(_trial(program), best.model.nominal, context)
+            better = min(_finished(program, again, context), key=objective)
+        except (InputError, SolverError) as error:
+            return best, Outcome.SOLVED, f"{said}, none renewed ({error})"
+        if objective(better) >= objective(best):
+            break
+        best = better
+    return best, Outcome.SOLVED, said
+
+
+def _finished(
+    program: UncertaintyCover, found: list[FoundModel], context: Context
+) -> list[CoverSteps]:
+    """The covers by models found at few frequencies, which are searched again at many.
+
+    Their fitted sets are compared, where known plants' resonances show too: what is small at few
+    frequencies need not be.
+    """
     first = program.first_set(program.points)
     fine, answers = program.thinned(FINAL_FREQUENCIES).refined(), []
-    for _, nominal, W_r in sorted(found, key=_size)[:FINISHED_STARTS]:
+    for _, nominal, W_r in found:
         _, nominal, W_r = smallest_sets(fine, nominal, W_r, context)
         nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))
-    return min(answers, key=program.refined().objective), Outcome.SOLVED, said
+    return answers
+
+
+def _renewed(program: UncertaintyCover, nominal: Rational, context: Context) -> list[FoundModel]:
+    """The smallest sets found from a nominal and each real weight fitted to its third set."""
+    assert isinstance(program, StadiumCover)
+    weights = real_weights(program, nominal, context)
+    return [smallest_sets(program, nominal, W_r, context) for W_r in weights]
 
 
 def _trial(program: UncertaintyCover) -> UncertaintyCover:
@@ -65,17 +94,14 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
     circles: list[FoundModel] = []
     said = []
 
-    def stadiums(nominal: Rational) -> list[FoundModel]:
-        assert isinstance(program, StadiumCover)
-        weights = real_weights(program, nominal, context)
-        return [smallest_sets(program, nominal, W_r, context) for W_r in weights]
-
     for name, (response, sizes) in nominals(program).items():
         try:
             nominal = through(response, sizes, program, context)
             program.away(nominal, program.points)  # raises where the nominal passes through zero
             circles.append(smallest_sets(program, nominal, None, context))
-            own = stadiums(nominal) if isinstance(program, StadiumCover) else circles[-1:]
+            own = circles[-1:]
+            if isinstance(program, StadiumCover):
+                own = _renewed(program, nominal, context)
         except (InputError, SolverError) as error:
             said.append(f"none from {name} ({error})")
             continue
@@ -84,7 +110,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         if program.nominal is not None:
             return found, f"mean square size {said[0]}"  # there is one start only
     if circles and isinstance(program, StadiumCover):
-        found += (own := stadiums(min(circles, key=_size)[1]))
+        found += (own := _renewed(program, min(circles, key=_size)[1], context))
         said.append(f"{_size(min(own, key=_size)):.4g} from the smallest circles")
     return found, f"mean square size {', '.join(said)}"
 
