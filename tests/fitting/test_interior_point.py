@@ -8,7 +8,7 @@ import workbench.fitting  # noqa: F401  registers the methods
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.interior_point import least_peak
 from workbench.fitting.response.least_peak import factored, polished
-from workbench.fitting.response.point import Point
+from workbench.fitting.response.point import FitState
 from workbench.fitting.response.program import ResponseFit
 from workbench.solution import solve
 
@@ -25,7 +25,7 @@ def noisy(seed, level=0.2, omega=OMEGA):
 def started(program, start=TRUTH, off=0.0, seed=0):
     form = factored(program, start)
     rng = np.random.default_rng(seed)
-    return Point(program, form, form.start * (1 + off * rng.normal(size=form.start.size)))
+    return FitState(program, form, form.start * (1 + off * rng.normal(size=form.start.size)))
 
 
 @pytest.mark.parametrize("minimum_phase", [False, True])

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from workbench.arrays import EPS, RealArray
-from workbench.fitting.response.point import Point
+from workbench.fitting.response.point import FitState
 
 MAX_STEPS = 60
 """Most steps; about twenty are usual."""
@@ -52,14 +52,14 @@ CONVEX_DAMPING = 1e-3
 class _Iterate:
     """A point with t, slacks s (F,) and multipliers z (F,); ``unit`` is the unit of its errors."""
 
-    point: Point
+    point: FitState
     unit: float
     height: float
     slack: RealArray
     multiplier: RealArray
 
     @classmethod
-    def inside(cls, point: Point, unit: float) -> _Iterate:
+    def inside(cls, point: FitState, unit: float) -> _Iterate:
         """A point with slacks that meet the constraints."""
         square = _squares(point, unit)
         height = STARTING_HEIGHT * float(square.max())
@@ -147,14 +147,14 @@ class _System:
         return _Step(mu, vector, height, slack, multiplier)
 
 
-def _squares(point: Point, unit: float) -> RealArray:
+def _squares(point: FitState, unit: float) -> RealArray:
     """Squares |e|^2 (F,) of the errors in a unit."""
     scaled = point.error / unit
     squares: RealArray = scaled.real**2 + scaled.imag**2
     return squares
 
 
-def least_peak(start: Point) -> Point:
+def least_peak(start: FitState) -> FitState:
     """The point of the smallest worst error on the way from a start to a local optimum."""
     with np.errstate(all="ignore"):  # a step that overflows is refused
         best, here = start, _Iterate.inside(start, start.peak)

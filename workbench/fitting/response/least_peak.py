@@ -9,7 +9,7 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
 from workbench.fitting.response.interior_point import least_peak
-from workbench.fitting.response.point import Point
+from workbench.fitting.response.point import FitState
 from workbench.fitting.response.program import ResponseFit
 
 LEAST_SQUARES_STEPS = 40
@@ -60,7 +60,7 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
     by the interior-point method to a local optimum.
     """
     form = factored(program, start)
-    here = Point(program, form, form.start)
+    here = FitState(program, form, form.start)
     best = here
     even = np.ones(here.error.size)
     damping = 1e-6
@@ -96,7 +96,7 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
     return best.peak, found
 
 
-def _step(here: Point, weight: RealArray, damping: float) -> tuple[Point | None, float]:
+def _step(here: FitState, weight: RealArray, damping: float) -> tuple[FitState | None, float]:
     """A point with a smaller weighted sum of squares, and the next damping.
 
     The point is None if no damping gives one.

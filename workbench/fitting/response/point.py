@@ -11,7 +11,7 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.response.program import ResponseFit
 
 
-class Point:
+class FitState:
     """A vector of parameters (P,), with the weighted errors (F,) and their peak."""
 
     def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
@@ -22,9 +22,9 @@ class Point:
         peak = float(np.abs(self.error).max())
         self.peak = peak if np.isfinite(peak) else np.inf
 
-    def moved(self, step: RealArray) -> Point:
+    def moved(self, step: RealArray) -> FitState:
         """The point that a step (P,) leads to."""
-        return Point(self.program, self.form, self.vector + step)
+        return FitState(self.program, self.form, self.vector + step)
 
     @cached_property
     def slopes(self) -> ComplexArray:

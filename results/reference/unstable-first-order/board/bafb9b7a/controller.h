@@ -34,21 +34,21 @@ static inline void controller_step(controller_state *state, const controller_rea
     const controller_real x1 = state->x[1];
     const controller_real x2 = state->x[2];
     const controller_real x3 = state->x[3];
-    u[0] = -414.90466f * x0 - 233.42776f * x1 + 198.31068f * x2 - 0.57601035f * x3 + 10.208039f * y[0];
-    state->x[0] = 4.8583178e-30f * x0 - 0.008643797f * y[0];
-    state->x[1] = 7.3377723e-16f * x1 + 0.01513344f * y[0];
-    state->x[2] = 7.551937e-09f * x2 - 0.030969812f * y[0];
-    state->x[3] = 0.9998731f * x3 - 0.05011277f * y[0];
+    u[0] = -1595.2345f * x0 + 937.0151f * x1 - 250.27414f * x2 - 1.1065232f * x3 + 10.267368f * y[0];
+    state->x[0] = -0.00023641533f * y[0];
+    state->x[1] = -0.00042615036f * y[0];
+    state->x[2] = 1.5549291e-09f * x2 + 0.024466362f * y[0];
+    state->x[3] = 0.9998734f * x3 - 0.026077848f * y[0];
 }
 
 /* The state from which a step answers the measurements y with the controls u: no bump. */
 static inline void controller_start(controller_state *state, const controller_real y[1],
                                 const controller_real u[1])
 {
-    state->x[0] = -0.004039661f * y[0] - 1.9880585e-05f * u[0];
-    state->x[1] = 0.017723752f * y[0] - 1.1184931e-05f * u[0];
-    state->x[2] = -0.033170436f * y[0] + 9.502261e-06f * u[0];
-    state->x[3] = 2.0292094f * y[0] - 1.7139556f * u[0];
+    state->x[0] = 0.004397821f * y[0] - 1.9970863e-05f * u[0];
+    state->x[1] = -0.0031482263f * y[0] + 1.17305635e-05f * u[0];
+    state->x[2] = 0.025193421f * y[0] - 3.1332013e-06f * u[0];
+    state->x[3] = -5.425449f * y[0] - 0.86429816f * u[0];
 }
 
 #endif
