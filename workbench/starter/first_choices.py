@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import vector_fits
+from workbench.fitting.response.vector_fitting import relocated_fits, vector_fits
 from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
@@ -160,18 +160,16 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
     responses = responses.thinned(FIT_FREQUENCIES)
     omega, mean = responses.omega, mean_response(responses.points)
     away = np.where(responses.present, responses.values / mean[:, None] - 1, 0.0)
-    farthest = np.abs(away).max(axis=1)
-    spread = float(np.sqrt(np.mean(farthest**2)))
-    # Where plants differ by more than their mean no nominal is near them all.
-    weight = 1 / np.abs(mean) / np.maximum(farthest, 1.0) ** 2
+    spread = float(np.sqrt(np.mean(np.abs(away).max(axis=1) ** 2)))
     context = Context(Options())
 
     def fits(count: int) -> list[tuple[float, Rational]]:
         found = []
         for order in range(max(1, count), min(LARGEST_ORDER, omega.size // 4) + 1):
-            fit = ResponseFit(omega, mean, order, weight, zeros=order - 1, unstable_poles=count)
-            best = vector_fits(fit, context)[0]
-            found.append((float(np.sqrt(np.mean(fit.errors(best) ** 2))), best))
+            fit = ResponseFit(omega, mean, order, zeros=order - 1, unstable_poles=count)
+            every = [*relocated_fits(fit, context), vector_fits(fit, context)[0]]
+            errors = [float(np.sqrt(np.mean(fit.errors(one) ** 2))) for one in every]
+            found.append(min(zip(errors, every, strict=True), key=lambda pair: pair[0]))
         return found
 
     tried = fits(0)
