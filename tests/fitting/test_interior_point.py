@@ -6,9 +6,9 @@ from scipy.optimize import minimize_scalar
 
 import workbench.fitting  # noqa: F401  registers the methods
 from workbench.fitting.rational import Rational
+from workbench.fitting.response.fit_state import FitState
 from workbench.fitting.response.interior_point import least_peak
 from workbench.fitting.response.least_peak import factored, polished
-from workbench.fitting.response.point import FitState
 from workbench.fitting.response.program import ResponseFit
 from workbench.solution import solve
 

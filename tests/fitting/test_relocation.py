@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.fitting.response.relocation import denominator_matrix, solved_columns
+from workbench.fitting.response.relocation import denominator_matrix, nearest_coefficients
 from workbench.fitting.response.vector_fitting import partial_fractions, real_groups
 
 
@@ -13,7 +13,7 @@ def test_graded_columns(grade):
     size = 10.0 ** rng.uniform(-grade, grade, 6) if grade < 200 else np.full(6, 1e-140)
     columns, target = rng.normal(size=(200, 6)), rng.normal(size=200)
     expected = np.linalg.lstsq(columns, target)[0]
-    found = solved_columns(np.vstack([(columns * size).T, target]))
+    found = nearest_coefficients(np.vstack([(columns * size).T, target]))
     assert found * size == pytest.approx(expected, rel=1e-10)
 
 
@@ -21,14 +21,14 @@ def test_ill_conditioned_columns_fit_as_well():
     columns = np.vander(np.linspace(1, 2, 300), 12)
     target = np.sin(np.linspace(0, 9, 300))
     best = columns @ np.linalg.lstsq(columns, target)[0] - target
-    left = columns @ solved_columns(np.vstack([columns.T, target])) - target
+    left = columns @ nearest_coefficients(np.vstack([columns.T, target])) - target
     assert np.linalg.norm(left) <= np.linalg.norm(best) * (1 + 1e-6)
 
 
 def test_columns_that_depend_on_others_or_vanish_get_nothing():
     rng = np.random.default_rng(1)
     a, b, target = rng.normal(size=(3, 50))
-    found = solved_columns(np.vstack([a, 2 * a, np.zeros(50), b, target]))
+    found = nearest_coefficients(np.vstack([a, 2 * a, np.zeros(50), b, target]))
     expected = np.linalg.lstsq(np.column_stack([a, b]), target)[0]
     assert found[[0, 3]] == pytest.approx(expected, rel=1e-10)
     assert found[[1, 2]].tolist() == [0.0, 0.0]

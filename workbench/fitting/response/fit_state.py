@@ -12,7 +12,7 @@ from workbench.fitting.response.program import ResponseFit
 
 
 class FitState:
-    """A vector of parameters (P,), with the weighted errors (F,) and their peak."""
+    """A fit by its parameters (P,), with the weighted errors (F,) and their peak."""
 
     def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
         data = program.active
@@ -23,7 +23,7 @@ class FitState:
         self.peak = peak if np.isfinite(peak) else np.inf
 
     def moved(self, step: RealArray) -> FitState:
-        """The point that a step (P,) leads to."""
+        """The state that a step (P,) leads to."""
         return FitState(self.program, self.form, self.vector + step)
 
     @cached_property

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 from workbench.arrays import EPS, RealArray
-from workbench.fitting.response.point import FitState
+from workbench.fitting.response.fit_state import FitState
 
 MAX_STEPS = 60
 """Most steps; about twenty are usual."""

@@ -8,8 +8,8 @@ from workbench.arrays import RealArray
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
+from workbench.fitting.response.fit_state import FitState
 from workbench.fitting.response.interior_point import least_peak
-from workbench.fitting.response.point import FitState
 from workbench.fitting.response.program import ResponseFit
 
 LEAST_SQUARES_STEPS = 40

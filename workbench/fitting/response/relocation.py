@@ -35,7 +35,7 @@ def denominator_matrix(
             table[k, i] = columns[i, j]
         table[k, rows] = weight * sums[j]
     table[count + 1, rows] = weight * total
-    share = solved_columns(table)
+    share = nearest_coefficients(table)
     constant = share[0]
     if np.abs(constant) < LEAST_CONSTANT:
         constant = np.copysign(LEAST_CONSTANT, constant)
@@ -56,7 +56,7 @@ def denominator_matrix(
 
 
 @compiled
-def solved_columns(table: RealArray) -> RealArray:
+def nearest_coefficients(table: RealArray) -> RealArray:
     """Coefficients (n,) with which n columns come nearest to another one.
 
     ``table`` (n + 1, N) holds the columns and then the other one, each as a row; it is overwritten.

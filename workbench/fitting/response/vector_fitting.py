@@ -19,7 +19,7 @@ from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.least_peak import EXACT_ERROR, polished
 from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, real_over_imaginary
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.relocation import denominator_matrix, solved_columns
+from workbench.fitting.response.relocation import denominator_matrix, nearest_coefficients
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
@@ -118,7 +118,7 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     columns = [partial_fractions(group, data.omega) for group in groups]
     basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
     target = data.weight * data.response
-    solution = solved_columns(real_over_imaginary(np.column_stack([basis, target])).T.copy())
+    solution = nearest_coefficients(real_over_imaginary(np.column_stack([basis, target])).T.copy())
     ends = np.cumsum([0, *(len(group) for group in groups)])
     parts = [basis[:, a:b] @ solution[a:b] for a, b in pairwise(ends)]
     kept: list[complex] = []

@@ -1,6 +1,5 @@
 """Stadiums of the smallest area around sets of complex points."""
 
-from workbench.geometry.area import evolution, nonlinear
 from workbench.geometry.area.program import SmallestAreaStadium, smallest_area_stadium
 
-__all__ = ["SmallestAreaStadium", "evolution", "nonlinear", "smallest_area_stadium"]
+__all__ = ["SmallestAreaStadium", "smallest_area_stadium"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import workbench.mu.lower.methods  # noqa: F401 - registers the methods
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.mu.lower.program import LowerBound, MuLowerBound

@@ -40,14 +40,15 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
-    found, said = _tried(_trial(program), context)
+    trial = _trial(program)
+    found, said = _tried(trial, context)
     if not found:
         return None, Outcome.FAILED, said
     objective = program.refined().objective
     best = min(_finished(program, found, context), key=objective)
     for _ in range(MOST_RENEWALS if isinstance(program, StadiumCover) else 0):
         try:
-            again = _renewed(_trial(program), best.model.nominal, context)
+            again = _renewed(trial, best.model.nominal, context)
             better = min(_finished(program, again, context), key=objective)
         except (InputError, SolverError) as error:
             return best, Outcome.SOLVED, f"{said}, none renewed ({error})"
