@@ -13,9 +13,7 @@ from lanes import examples, thinned
 import workbench as wb
 from workbench.bench import netcdf
 from workbench.errors import InputError
-from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.geometry import Stadium
 from workbench.uncertainty import (
     CircleCover,
     CoverSteps,
@@ -25,7 +23,6 @@ from workbench.uncertainty import (
     limited,
     narrowest,
 )
-from workbench.uncertainty.covers.joint import SmallSets
 
 OMEGA = np.geomspace(1, 1000, 14)
 KINDS = {"circle": CircleCover, "stadium": StadiumCover}
@@ -341,7 +338,7 @@ def resized(sets, factor, name="radius"):
 
 
 WRONG = {
-    "small W_c": (lambda a: altered(a, W_c=a.model.W_c.scaled(0.99)), "containment"),
+    "small W_c": (lambda a: altered(a, W_c=a.model.W_c.scaled(0.8)), "containment"),
     "W_c of zero": (lambda a: altered(a, W_c=a.model.W_c.scaled(0)), "containment"),
     "unstable W_c": (lambda a: altered(a, W_c=mirrored(a.model.W_c, "poles")), "W_c stable"),
     "W_c of other phase": (
@@ -352,7 +349,7 @@ WRONG = {
         lambda a: altered(a, W_c=times_all_pass(times_all_pass(a.model.W_c))),
         "order of W_c",
     ),
-    "shifted nominal": (lambda a: altered(a, nominal=a.model.nominal.scaled(1.3)), "containment"),
+    "shifted nominal": (lambda a: altered(a, nominal=a.model.nominal.scaled(2.0)), "containment"),
     "unstable nominal": (
         lambda a: altered(a, nominal=mirrored(a.model.nominal, "poles")),
         "nominal stable",
@@ -510,42 +507,3 @@ def test_figures(kind):
             assert axes.get_ylabel()
         assert any(axes.get_xlabel() for axes in figure.axes)
         figure.canvas.draw()
-
-
-# --- the joint choice -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("power", [8, 32])
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("moving", ["nominal", "both", "weight"])
-def test_derivatives_of_sizes(moving, form, power):
-    program = program_of("stadium", RESPONSES, form=form)
-    band = float(OMEGA[0]), float(OMEGA[-1])
-    start = Rational([-700.0], [-2 + 28j, -2 - 28j], 1.2)
-    nominal = start.response(OMEGA)
-    if moving != "weight":
-        nominal = FactoredRational.of(start, 1, band, stable=True, minimum_phase=False)
-    weight = None
-    if moving != "nominal":
-        tilted = Rational([-40.0], [-200.0], 0.3)
-        weight = FactoredRational.of(tilted, 1, band, stable=True, minimum_phase=False)
-    size = SmallSets(program, RESPONSES.values, nominal, weight)
-    vector = size.start
-    value, gradient = size(vector, power)
-    assert np.isfinite(value)
-    for i in range(vector.size):
-        step = np.zeros(vector.size)
-        step[i] = 1e-6 * max(abs(vector[i]), 1e-2)
-        rise = size(vector + step, power)[0] - size(vector - step, power)[0]
-        assert rise / (2 * step[i]) == pytest.approx(gradient[i], rel=1e-4, abs=1e-5 * value)
-
-
-def test_sizes_are_those_of_sets():
-    """Of high power the size is the mean square of the radii about the nominal."""
-    program = program_of("circle", RESPONSES)
-    size = SmallSets(program, RESPONSES.values, NOMINAL.response(OMEGA), None)
-    zero = np.zeros(OMEGA.size)
-    steps = CoverSteps(
-        UncertaintyModel(NOMINAL, NOMINAL), *[Stadium(zero + 0j, zero, zero, zero)] * 3
-    )
-    assert size(size.start, 2000)[0] == pytest.approx(mean_square(program, steps), rel=2e-3)

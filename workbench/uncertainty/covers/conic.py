@@ -26,9 +26,11 @@ from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
-from workbench.uncertainty.covers.joint import outermost
+from workbench.uncertainty.covers.finish import fitted_cover
+from workbench.uncertainty.covers.sets import outermost
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
-from workbench.uncertainty.covers.starts import through
+from workbench.uncertainty.covers.starts import nominal_fit
+from workbench.uncertainty.covers.weights import fitted
 
 MOST_FREQUENCIES = 100
 """Largest number of frequencies of the cone program."""
@@ -46,7 +48,7 @@ def _given(program: UncertaintyCover) -> str | None:
 def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> Claim:
     """Numerator of the nominal for small sets by cone programs, over the poles of "steps"."""
     first = program.first_set(program.points)
-    nominal = through(first.center, first, program, context)
+    nominal = fitted(nominal_fit(first.center, first, program), context)
     coarse, said = program.thinned(MOST_FREQUENCIES), ""
     try:
         for _ in context.track(range(ROUNDS), "cone programs"):
@@ -56,7 +58,7 @@ def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> 
     nominal = program.realisable(nominal)
     third = program.third_set(program.away(nominal, program.points))
     W_r = program.real_weight(third, context)
-    return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, said
+    return fitted_cover(program, first, nominal, third, W_r, context), Outcome.SOLVED, said
 
 
 def _best_numerator(

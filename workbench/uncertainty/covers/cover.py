@@ -35,14 +35,13 @@ from workbench.uncertainty.covers.checks import (
 )
 from workbench.uncertainty.covers.everywhere import (
     containment_check,
-    covering_weight,
     sampled_containment,
 )
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.covers.weights import damped, resolved, share_of_size
+from workbench.uncertainty.covers.weights import damped
 from workbench.uncertainty.responses.plane import plane_function
 from workbench.uncertainty.responses.plants import Responses
 from workbench.uncertainty.responses.regions import estimates, with_regions
@@ -185,6 +184,18 @@ class UncertaintyCover(Program):
         return self if responses is self.responses else replace(self, responses=responses)
 
     @property
+    def useful_zeros(self) -> int:
+        """Largest number of zeros of a nominal that is small where all known plants are.
+
+        With more, a multiplicative deviation would tend to -1 at infinite frequency.
+        """
+        known = list(self.responses.known_plants.values())
+        if self.form == "additive" or len(known) < len(self.responses.plants):
+            return int(self.zeros)
+        excess = min(plant.poles.size - plant.zeros.size for plant in known)
+        return max(min(self.zeros, self.order - excess), 0)
+
+    @property
     def minimum_phase(self) -> bool:
         """Whether the zeros of a real weight must lie in the left half plane."""
         return False
@@ -229,36 +240,6 @@ class UncertaintyCover(Program):
     def realisable(self, nominal: Rational) -> Rational:
         """Nominal with poles so far left that those of its realisation are stable too."""
         return nominal if self.nominal is not None else damped(nominal, self.responses.axis)
-
-    def finished(
-        self,
-        first: Circle | Stadium,
-        nominal: Rational,
-        third: Stadium,
-        W_r: Rational | None,
-        context: Context,
-    ) -> CoverSteps:
-        """Last step: fit a complex weight that covers what the real weight leaves uncovered."""
-        # Between few frequencies known plants tell more: how narrow a resonance may be, how wide
-        # the sets are.
-        fine = self if self.leave_out else self.refined()
-        omega = fine.responses.axis
-        W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
-        W_c = covering_weight(
-            fine.responses,
-            fine.away(nominal, fine.points),
-            nominal,
-            W_r,
-            self.form,
-            self.complex_order,
-            lambda _, radius, extent: share_of_size(radius, extent),
-            RADIUS_ROUNDING,
-            not self.leave_out,
-            context,
-        )
-        model = UncertaintyModel(nominal, W_c, W_r, self.form, dt=self.responses.dt)
-        second = self.second_set(self.away(nominal, self.points))
-        return CoverSteps(model, first, second, third)
 
     # --- objective --------------------------------------------------------------------------------
 

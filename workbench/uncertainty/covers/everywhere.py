@@ -79,12 +79,8 @@ def covering_weight(
 
     def needed(omega: RealArray, deviations: ComplexArray) -> tuple[RealArray, RealArray]:
         """Radii and extents (F,) of deviations (F, N), with the rounding errors of these."""
-        radius = needed_radius(deviations, None if W_r is None else W_r.response(omega))
-        size = np.abs(deviations).max(axis=1)
-        # Rounding errors are relative to the plants, not to the deviations.
-        G = np.abs(nominal.response(omega))
-        radius = radius + rounding * (size + 2 * (1 if form == "multiplicative" else G))
-        return radius, np.maximum(size, radius)
+        radius = rounded_radius(omega, deviations, nominal, W_r, form, rounding)
+        return radius, np.maximum(np.abs(deviations).max(axis=1), radius)
 
     omega = responses.axis
     radius, extent = needed(omega, away)
@@ -118,6 +114,23 @@ def covering_weight(
             break
         grid = found
     return reaching_known(responses, nominal, W_c, W_r, form)
+
+
+def rounded_radius(
+    omega: RealArray,
+    away: ComplexArray,
+    nominal: Rational,
+    W_r: Rational | None,
+    form: Form,
+    rounding: float,
+) -> RealArray:
+    """Radius (F,) that deviations (F, N) need about the real weight, with their rounding errors.
+
+    These are relative to the plants, not to the deviations.
+    """
+    radius = needed_radius(away, None if W_r is None else W_r.response(omega))
+    plants = 1.0 if form == "multiplicative" else np.abs(nominal.response(omega))
+    return np.asarray(radius + rounding * (np.abs(away).max(axis=1) + 2 * plants))
 
 
 def reaching_known(

@@ -1,179 +1,225 @@
-"""Nominal and real weight that make the sets about the nominal small.
+"""Nominal and weights that make the sets of a model small, all chosen together.
 
 Near a resonance that moves from plant to plant no curve of low order passes through the centres
-of the smallest shapes. The size of the sets about the nominal is what matters, so the nominal is
-chosen to minimise it; for stadiums the real weight is chosen with it. The cost is the mean over log
-frequency of
+of the smallest shapes, and no weight of low order follows the radii about a nominal. The size of
+the sets of the model is what matters, so nominal, real weight and complex weight are chosen to
+minimise it. The cost is the mean over log frequency of
 
-    circles     radius^2
-    stadiums    radius^2 + HALF_LENGTH_WEIGHT half-length^2
+    circles     |W_c|^2
+    stadiums    |W_c|^2 + HALF_LENGTH_WEIGHT |W_r|^2
 
-where the radius is the largest distance of a deviation from the nominal, or from the segment of the
-real weight. Sizes are relative to the nominal or, for additive models, to the plants. The radius of
-stadiums alone would be ill-posed: as |G| grows every relative deviation tends to -1, and a stadium
-of half-length 1 and no width contains them all. Beyond the frequencies nothing is known: there the
-square of the real weight counts a little, or it could grow without limit at zero frequency.
+where W_c reaches the largest distance of a deviation from the nominal, or from the segment of the
+real weight. Sizes are relative to the nominal or, for additive models, to the plants. Beyond the
+frequencies nothing is known: there the square of the real weight counts a little, or it could grow
+without limit at zero frequency, and W_c keeps its size.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
-from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
-from workbench.uncertainty.covers.set_sizes import mean_square_size
+from workbench.fitting.root_pairs import pair_logarithms
+from workbench.uncertainty.covers.cover import (
+    HALF_LENGTH_WEIGHT,
+    RADIUS_ROUNDING,
+    UncertaintyCover,
+)
+from workbench.uncertainty.covers.descent import descended
+from workbench.uncertainty.covers.model_size import (
+    CIRCLE,
+    NOMINAL,
+    REAL,
+    SizeData,
+    model_size,
+)
+from workbench.uncertainty.covers.sets import outermost
+from workbench.uncertainty.covers.weights import between, beyond
 
-NORM_POWERS = (8, 32, 128)
-"""Powers p of the p-norms that replace the maximum over the plants, one after the other."""
 MAX_BFGS_STEPS = 200
 """Most quasi-Newton steps with each power."""
+LEAST_UNIT = 0.3
+"""Least unit of a coefficient or of its logarithm in the search."""
+SEARCHED_LOG_STEP = 0.1
+"""Largest step of log omega between frequencies at which W_c is looked at in the search."""
 COVER_ROOT_REACH = 1e3
-"""Largest factor from the first or last frequency to a root of the nominal or the real weight."""
+"""Largest factor from the first or last frequency to a root of the nominal or of a weight."""
 BEYOND, BEYOND_DECADES = 0.01, 4
 """Weight of the mean square of the real weight at one frequency in each of so many decades below
 and above the given ones."""
-DIRECTIONS = 16
-"""Larger point sets are reduced to the outermost point in each of this many directions."""
+
+
+class FoundModel(NamedTuple):
+    """Nominal, real weight (None for circles) and complex weight, and their mean square size."""
+
+    nominal: Rational
+    W_r: Rational | None
+    W_c: Rational
+    size: float = np.inf
 
 
 @dataclass(frozen=True)
-class SmallSets:
-    """Mean square size of the sets, as a function of the parameters of nominal and real weight.
+class ModelSize:
+    """Mean square size of a model, as a function of the parameters of its parts.
 
-    ``points`` (F, N) are the plants. ``nominal`` is a response (F,) if it is given and fixed;
-    ``W_r`` is None for circles.
+    ``nominal`` is None if the program gives it, ``W_r`` is None for circles.
     """
 
     program: UncertaintyCover
-    points: ComplexArray
-    nominal: FactoredRational | ComplexArray
+    nominal: FactoredRational | None
     W_r: FactoredRational | None
+    W_c: FactoredRational
 
-    def split(self, vector: RealArray) -> tuple[RealArray, RealArray]:
-        """Parameters of the nominal, and parameters of the real weight."""
-        count = self.nominal.start.size if isinstance(self.nominal, FactoredRational) else 0
-        return vector[:count], vector[count:]
+    @classmethod
+    def of(cls, program: UncertaintyCover, model: FoundModel) -> ModelSize:
+        """The size about a model from which a search starts."""
+        omega = program.responses.axis
+        band = float(omega[0]), float(omega[-1])
 
-    @property
-    def start(self) -> RealArray:
-        """Vector of parameters at the start."""
-        moving = [
-            each.start for each in (self.nominal, self.W_r) if isinstance(each, FactoredRational)
-        ]
-        return np.concatenate([np.zeros(0), *moving])  # empty for circles about a given nominal
+        def factored(
+            part: Rational, zeros: int, minimum_phase: bool, right: int = 0
+        ) -> FactoredRational:
+            return FactoredRational.of(part, zeros, band, True, minimum_phase, right)
+
+        nominal, W_r, W_c, _ = model
+        return cls(
+            program,
+            factored(nominal, program.zeros, False, program.unstable_poles)
+            if program.nominal is None
+            else None,
+            None if W_r is None else factored(W_r, W_r.order, program.minimum_phase),
+            factored(W_c, W_c.order, True),
+        )
 
     def __call__(self, vector: RealArray, power: int) -> tuple[float, RealArray]:
-        """Mean square size with norms of a given power over the plants, and its gradient."""
-        of_nominal, of_weight = self.split(vector)
-        omega, shares = self.program.responses.axis, self.program.responses.shares
-        nominal, slope = _evaluated(self.nominal, of_nominal, omega)
-        unit = self.program.unit
-        end, turn = np.zeros(omega.size, dtype=complex), np.zeros((omega.size, 0), dtype=complex)
-        if self.W_r is not None:
-            end, turn = _evaluated(self.W_r, of_weight, omega)
-            end, turn = end / unit, turn / unit[:, None]
-        value, gradient = mean_square_size(
-            self.points,
-            nominal,
-            slope,
-            end,
-            turn,
-            unit,
-            shares,
-            self.program.form == "multiplicative",
-            HALF_LENGTH_WEIGHT,
-            power,
-        )
-        if self.W_r is None:
-            return value, gradient
-        out, turn = self._beyond(of_weight)
-        gradient[of_nominal.size :] += 2 * BEYOND * (out.conj() @ turn).real
-        return value + BEYOND * float((np.abs(out) ** 2).sum()), gradient
+        """Size with a norm of a given power, a power of two, and its gradient."""
+        value, gradient = model_size(vector, self.data, power)
+        return value, gradient
 
-    def _beyond(self, of_weight: RealArray) -> tuple[ComplexArray, ComplexArray]:
-        """The real weight beyond the frequencies, its squares' sum a mean square, and slopes."""
-        omega, unit = self.program.responses.axis, self.program.unit
+    @property
+    def parts(self) -> tuple[FactoredRational | None, ...]:
+        """Nominal, real weight and complex weight; None for what has no parameters."""
+        return self.nominal, self.W_r, self.W_c
+
+    @cached_property
+    def start(self) -> RealArray:
+        """Vector of parameters at the start."""
+        return np.concatenate([part.start for part in self.parts if part])
+
+    @property
+    def unit(self) -> RealArray:
+        """Units (P,) in which the parameters of the start are of size 1 or less."""
+        size = np.abs(self.start)
+        found = np.maximum(size, LEAST_UNIT)
+        gains = self.ends[1:][np.diff(self.ends) > 0] - 1
+        found[gains] = np.where(size[gains] > 0.0, size[gains], 1.0)
+        return found
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """Places (4,) in the vector where the parts begin, and its size."""
+        return np.cumsum([0, *(part.start.size if part else 0 for part in self.parts)])
+
+    @cached_property
+    def data(self) -> SizeData:
+        """What the compiled size takes."""
+        program, responses = self.program, self.program.responses
+        omega, unit, given = responses.axis, program.unit, program.nominal
+        tables = [part.table if part else NO_FACTORS for part in self.parts]
         decades = 10.0 ** np.arange(1, BEYOND_DECADES + 1)
         far = np.concatenate([omega[0] / decades, omega[-1] * decades])
-        size = np.repeat([unit[0], unit[-1]], BEYOND_DECADES) * np.sqrt(far.size)
-        assert self.W_r is not None
-        end, turn = _evaluated(self.W_r, of_weight, far)
-        return end / size, turn / size[:, None]
+        additive = program.form == "additive"
+        size = np.abs(program.points).max(axis=1) / unit if additive else np.ones_like(unit)
+        pairs = [self._pairs(k) for k in (REAL, CIRCLE)]
+        reached = np.union1d(beyond(omega), between(omega, SEARCHED_LOG_STEP))
+        log = np.log(omega)
+        place = np.interp(np.log(reached), log, np.arange(omega.size))
+        row = place.astype(int)
+        counted = np.where(np.isin(reached, omega), responses.shares[row], 0.0)
+        return SizeData(
+            omega=omega,
+            points=np.ascontiguousarray(outermost(program.points)),
+            unit=unit,
+            floor=RADIUS_ROUNDING * size,
+            nominal=np.zeros(0, complex) if given is None else given.response(omega),
+            shares=responses.shares,
+            reached=reached,
+            row=row,
+            onward=place - row,
+            counted=counted,
+            far=far,
+            far_unit=np.repeat([unit[0], unit[-1]], BEYOND_DECADES) * np.sqrt(far.size / BEYOND),
+            level=np.concatenate([table[0] for table in tables]),
+            coefficients=np.concatenate([table[1] for table in tables]),
+            moving=np.concatenate([table[2] for table in tables]),
+            positive=np.concatenate([table[3] for table in tables]),
+            factor=np.cumsum([0, *(len(table[0]) for table in tables)]),
+            numerators=np.array([table[4] for table in tables]),
+            parameter=self.ends,
+            damping=np.concatenate([damping for damping, _ in pairs]),
+            tone=np.concatenate([tone for _, tone in pairs]),
+            middle=(log[1:] + log[:-1]) / 2,
+            gap=np.diff(log),
+            multiplicative=not additive,
+            length_weight=HALF_LENGTH_WEIGHT,
+        )
+
+    def _pairs(self, k: int) -> tuple[RealArray, RealArray]:
+        """Logarithms of damping and frequency of the pairs of a weight, by the whole vector."""
+        part, count = self.parts[k], self.start.size
+        if part is None:
+            return np.zeros((0, count + 1)), np.zeros((0, count + 1))
+        places = np.append(np.arange(self.ends[k], self.ends[k + 1]), count)
+        found = []
+        for rows in pair_logarithms(part):
+            wide = np.zeros((len(rows), count + 1))
+            wide[:, places] = rows
+            found.append(wide)
+        return found[0], found[1]
 
 
-FoundModel = tuple[float, Rational, Rational | None]
-"""Mean square size, nominal, real weight."""
+NO_FACTORS = (
+    np.zeros(0),
+    np.zeros((0, 3)),
+    np.zeros((0, 3), dtype=bool),
+    np.zeros(0, dtype=bool),
+    0,
+)
+"""The table of a part that is not factored."""
 
 
-def smallest_sets(
-    program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
+def smallest_model(
+    program: UncertaintyCover, start: FoundModel, powers: tuple[int, ...], context: Context
 ) -> FoundModel:
-    """Mean square size, nominal and real weight of the smallest sets found from a start.
+    """The model of the smallest sets found from a start; a local optimum.
 
-    Without a real weight the sets are circles, even if the program asks for stadiums. The search
-    takes quasi-Newton steps on the coefficients of quadratic factors, and approaches the maximum
-    over the plants by norms of rising power. The answer is a local optimum.
+    The search takes quasi-Newton steps on the coefficients of quadratic factors, and approaches the
+    largest ratio of a needed radius to the complex weight by norms of given powers, which are
+    powers of two and rise.
     """
-    omega = program.responses.axis
-    band = float(omega[0]), float(omega[-1])
-    moving: FactoredRational | ComplexArray = nominal.response(omega)
-    if program.nominal is None:
-        moving = FactoredRational.of(
-            nominal, program.zeros, band, True, False, program.unstable_poles
-        )
-    weight = None
-    if W_r is not None:
-        weight = FactoredRational.of(
-            W_r, W_r.order, band, stable=True, minimum_phase=program.minimum_phase
-        )
-    size = SmallSets(program, outermost(program.points), moving, weight)
-    vector = size.start
-    if vector.size:
-        scale = np.maximum(np.abs(vector), 1e-3)
+    size = ModelSize.of(program, start)
+    vector, omega = size.start, program.responses.axis
+    unit = size.unit
+    inverse = np.zeros((vector.size, vector.size))
+    value, x = np.inf, vector / unit
+    for power in context.track(powers, "smallest sets"):
+        value, x, inverse = descended(x, unit, inverse, size.data, power, MAX_BFGS_STEPS)
+    own = np.split(x * unit, size.ends[1:-1])
 
-        def scaled(vector: RealArray, power: int) -> tuple[float, RealArray]:
-            with np.errstate(all="ignore"):
-                value, gradient = size(vector * scale, power)
-            return (value, gradient * scale) if np.isfinite(value) else (np.inf, 0 * vector)
+    def found(part: FactoredRational, vector: RealArray) -> Rational:
+        return within_reach(part.rational(vector), omega, COVER_ROOT_REACH)
 
-        vector = vector / scale
-        for power in context.track(NORM_POWERS, "smallest sets"):
-            steps = {"maxiter": MAX_BFGS_STEPS}
-            vector = minimize(scaled, vector, (power,), "BFGS", jac=True, options=steps).x
-        vector = vector * scale
-    of_nominal, of_weight = size.split(vector)
-
-    def found(factored: FactoredRational, vector: RealArray) -> Rational:
-        return within_reach(factored.rational(vector), omega, COVER_ROOT_REACH)
-
-    return (
-        size(vector, NORM_POWERS[-1])[0],
-        found(moving, of_nominal) if isinstance(moving, FactoredRational) else nominal,
-        None if weight is None else found(weight, of_weight),
+    return FoundModel(
+        start.nominal if size.nominal is None else found(size.nominal, own[NOMINAL]),
+        None if size.W_r is None else found(size.W_r, own[REAL]),
+        found(size.W_c, own[CIRCLE]),
+        value,
     )
-
-
-def _evaluated(
-    of: FactoredRational | ComplexArray, vector: RealArray, omega: RealArray
-) -> tuple[ComplexArray, ComplexArray]:
-    """Values (F,) and derivatives (F, P) at given parameters; P is 0 for a fixed response."""
-    if isinstance(of, FactoredRational):
-        return of.values(vector, omega)
-    return of, np.zeros((omega.size, 0), dtype=complex)
-
-
-def outermost(points: ComplexArray) -> ComplexArray:
-    """The outermost points (F, DIRECTIONS) of large sets (F, N), one in each of the directions."""
-    if points.shape[1] <= DIRECTIONS:
-        return points
-    away = points - points.mean(axis=1, keepdims=True)
-    turn = np.exp(-2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
-    farthest = np.stack([(away * t).real.argmax(axis=1) for t in turn], axis=1)
-    return np.take_along_axis(points, farthest, axis=1)

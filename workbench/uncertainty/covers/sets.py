@@ -26,6 +26,8 @@ ZERO_NOMINAL = 1e-9
 """Size of a nominal, relative to its set's largest point, below which it counts as zero."""
 MAX_LEFT_OUT = 4
 """Largest number of points left out at each frequency; the search grows fourfold with each."""
+DIRECTIONS = 16
+"""Larger point sets are reduced to the outermost point in each of this many directions."""
 SUPPORT_DISTANCE = 1e-9
 """Distance from the boundary, relative to the radius, within which a point supports the shape."""
 
@@ -159,3 +161,13 @@ def _nearest(
         touching = room[rows, nearest] <= SUPPORT_DISTANCE * radius
         found.append(np.where(touching, nearest, found[0]))
     return found
+
+
+def outermost(points: ComplexArray) -> ComplexArray:
+    """The outermost points (F, DIRECTIONS) of large sets (F, N), one in each of the directions."""
+    if points.shape[1] <= DIRECTIONS:
+        return points
+    away = points - points.mean(axis=1, keepdims=True)
+    turn = np.exp(-2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    farthest = np.stack([(away * t).real.argmax(axis=1) for t in turn], axis=1)
+    return np.take_along_axis(points, farthest, axis=1)

@@ -1,4 +1,4 @@
-"""Starts of the search for small sets, which has many local minima, most of all for stadiums."""
+"""Starts of the search for a small model, which has many local minima, most of all for stadiums."""
 
 from __future__ import annotations
 
@@ -7,38 +7,71 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.arrays import ComplexArray
+from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
+from workbench.fitting.response.least_peak import worst_error
 from workbench.fitting.response.program import ResponseFit
+from workbench.fitting.response.vector_fitting import relocated_fits
 from workbench.geometry import Circle, Stadium
-from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.program import methods
+from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
+from workbench.uncertainty.covers.everywhere import rounded_radius
+from workbench.uncertainty.covers.joint import FoundModel
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
-from workbench.uncertainty.covers.weights import fitted, held, unwrapped
+from workbench.uncertainty.covers.weights import (
+    beyond,
+    held,
+    lasting,
+    share_of_size,
+    unwrapped,
+)
 
 STARTING_MIN_RELATIVE_SIZE = 1e-3
 """Smallest size of sets in the weights of a fit, relative to the centre or to the largest set."""
 STARTING_HALF_LENGTH_SHARE = 0.1
 """Factor of a stadium's half-length in the size that weights the errors of a starting weight."""
+STARTING_CIRCLES = ("sk", "sb10yd")
+"""Methods of the magnitude fit that give starts of the complex weight, each its own."""
+
+Start = tuple[str, FoundModel | None, str]
+"""Name of a start, the model, and why there is none."""
 
 
-def through(
-    response: ComplexArray, first: Circle | Stadium, program: UncertaintyCover, context: Context
-) -> Rational:
-    """The given nominal or, without one, a rational function fitted to a response (F,).
-
-    The fit weights the errors as if the size of the first set were their standard deviation: the
-    nominal must be close where the plants lie close together, and need not be at a resonance.
-    """
-    if program.nominal is not None:
-        return program.nominal
-    omega, order, zeros = program.responses.axis, program.order, program.zeros
-    size = np.maximum(
-        first.radius + first.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
-    )
-    weight = np.abs(response) / size**2
-    right = program.unstable_poles
-    fit = ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
-    return fitted(fit, context)
+def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
+    """Models from which a search may start, in no order."""
+    for name, (response, sizes) in nominals(program).items():
+        try:
+            nominal = program.nominal
+            if nominal is None:
+                nominal = _nearest(nominal_fit(response, sizes, program), context)
+            away = program.away(nominal, program.points)  # raises where it passes through zero
+            W_r = None
+            if isinstance(program, StadiumCover):
+                W_r = _nearest(real_fit(program, away), context)
+        except (InputError, SolverError) as error:
+            yield name, None, str(error)
+            continue
+        omega = program.responses.axis
+        radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
+        extent = np.maximum(np.abs(away).max(axis=1), radius)
+        fit = MagnitudeFit(
+            beyond(omega),
+            lasting(radius),
+            program.complex_order,
+            weight=lasting(share_of_size(radius, extent)),
+            cover=True,
+        )
+        for method in STARTING_CIRCLES:
+            try:
+                W_c, _, _ = methods(fit)[method].answer(fit, context)
+            except (ArithmeticError, SolverError) as error:
+                yield f"{name}, {method}", None, str(error)
+                continue
+            yield f"{name}, {method}", FoundModel(nominal, W_r, W_c), ""
+        if program.nominal is not None:
+            return
 
 
 def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle | Stadium]]:
@@ -60,12 +93,32 @@ def mean_response(points: ComplexArray) -> ComplexArray:
     return mean
 
 
-def real_weights(program: StadiumCover, nominal: Rational, context: Context) -> Iterator[Rational]:
-    """Real weights fitted to the third set: a minimum-phase one, then, if allowed, any other."""
-    third = program.third_set(program.away(nominal, program.points))
+def nominal_fit(
+    response: ComplexArray, sizes: Circle | Stadium, program: UncertaintyCover
+) -> ResponseFit:
+    """Fit of a nominal to a response (F,).
+
+    It weights the errors as if the size of the sets were their standard deviation: the nominal must
+    be close where the plants lie close together, and need not be at a resonance.
+    """
+    omega, order, zeros = program.responses.axis, program.order, program.zeros
+    size = np.maximum(
+        sizes.radius + sizes.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
+    )
+    weight = np.abs(response) / size**2
+    right = program.unstable_poles
+    return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
+
+
+def real_fit(program: StadiumCover, away: ComplexArray) -> ResponseFit:
+    """Fit of a real weight to the third set of deviations (F, N)."""
+    third = program.third_set(away)
     end = unwrapped(third.half_length * np.exp(1j * third.angle))
     size = third.radius + STARTING_HALF_LENGTH_SHARE * third.half_length
     weight = 1 / np.maximum(size, STARTING_MIN_RELATIVE_SIZE * (size.max() or 1.0))
-    for minimum_phase in (True,) if program.minimum_phase else (True, False):
-        omega, order = program.responses.axis, program.real_order
-        yield fitted(held(omega, end, weight, order, minimum_phase), context)
+    return held(program.responses.axis, end, weight, program.real_order, program.minimum_phase)
+
+
+def _nearest(fit: ResponseFit, context: Context) -> Rational:
+    """The best of fits by relocated poles alone: a search refines them."""
+    return min(relocated_fits(fit, context), key=lambda found: worst_error(fit, found))

@@ -92,10 +92,10 @@ def share_of_size(radius: RealArray, extent: RealArray) -> RealArray:
     return radius / (radius + HALF_LENGTH_SHARE * (extent - radius))
 
 
-def between(omega: RealArray) -> RealArray:
-    """Frequencies between given ones (F,), so that log omega rises by LARGEST_LOG_STEP at most."""
+def between(omega: RealArray, step: float = LARGEST_LOG_STEP) -> RealArray:
+    """Frequencies between given ones (F,), so that log omega rises by ``step`` at most."""
     log = np.log(omega)
-    counts = np.ceil(np.diff(log) / LARGEST_LOG_STEP).astype(int)
+    counts = np.ceil(np.diff(log) / step).astype(int)
     steps = [
         np.linspace(a, b, n, endpoint=False)[1:]
         for a, b, n in zip(log[:-1], log[1:], counts, strict=True)

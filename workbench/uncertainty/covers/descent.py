@@ -1,0 +1,92 @@
+"""Quasi-Newton descent of the size of a model, compiled: a step costs as much as the arithmetic."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.compiled import unchecked
+from workbench.uncertainty.covers.model_size import SizeData, model_size
+
+FALL, RISE = 1e-4, 0.9
+"""Least share of the slope by which a step must lower the size, and largest share of the slope that
+may be left at its end: the weak Wolfe conditions."""
+STEP_LENGTHS = 30
+"""Most lengths that are tried for a step."""
+
+
+@unchecked
+def descended(
+    x: RealArray, unit: RealArray, inverse: RealArray, data: SizeData, power: int, steps: int
+) -> tuple[float, RealArray, RealArray]:
+    """Size, place (P,) and inverse second derivatives (P, P) after so many steps of BFGS at most.
+
+    Step lengths are bisected until the weak Wolfe conditions hold, which suits a size with sharp
+    bends (Lewis and Overton, Mathematical Programming 141, 2013). The search ends where no length
+    lowers the size.
+
+    Parameters
+    ----------
+    x
+        Parameters (P,) at the start, in units ``unit`` (P,).
+    inverse
+        Estimate (P, P) of the inverse second derivatives; 0 where nothing is known.
+    data, power
+        As `model_size` takes them.
+    """
+    count = x.size
+    inverse = inverse.copy()
+    fresh = not inverse.any()
+    if fresh:
+        _reset(inverse, 1.0)
+    value, slope = model_size(x * unit, data, power)
+    slope = slope * unit
+    for _ in range(steps):
+        step = -(inverse @ slope)
+        fall = step @ slope
+        if not fall < 0.0:  # lost to rounding: begin anew
+            if fresh:
+                break
+            _reset(inverse, 1.0)
+            fresh = True
+            continue
+        length = min(1.0, 1 / np.sqrt(step @ step)) if fresh else 1.0
+        low, high, met = 0.0, np.inf, False
+        new, there, new_slope = value, x, slope
+        for _ in range(STEP_LENGTHS):
+            there = x + length * step
+            new, new_slope = model_size(there * unit, data, power)
+            new_slope = new_slope * unit
+            left = step @ new_slope
+            if not (new <= value + FALL * length * fall and np.isfinite(left)):
+                high = length
+            elif left < RISE * fall:
+                low = length
+            else:
+                met = True
+                break
+            length = (low + high) / 2 if high < np.inf else 2 * low
+        if not met and not new < value:
+            break
+        moved, turned = there - x, new_slope - slope
+        x, value, slope = there, new, new_slope
+        along = moved @ turned
+        if along > 0.0:
+            if fresh:
+                _reset(inverse, along / (turned @ turned))
+            bent = inverse @ turned
+            more = (1 + turned @ bent / along) / along
+            for i in range(count):
+                for j in range(count):
+                    inverse[i, j] += more * moved[i] * moved[j]
+                    inverse[i, j] -= (bent[i] * moved[j] + moved[i] * bent[j]) / along
+            fresh = False
+    return value, x, inverse
+
+
+@unchecked
+def _reset(inverse: RealArray, size: float) -> None:
+    """Make a matrix a multiple of the identity."""
+    inverse[:] = 0.0
+    for i in range(len(inverse)):
+        inverse[i, i] = size

@@ -1,0 +1,85 @@
+"""Last step of a cover: a complex weight that covers what the real weight leaves uncovered.
+
+Between few frequencies known plants tell more: how narrow a resonance may be, how wide the sets
+are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.geometry import Circle, Stadium
+from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
+from workbench.uncertainty.covers.everywhere import (
+    covering_weight,
+    reaching_known,
+    rounded_radius,
+)
+from workbench.uncertainty.covers.joint import FoundModel
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.steps import CoverSteps
+from workbench.uncertainty.covers.weights import damped, reaching, resolved, share_of_size
+
+
+def fitted_cover(
+    program: UncertaintyCover,
+    first: Circle | Stadium,
+    nominal: Rational,
+    third: Stadium,
+    W_r: Rational | None,
+    context: Context,
+) -> CoverSteps:
+    """The cover with a complex weight that is fitted to the radii it must reach."""
+    fine = program if program.leave_out else program.refined()
+    W_r = _realisable(W_r, fine)
+    W_c = covering_weight(
+        fine.responses,
+        fine.away(nominal, fine.points),
+        nominal,
+        W_r,
+        program.form,
+        program.complex_order,
+        lambda _, radius, extent: share_of_size(radius, extent),
+        RADIUS_ROUNDING,
+        not program.leave_out,
+        context,
+    )
+    return _steps(program, first, nominal, third, W_r, W_c)
+
+
+def raised_cover(
+    program: UncertaintyCover, first: Circle | Stadium, found: FoundModel
+) -> CoverSteps:
+    """The cover by a model whose complex weight is raised until it reaches every radius."""
+    fine = program if program.leave_out else program.refined()
+    omega, nominal = fine.responses.axis, program.realisable(found.nominal)
+    W_r = _realisable(found.W_r, fine)
+    away = fine.away(nominal, fine.points)
+    radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
+    W_c = found.W_c.scaled(float((radius / np.abs(found.W_c.response(omega))).max()))
+    W_c = reaching(W_c, omega, radius)
+    if not program.leave_out:
+        W_c = reaching_known(fine.responses, nominal, W_c, W_r, program.form)
+    third = program.third_set(program.away(nominal, program.points), W_r)
+    return _steps(program, first, nominal, third, W_r, W_c)
+
+
+def _realisable(W_r: Rational | None, fine: UncertaintyCover) -> Rational | None:
+    """The real weight without resonances between the frequencies, its poles off the axis."""
+    omega = fine.responses.axis
+    return None if W_r is None else damped(resolved(W_r, omega), omega)
+
+
+def _steps(
+    program: UncertaintyCover,
+    first: Circle | Stadium,
+    nominal: Rational,
+    third: Stadium,
+    W_r: Rational | None,
+    W_c: Rational,
+) -> CoverSteps:
+    model = UncertaintyModel(nominal, W_c, W_r, program.form, dt=program.responses.dt)
+    second = program.second_set(program.away(nominal, program.points))
+    return CoverSteps(model, first, second, third)

@@ -1,0 +1,246 @@
+"""Mean square size of the sets of a model that contains its plants, and its gradient, compiled.
+
+The size is the mean over log frequency of |W_c|^2 + length_weight |W_r|^2, in units of the
+deviations. W_c is scaled so that it reaches the radius about the segment of W_r that each plant
+needs at each frequency. The largest ratio of a needed radius to |W_c| is a norm of high power, so
+that the size is smooth.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.compiled import unchecked
+from workbench.fitting.factored_values import factored_values
+from workbench.uncertainty.covers.weights import SUFFICIENT_DAMPING
+
+TINY = float(np.finfo(float).tiny)
+"""Smallest size that is divided by."""
+LEAST_PULL = 1e-18
+"""Share of the largest in the norm below which a ratio does not count."""
+RESOLVED_MARGIN = 1.02
+"""Damping that roots of weights keep, over what the frequencies resolve."""
+NOMINAL, REAL, CIRCLE = 0, 1, 2
+"""Parts of a model: the nominal, W_r and W_c."""
+
+
+class SizeData(NamedTuple):
+    """What the size of a model depends on, besides its parameters (P,).
+
+    ``points`` (F, N) are the plants at frequencies ``omega`` (F,) [rad/s], ``unit`` (F,) the unit
+    of their deviations and ``floor`` (F,) what is added to radii. ``nominal`` (F,) is the response
+    of a given nominal, and ``shares`` (F,) weight the frequencies. W_c is looked at at ``reached``
+    (R,) [rad/s], where its own size counts with ``counted`` (R,). There it needs the radii of the
+    frequencies numbered ``row`` (R,) or, where ``onward`` (R,) is not 0, those on the straight line
+    to the next in log-log scale, at that share of the way. The square of W_r at ``far`` [rad/s]
+    over that of ``far_unit`` is added.
+
+    ``level``, ``coefficients``, ``moving`` and ``positive`` are the factors as `factored_values`
+    takes them. Part k of the model has those from ``factor[k]`` to ``factor[k + 1]``, of which
+    ``numerators[k]`` are in the numerator, and the parameters from ``parameter[k]`` to
+    ``parameter[k + 1]``; a part that is given or missing has none.
+
+    ``damping`` and ``tone`` (K, P + 1) give the logarithms of damping and frequency of the pairs of
+    roots of the weights, the last column without parameters. ``gap`` are the distances of
+    neighbours of log omega and ``middle`` their middles.
+    """
+
+    omega: RealArray
+    points: ComplexArray
+    unit: RealArray
+    floor: RealArray
+    nominal: ComplexArray
+    shares: RealArray
+    reached: RealArray
+    row: np.ndarray
+    onward: RealArray
+    counted: RealArray
+    far: RealArray
+    far_unit: RealArray
+    level: RealArray
+    coefficients: RealArray
+    moving: np.ndarray
+    positive: np.ndarray
+    factor: np.ndarray
+    numerators: np.ndarray
+    parameter: np.ndarray
+    damping: RealArray
+    tone: RealArray
+    middle: RealArray
+    gap: RealArray
+    multiplicative: bool
+    length_weight: float
+
+
+@unchecked
+def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, RealArray]:
+    """Mean square size and its gradient (P,), with a norm of a given power, a power of two.
+
+    Where a pair of roots of a weight is damped less than the frequencies resolve, what lies between
+    them is unknown, and the size is made larger.
+    """
+    count, plants = data.points.shape
+    first, second = data.parameter[1], data.parameter[2]
+    nominal, by_nominal = data.nominal, np.zeros((count, 0), dtype=np.complex128)
+    end = np.zeros(count, dtype=np.complex128)
+    by_end = np.zeros((count, 0), dtype=np.complex128)
+    if first > 0:
+        nominal, by_nominal = _part(vector, data.omega, data, NOMINAL)
+    if second > first:
+        end, by_end = _part(vector, data.omega, data, REAL)
+    circle, by_circle = _part(vector, data.reached, data, CIRCLE)
+
+    away = np.empty((count, plants), dtype=np.complex128)  # from the nearest point of the segment
+    along = np.empty((count, plants))
+    radius = np.empty((count, plants))
+    for f in range(count):
+        to = end[f] / data.unit[f]
+        square = max(to.real * to.real + to.imag * to.imag, TINY)
+        scale = 1 / nominal[f] if data.multiplicative else complex(1 / data.unit[f])
+        center = complex(1.0) if data.multiplicative else nominal[f] * scale
+        for i in range(plants):
+            deviation = data.points[f, i] * scale - center
+            share = (deviation.real * to.real + deviation.imag * to.imag) / square
+            along[f, i] = max(-1.0, min(1.0, share))
+            away[f, i] = deviation - along[f, i] * to
+            size = away[f, i].real ** 2 + away[f, i].imag ** 2
+            radius[f, i] = max(np.sqrt(size), TINY) + data.floor[f]
+
+    # The norm of the ratios; pull is the share of each radius in its logarithm.
+    rows = data.reached.size
+    width, ratio, most = np.empty(rows), np.empty((rows, plants)), 0.0
+    for k in range(rows):
+        f, onward = data.row[k], data.onward[k]
+        width[k] = np.sqrt(circle[k].real ** 2 + circle[k].imag ** 2)
+        for i in range(plants):
+            ratio[k, i] = radius[f, i] * data.unit[f] / width[k]
+            if onward > 0.0:
+                ahead = radius[f + 1, i] * data.unit[f + 1] / width[k]
+                ratio[k, i] *= (ahead / ratio[k, i]) ** onward
+            most = max(most, ratio[k, i])
+    total, least = 0.0, LEAST_PULL ** (1 / power)
+    for k in range(rows):
+        for i in range(plants):
+            share = ratio[k, i] / most
+            ratio[k, i] = _raised(share, power) if share > least else 0.0
+            total += ratio[k, i]
+    gain = (most * total ** (1 / power)) ** 2
+    pull = np.zeros((count, plants))
+    mean = 0.0
+    for k in range(rows):
+        f, onward = data.row[k], data.onward[k]
+        for i in range(plants):
+            pull[f, i] += (1 - onward) * ratio[k, i] / total
+            if onward > 0.0:
+                pull[f + 1, i] += onward * ratio[k, i] / total
+        mean += data.counted[k] * (width[k] / data.unit[f]) ** 2
+    value = gain * mean
+
+    gradient = np.zeros(vector.size)
+    slope = 2 * value  # of the size by the logarithm of the norm
+    for k in range(rows):
+        own = 0.0
+        for i in range(plants):
+            own += ratio[k, i] / total
+        change = 2 * gain * data.counted[k] * (width[k] / data.unit[data.row[k]]) ** 2
+        back = (change - slope * own) * circle[k].conjugate() / width[k] ** 2
+        _add(gradient, second, back, by_circle[k])
+    for f in range(count):
+        to = end[f] / data.unit[f]
+        at_nominal, at_end, pulled = complex(0.0), complex(0.0), False
+        scale = 1 / nominal[f] if data.multiplicative else complex(1 / data.unit[f])
+        for i in range(plants):
+            if pull[f, i] > 0.0:
+                pulled = True
+                size = max(radius[f, i] - data.floor[f], TINY)
+                turned = slope * pull[f, i] / radius[f, i] / size * away[f, i].conjugate()
+                at_end -= turned * along[f, i]
+                if data.multiplicative:
+                    turned *= data.points[f, i] * scale
+                at_nominal -= turned * scale
+        if pulled:
+            _add(gradient, 0, at_nominal, by_nominal[f])
+        if second > first:
+            length = data.length_weight * data.shares[f]
+            value += length * (to.real * to.real + to.imag * to.imag)
+            at_end += 2 * length * to.conjugate()
+            _add(gradient, first, at_end / data.unit[f], by_end[f])
+    if second > first:
+        end, by_end = _part(vector, data.far, data, REAL)
+        for f in range(data.far.size):
+            to = end[f] / data.far_unit[f] ** 2
+            value += to.real * end[f].real + to.imag * end[f].imag
+            _add(gradient, first, 2 * to.conjugate(), by_end[f])
+    return _resolved(value, gradient, vector, data)
+
+
+@unchecked
+def _part(
+    vector: RealArray, omega: RealArray, data: SizeData, part: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Values (F,) of a part of the model at frequencies, and derivatives by its parameters."""
+    i, j = data.factor[part], data.factor[part + 1]
+    return factored_values(
+        vector[data.parameter[part] : data.parameter[part + 1]],
+        omega,
+        data.level[i:j],
+        data.coefficients[i:j],
+        data.moving[i:j],
+        data.positive[i:j],
+        data.numerators[part],
+    )
+
+
+@unchecked
+def _raised(value: float, power: int) -> float:
+    """The value to a power that is a power of two."""
+    while power > 1:
+        value *= value
+        power //= 2
+    return value
+
+
+@unchecked
+def _add(gradient: RealArray, start: int, slope: complex, derivatives: ComplexArray) -> None:
+    """Add the real part of slope times the derivatives (Q,) to the gradient from a place on."""
+    for a in range(derivatives.size):
+        each = derivatives[a]
+        gradient[start + a] += slope.real * each.real - slope.imag * each.imag
+
+
+@unchecked
+def _resolved(
+    value: float, gradient: RealArray, vector: RealArray, data: SizeData
+) -> tuple[float, RealArray]:
+    """The size and its gradient, larger where roots are damped less than frequencies resolve."""
+    count = vector.size
+    excess, turn = 0.0, np.zeros(count)
+    for j in range(len(data.damping)):
+        damping, tone = data.damping[j, count], data.tone[j, count]
+        for a in range(count):
+            damping += data.damping[j, a] * vector[a]
+            tone += data.tone[j, a] * vector[a]
+        limit = min(_at(tone, data.middle, data.gap) / 2, SUFFICIENT_DAMPING) * RESOLVED_MARGIN
+        short = np.log(limit) - damping
+        if short > 0.0:
+            excess += short**2
+            for a in range(count):
+                turn[a] -= 2 * short * data.damping[j, a]
+    for a in range(count):
+        gradient[a] = gradient[a] * (1 + excess) + value * turn[a]
+    return value * (1 + excess), gradient
+
+
+@unchecked
+def _at(x: float, places: RealArray, values: RealArray) -> float:
+    """Linear interpolation of values at places, constant beyond them."""
+    k = np.searchsorted(places, x)
+    if k == 0:
+        return values[0]
+    if k == places.size:
+        return values[-1]
+    share = (x - places[k - 1]) / (places[k] - places[k - 1])
+    return values[k - 1] * (1 - share) + values[k] * share
