@@ -18,7 +18,7 @@ from workbench.geometry import Circle, Stadium
 from workbench.program import methods
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.everywhere import rounded_radius
-from workbench.uncertainty.covers.joint import FoundModel
+from workbench.uncertainty.covers.joint import FoundModel, ModelSize
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.weights import (
     beyond,
@@ -33,45 +33,75 @@ STARTING_MIN_RELATIVE_SIZE = 1e-3
 STARTING_HALF_LENGTH_SHARE = 0.1
 """Factor of a stadium's half-length in the size that weights the errors of a starting weight."""
 STARTING_CIRCLES = ("sk", "sb10yd")
-"""Methods of the magnitude fit that give starts of the complex weight, each its own."""
+"""Methods of the magnitude fit that give starts of the complex weight."""
+STARTING_POWER = 8
+"""Power of the norm by which starts are compared."""
 
 Start = tuple[str, FoundModel | None, str]
 """Name of a start, the model, and why there is none."""
 
 
 def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
-    """Models from which a search may start, in no order."""
+    """Models from which a search may start: from each nominal, with each real weight."""
     for name, (response, sizes) in nominals(program).items():
         try:
             nominal = program.nominal
             if nominal is None:
                 nominal = _nearest(nominal_fit(response, sizes, program), context)
             away = program.away(nominal, program.points)  # raises where it passes through zero
-            W_r = None
+            weights: dict[str, Rational | None] = {"": None}
             if isinstance(program, StadiumCover):
-                W_r = _nearest(real_fit(program, away), context)
+                weights = real_weights(program, away, context)
         except (InputError, SolverError) as error:
             yield name, None, str(error)
             continue
-        omega = program.responses.axis
-        radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
-        extent = np.maximum(np.abs(away).max(axis=1), radius)
-        fit = MagnitudeFit(
-            beyond(omega),
-            lasting(radius),
-            program.complex_order,
-            weight=lasting(share_of_size(radius, extent)),
-            cover=True,
-        )
-        for method in STARTING_CIRCLES:
-            try:
-                W_c, _, _ = methods(fit)[method].answer(fit, context)
-            except (ArithmeticError, SolverError) as error:
-                yield f"{name}, {method}", None, str(error)
-                continue
-            yield f"{name}, {method}", FoundModel(nominal, W_r, W_c), ""
+        for kind, W_r in weights.items():
+            model, failure = _with_circle(program, nominal, W_r, context)
+            yield name + kind, model, failure
         if program.nominal is not None:
             return
+
+
+def real_weights(
+    program: StadiumCover, away: ComplexArray, context: Context
+) -> dict[str, Rational | None]:
+    """Real weights fitted to the third set of deviations (F, N): of its order, and a constant.
+
+    The constant has the order too, by equal poles and zeros, which a search moves apart.
+    """
+    third = program.third_set(away)
+    end = unwrapped(third.half_length * np.exp(1j * third.angle))
+    size = third.radius + STARTING_HALF_LENGTH_SHARE * third.half_length
+    weight = 1 / np.maximum(size, STARTING_MIN_RELATIVE_SIZE * (size.max() or 1.0))
+    omega, order = program.responses.axis, program.real_order
+    mean = float(np.sqrt(program.responses.shares @ third.half_length**2))
+    roots = -np.geomspace(omega[0], omega[-1], order + 2)[1:-1].astype(complex)
+    return {
+        "": _nearest(held(omega, end, weight, order, program.minimum_phase), context),
+        ", constant real weight": Rational(roots, roots.copy(), mean),
+    }
+
+
+def _with_circle(
+    program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
+) -> tuple[FoundModel | None, str]:
+    """The smallest model with a complex weight fitted to the radii, and why there is none."""
+    omega, away = program.responses.axis, program.away(nominal, program.points)
+    radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
+    share = share_of_size(radius, np.maximum(np.abs(away).max(axis=1), radius))
+    order = program.complex_order
+    fit = MagnitudeFit(beyond(omega), lasting(radius), order, weight=lasting(share), cover=True)
+    found, said = [], []
+    for method in STARTING_CIRCLES:
+        try:
+            W_c, _, _ = methods(fit)[method].answer(fit, context)
+        except (ArithmeticError, ValueError, SolverError) as error:
+            said.append(f"{method}: {error}")
+            continue
+        size = ModelSize.of(program, FoundModel(nominal, W_r, W_c))
+        found.append(FoundModel(nominal, W_r, W_c, size(size.start, STARTING_POWER)[0]))
+    best = min(found, key=lambda model: model.size, default=None)
+    return best, "; ".join(said)
 
 
 def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle | Stadium]]:
@@ -108,15 +138,6 @@ def nominal_fit(
     weight = np.abs(response) / size**2
     right = program.unstable_poles
     return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
-
-
-def real_fit(program: StadiumCover, away: ComplexArray) -> ResponseFit:
-    """Fit of a real weight to the third set of deviations (F, N)."""
-    third = program.third_set(away)
-    end = unwrapped(third.half_length * np.exp(1j * third.angle))
-    size = third.radius + STARTING_HALF_LENGTH_SHARE * third.half_length
-    weight = 1 / np.maximum(size, STARTING_MIN_RELATIVE_SIZE * (size.max() or 1.0))
-    return held(program.responses.axis, end, weight, program.real_order, program.minimum_phase)
 
 
 def _nearest(fit: ResponseFit, context: Context) -> Rational:
