@@ -18,7 +18,7 @@ from workbench.uncertainty.covers.starts import nominal_fit, starts
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import fitted
 
-TRIAL_FREQUENCIES, TRIAL_POWERS = 100, (8,)
+TRIAL_FREQUENCIES, TRIAL_POWERS = 100, (4, 16)
 """Largest number of frequencies at which starts are tried, and powers of the norms there."""
 FINAL_FREQUENCIES, FINAL_POWERS = 1000, (16, 64, 256)
 """The same for the search from the smallest of what the starts lead to."""

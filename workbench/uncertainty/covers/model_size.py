@@ -98,12 +98,12 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     radius = np.empty((count, plants))
     for f in range(count):
         to = end[f] / data.unit[f]
-        square = max(to.real * to.real + to.imag * to.imag, TINY)
+        per_square = 1 / max(to.real * to.real + to.imag * to.imag, TINY)
         scale = 1 / nominal[f] if data.multiplicative else complex(1 / data.unit[f])
         center = complex(1.0) if data.multiplicative else nominal[f] * scale
         for i in range(plants):
             deviation = data.points[f, i] * scale - center
-            share = (deviation.real * to.real + deviation.imag * to.imag) / square
+            share = (deviation.real * to.real + deviation.imag * to.imag) * per_square
             along[f, i] = max(-1.0, min(1.0, share))
             away[f, i] = deviation - along[f, i] * to
             size = away[f, i].real ** 2 + away[f, i].imag ** 2
@@ -115,11 +115,14 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     for k in range(rows):
         f, onward = data.row[k], data.onward[k]
         width[k] = np.sqrt(circle[k].real ** 2 + circle[k].imag ** 2)
+        scale = data.unit[f] / width[k]
         for i in range(plants):
-            ratio[k, i] = radius[f, i] * data.unit[f] / width[k]
-            if onward > 0.0:
-                ahead = radius[f + 1, i] * data.unit[f + 1] / width[k]
-                ratio[k, i] *= (ahead / ratio[k, i]) ** onward
+            ratio[k, i] = radius[f, i] * scale
+        if onward > 0.0:
+            scale = data.unit[f + 1] / width[k]
+            for i in range(plants):
+                ratio[k, i] *= (radius[f + 1, i] * scale / ratio[k, i]) ** onward
+        for i in range(plants):
             most = max(most, ratio[k, i])
     total, least = 0.0, LEAST_PULL ** (1 / power)
     for k in range(rows):
@@ -133,9 +136,11 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     for k in range(rows):
         f, onward = data.row[k], data.onward[k]
         for i in range(plants):
-            pull[f, i] += (1 - onward) * ratio[k, i] / total
-            if onward > 0.0:
-                pull[f + 1, i] += onward * ratio[k, i] / total
+            ratio[k, i] /= total
+            pull[f, i] += (1 - onward) * ratio[k, i]
+        if onward > 0.0:
+            for i in range(plants):
+                pull[f + 1, i] += onward * ratio[k, i]
         mean += data.counted[k] * (width[k] / data.unit[f]) ** 2
     value = gain * mean
 
@@ -144,7 +149,7 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
     for k in range(rows):
         own = 0.0
         for i in range(plants):
-            own += ratio[k, i] / total
+            own += ratio[k, i]
         change = 2 * gain * data.counted[k] * (width[k] / data.unit[data.row[k]]) ** 2
         back = (change - slope * own) * circle[k].conjugate() / width[k] ** 2
         _add(gradient, second, back, by_circle[k])
