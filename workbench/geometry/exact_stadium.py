@@ -85,13 +85,13 @@ def _stadiums(
             vertices = hull_indices(x, y)
             x, y = x[vertices], y[vertices]
             angle[i] = _narrowest_angle(x, y, centered)
-        along, across, _, half = _narrowest(x, y, angle[i], centered)
+        c, s = math.cos(angle[i]), math.sin(angle[i])
+        along, across, _, half = _narrowest(x, y, c, s, centered)
         if not centered:
-            c, s = math.cos(angle[i]), math.sin(angle[i])
             center[i] = point_from_frame(frame, c * along - s * across, s * along + c * across)
         half_length[i] = length_from_frame(frame, half)
         if centered and directed and half_length[i] > 0.0:
-            radius[i] = _radius(x, y, frame, half_length[i], angle[i])
+            radius[i] = _radius(x, y, frame, half_length[i], c, s)
         else:
             radius[i] = stadium_radius(points, center[i], half_length[i], angle[i])
     return center, radius, half_length, angle
@@ -108,14 +108,18 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
         return circle_radius(points, center)
     frame = find_frame(points, True, center)
     x, y = to_frame(points, frame)
-    return _radius(x, y, frame, half_length, angle)
+    return _radius(x, y, frame, half_length, math.cos(angle), math.sin(angle))
 
 
 @compiled
-def _radius(x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, angle: float) -> float:
-    """As `stadium_radius`, of a set given by its coordinates (N,), (N,) about the centre."""
+def _radius(
+    x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, c: float, s: float
+) -> float:
+    """As `stadium_radius`, of a set given by its coordinates (N,), (N,) about the centre.
+
+    The angle is given by its cosine c and sine s.
+    """
     half = length_to_frame(frame, half_length)
-    c, s = math.cos(angle), math.sin(angle)
     square = 0.0
     for i in range(x.size):
         beyond = abs(c * x[i] + s * y[i]) + 2.5 * EPS * (abs(c * x[i]) + abs(s * y[i])) - half
@@ -126,14 +130,13 @@ def _radius(x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, angl
 
 @compiled
 def _narrowest(
-    x: np.ndarray, y: np.ndarray, angle: float, centered: bool
+    x: np.ndarray, y: np.ndarray, c: float, s: float, centered: bool
 ) -> tuple[float, float, float, float]:
-    """The narrowest stadium of one set (N,), (N,) in the direction of a given angle [rad].
+    """The narrowest stadium of one set (N,), (N,) in a direction, by its cosine c and sine s.
 
     Returns the coordinates of the centre along and across the direction, the radius and the
     half-length. With `centered` the centre is the origin.
     """
-    c, s = math.cos(angle), math.sin(angle)
     low, high = np.inf, -np.inf
     for i in range(x.size):
         h = c * y[i] - s * x[i]
@@ -174,7 +177,8 @@ def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
             left_to_try -= 1
             j = (i + 1) % width.size
             tried = _direction(edges_x[j] - edges_x[i], edges_y[j] - edges_y[i])
-            half_length = _narrowest(x, y, tried, centered)[3]
+            c, s = math.cos(tried), math.sin(tried)
+            half_length = _narrowest(x, y, c, s, centered)[3]
             if half_length < shortest:
                 angle, shortest = tried, half_length
     return angle

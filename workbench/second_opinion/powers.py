@@ -37,8 +37,8 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
         Sampling time [s]; 0 or None in continuous time.
     """
     A = np.asarray(A)
-    if A.ndim == 2 and len(A) >= MANY_STATES and np.isrealobj(A):
-        return _growth_of_many(np.ascontiguousarray(A, dtype=float).tobytes(), len(A), dt)
+    if A.ndim == 2 and A.size and np.isrealobj(A):
+        return _growth_of_one(np.ascontiguousarray(A, dtype=float).tobytes(), len(A), dt)
     S = A if dt else cayley(A)
     n = S.shape[-1]
     if not n:
@@ -59,30 +59,33 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
         # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
         rounding = rounding + np.where(known, share * unit / np.maximum(norm, tiny), 0.0)
     size = np.where(np.isnan(size), np.inf, size)
-    if S.ndim == 2 and np.isrealobj(S) and rounding < size < math.inf:
-        return _precise_growth(np.asarray(A, dtype=float), dt), PRECISE_ROUNDING
     return size[()], rounding[()]
 
 
 @lru_cache(maxsize=4)  # two checks ask for that of one loop
-def _growth_of_many(entries: bytes, n: int, dt: float | None) -> tuple[float, float]:
-    """As `growth`, at the first power that has fallen clearly: the norm of none falls below it."""
+def _growth_of_one(entries: bytes, n: int, dt: float | None) -> tuple[float, float]:
+    """As `growth` of a real matrix; of many states at the first power that has fallen clearly.
+
+    The norm of none falls below the limit.
+    """
     A = np.frombuffer(entries).reshape(n, n)
     S = A if dt else cayley(A)
     size, share, rounding = 0.0, 1.0, SPARED_ROUNDING * n * float(np.finfo(float).eps)
-    unit = rounding
+    unit, tiny = rounding, float(np.finfo(float).tiny)
+    norm = float(np.linalg.norm(S))
     for _ in range(SQUARINGS):
-        norm = float(np.linalg.norm(S))
         if not 0.0 < norm < math.inf:
             return (-math.inf if norm == 0.0 else math.inf), rounding
         size += share * math.log(norm)
-        if size / share < math.log(FALLEN) and size < -SPARED_ROUNDING * rounding:
+        fallen = size / share < math.log(FALLEN) and size < -SPARED_ROUNDING * rounding
+        if fallen and n >= MANY_STATES:
             return size, rounding
         S = S / norm
         S = S @ S
         share /= 2
-        left = max(float(np.linalg.norm(S)), float(np.finfo(float).tiny))
-        rounding += share * unit / left
+        norm = float(np.linalg.norm(S))
+        # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
+        rounding += share * unit / max(norm, tiny)
     if rounding < size:
         return _precise_growth(A, dt), PRECISE_ROUNDING
     return size, rounding

@@ -94,13 +94,12 @@ def share_of_size(radius: RealArray, extent: RealArray) -> RealArray:
 
 def between(omega: RealArray, step: float = LARGEST_LOG_STEP) -> RealArray:
     """Frequencies between given ones (F,), so that log omega rises by ``step`` at most."""
-    log = np.log(omega)
-    counts = np.ceil(np.diff(log) / step).astype(int)
-    steps = [
-        np.linspace(a, b, n, endpoint=False)[1:]
-        for a, b, n in zip(log[:-1], log[1:], counts, strict=True)
-    ]
-    return np.exp(np.concatenate(steps)) if steps else omega
+    log, gaps = np.log(omega), np.diff(np.log(omega))
+    inside = np.maximum(np.ceil(gaps / step).astype(int) - 1, 0)
+    first = np.repeat(np.cumsum(inside) - inside, inside)
+    share = (np.arange(inside.sum()) - first + 1) / np.repeat(inside + 1, inside)
+    found: RealArray = np.exp(np.repeat(log[:-1], inside) + share * np.repeat(gaps, inside))
+    return found
 
 
 def raised(function: Rational, omega: RealArray, magnitude: RealArray) -> Rational:
