@@ -17,14 +17,14 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.root_pairs import pair_logarithms
 from workbench.uncertainty import CircleCover, Responses, StadiumCover, limited
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT
-from workbench.uncertainty.covers.joint import (
+from workbench.uncertainty.covers.joint.search import (
     BEYOND,
     BEYOND_DECADES,
     FoundModel,
     ModelSize,
     smallest_model,
 )
-from workbench.uncertainty.covers.starts import starts
+from workbench.uncertainty.covers.joint.starts import starts
 from workbench.uncertainty.covers.weights import beyond, lasting, needed_radius
 
 OMEGA = np.geomspace(1, 1000, 14)
@@ -178,3 +178,16 @@ def test_the_drives_sets_are_small():
     solution = wb.solve(program, "joint")
     assert solution.certificate.valid
     assert program.objective(solution.answer) <= 0.045
+
+
+def test_a_start_that_fits_exactly_is_left():
+    """Gains of 0.9, 1 and 1.1: with W_r = 0.1 / 1.1 and W_c = 0.1 / 11 the size is 1e-3 / 1.1."""
+    s = 1j * OMEGA[:, None]
+    responses = Responses(OMEGA, np.array([0.9, 1.0, 1.1]) / (s / 30 + 1))
+    program = StadiumCover(responses, 1, 0, 1, 1, nominal=Rational([], [-30.0], 30.0))
+    exact = FoundModel(program.nominal, Rational([], [], 0.1), Rational([], [], 1e-4))
+    size = ModelSize.of(program, exact)
+    assert (np.abs(size(size.start, 4)[1] * size.unit) < 1.0).all()
+    solution = wb.solve(program, "joint")
+    assert solution.certificate.valid
+    assert program.objective(solution.answer) <= 0.98e-3

@@ -17,7 +17,7 @@ from workbench.uncertainty.covers.everywhere import (
     reaching_known,
     rounded_radius,
 )
-from workbench.uncertainty.covers.joint import FoundModel
+from workbench.uncertainty.covers.joint.search import FoundModel
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped, reaching, resolved, share_of_size

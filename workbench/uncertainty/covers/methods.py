@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from workbench.errors import SolverError
@@ -11,10 +12,10 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover, raised_cover
-from workbench.uncertainty.covers.joint import FoundModel, smallest_model
+from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
+from workbench.uncertainty.covers.joint.starts import nominal_fit, starts
 from workbench.uncertainty.covers.sides import warn_of_unstable
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
-from workbench.uncertainty.covers.starts import nominal_fit, starts
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import fitted
 
@@ -71,8 +72,10 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         if start is None:
             said.append(f"none from {name} ({failure})")
             continue
-        found.append(smallest_model(program, start, TRIAL_POWERS, context))
-        said.append(f"{found[-1].size:.4g} from {name}")
+        model = smallest_model(program, start, TRIAL_POWERS, context)
+        said.append(f"{model.size:.4g} from {name}")
+        if math.isfinite(model.size):
+            found.append(model)
     return found, f"mean square size {'; '.join(said)}"
 
 
@@ -90,18 +93,20 @@ def _smallest_cover(
 ) -> CoverSteps:
     """The smallest cover by the models; by a fitted complex weight where none can be raised."""
     first, objective = program.first_set(program.points), program.refined().objective
+    ranked = sorted(found, key=lambda model: model.size)
     best, least = None, float("inf")
-    for model in sorted(found, key=lambda model: model.size):
+    for model in ranked:
         if least <= model.size:  # a cover is hardly smaller than its model
             break
         try:
             cover = raised_cover(program, first, model)
         except SolverError:
             continue
-        if objective(cover) < least:
-            best, least = cover, objective(cover)
+        size = objective(cover)
+        if size < least:
+            best, least = cover, size
     if best is not None:
         return best
-    nominal, W_r = program.realisable(found[0].nominal), found[0].W_r
+    nominal, W_r = program.realisable(ranked[0].nominal), ranked[0].W_r
     third = program.third_set(program.away(nominal, program.points), W_r)
     return fitted_cover(program, first, nominal, third, W_r, context)

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.compiled import unchecked
-from workbench.uncertainty.covers.model_size import SizeData, model_size
+from workbench.uncertainty.covers.joint.model_size import SizeData, model_size
 
 FALL, RISE = 1e-4, 0.9
 """Least share of the slope by which a step must lower the size, and largest share of the slope that
@@ -16,7 +16,7 @@ STEP_LENGTHS = 30
 
 
 @unchecked
-def descended(
+def least_size(
     x: RealArray, unit: RealArray, inverse: RealArray, data: SizeData, power: int, steps: int
 ) -> tuple[float, RealArray, RealArray]:
     """Size, place (P,) and inverse second derivatives (P, P) after so many steps of BFGS at most.

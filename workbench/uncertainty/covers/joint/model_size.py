@@ -160,7 +160,7 @@ def model_size(vector: RealArray, data: SizeData, power: int) -> tuple[float, Re
         for i in range(plants):
             if pull[f, i] > 0.0:
                 pulled = True
-                size = max(radius[f, i] - data.floor[f], TINY)
+                size = max(np.sqrt(away[f, i].real ** 2 + away[f, i].imag ** 2), TINY)
                 turned = slope * pull[f, i] / radius[f, i] / size * away[f, i].conjugate()
                 at_end -= turned * along[f, i]
                 if data.multiplicative:

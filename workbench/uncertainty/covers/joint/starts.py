@@ -18,7 +18,7 @@ from workbench.geometry import Circle, Stadium
 from workbench.program import methods
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.everywhere import rounded_radius
-from workbench.uncertainty.covers.joint import FoundModel, ModelSize
+from workbench.uncertainty.covers.joint.search import FoundModel, ModelSize
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.weights import (
     beyond,
@@ -100,7 +100,7 @@ def _with_circle(
             continue
         size = ModelSize.of(program, FoundModel(nominal, W_r, W_c))
         found.append(FoundModel(nominal, W_r, W_c, size(size.start, STARTING_POWER)[0]))
-    best = min(found, key=lambda model: model.size, default=None)
+    best = min(found, key=lambda model: (np.isnan(model.size), model.size), default=None)
     return best, "; ".join(said)
 
 

@@ -33,8 +33,8 @@ from workbench.uncertainty.covers.cover import (
     RADIUS_ROUNDING,
     UncertaintyCover,
 )
-from workbench.uncertainty.covers.descent import descended
-from workbench.uncertainty.covers.model_size import (
+from workbench.uncertainty.covers.joint.descent import least_size
+from workbench.uncertainty.covers.joint.model_size import (
     CIRCLE,
     NOMINAL,
     REAL,
@@ -211,7 +211,7 @@ def smallest_model(
     inverse = np.zeros((vector.size, vector.size))
     value, x = np.inf, vector / unit
     for power in context.track(powers, "smallest sets"):
-        value, x, inverse = descended(x, unit, inverse, size.data, power, MAX_BFGS_STEPS)
+        value, x, inverse = least_size(x, unit, inverse, size.data, power, MAX_BFGS_STEPS)
     own = np.split(x * unit, size.ends[1:-1])
 
     def found(part: FactoredRational, vector: RealArray) -> Rational:

@@ -1,0 +1,1 @@
+"""Nominal and weights of a cover chosen together, for the smallest sets of the model."""
