@@ -30,29 +30,21 @@ def started(program, start=TRUTH, off=0.0, seed=0):
 
 @pytest.mark.parametrize("minimum_phase", [False, True])
 @pytest.mark.parametrize("unstable", [0, 1])
-def test_second_derivatives_are_those_of_differences(minimum_phase, unstable):
+def test_curvature_is_the_derivative_of_the_slopes(minimum_phase, unstable):
     start = Rational([-40.0, -3.0], [-2 + 30j, -2 - 30j, 5.0 if unstable else -5.0], 7.0)
     program = ResponseFit(OMEGA, noisy(0), 3, minimum_phase=minimum_phase, unstable_poles=unstable)
-    here, unit = started(program, start, off=0.05), 0.7
+    here = started(program, start, off=0.05)
     rng = np.random.default_rng(1)
-    z, ratio = rng.uniform(size=(2, OMEGA.size))
-    zero = np.zeros_like(z)
+    factor = rng.normal(size=OMEGA.size) + 1j * rng.normal(size=OMEGA.size)
 
     def gradient(step):
-        return z @ here.moved(step).newton(unit, z, ratio)[2]
+        return (factor @ here.moved(step).slopes).real
 
-    convex, curved, slopes = here.newton(unit, z, zero)
-    found = convex + curved
+    found = here.curvature(factor)
     for k, size in enumerate(1e-5 * here.natural_units):
         step = size * np.eye(len(found))[k]
-        squares = [np.abs(here.moved(s * step).error / unit) ** 2 for s in (1, -1)]
-        steep = (squares[0] - squares[1]) / (2 * size)
-        assert slopes[:, k] == pytest.approx(steep, rel=1e-5, abs=1e-6 * np.abs(steep).max())
         expected = (gradient(step) - gradient(-step)) / (2 * size)
         assert found[k] == pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max())
-    steep = here.newton(unit, zero, ratio)[0]
-    np.testing.assert_allclose(steep, (slopes.T * ratio) @ slopes, rtol=1e-12)
-    assert np.linalg.eigvalsh(convex)[0] > -1e-12 * np.linalg.eigvalsh(convex)[-1]
 
 
 def test_best_constant():

@@ -8,7 +8,6 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.factored import FactoredRational
-from workbench.fitting.response.newton_rows import newton_rows
 from workbench.fitting.response.program import ResponseFit
 
 
@@ -37,25 +36,19 @@ class FitState:
         """Sum of squared errors, each multiplied by a weight (F,) before squaring."""
         return float(np.sum(np.abs(weight * self.error) ** 2))
 
-    def newton(
-        self, unit: float, multiplier: RealArray, ratio: RealArray
-    ) -> tuple[RealArray, RealArray, RealArray]:
-        """Second derivatives for Newton's equations of the least peak, with e = error / unit.
+    def curvature(self, factor: ComplexArray) -> RealArray:
+        """Second derivatives (P, P) of the sum of Re(factor * error), for given factors (F,).
 
-        The sum of z |e|^2 is curved by first derivatives, which with the sum of ratio times squared
-        slopes of |e|^2 make a semidefinite matrix (P, P), and by second ones, which make another.
-        Where the function is zero, its second derivatives are left out. Last come the slopes (F, P)
-        of |e|^2.
+        Where the function is zero, its second derivatives are left out.
         """
-        weight = self.program.active.weight
-        left, right, bend = newton_rows(
-            self._slopes, self._values, weight, self.error, unit, multiplier, ratio
-        )
-        both, count = left.T @ right, right.shape[1]
+        factor = factor * self.program.active.weight
+        ratio = np.divide(factor, self._values, out=np.zeros_like(factor), where=self._values != 0)
         factors, logarithmic = self.form.second_order
-        curved = factors * both[count:]
-        curved[np.arange(count), np.arange(count)] += logarithmic * bend
-        return both[:count], curved, right[-weight.size :]
+        scaled, slopes = self._slopes * ratio[:, None], self._slopes
+        left = np.concatenate([scaled.real, -scaled.imag])
+        matrix: RealArray = factors * (left.T @ np.concatenate([slopes.real, slopes.imag]))
+        matrix[np.diag_indices_from(matrix)] += logarithmic * (factor @ self._slopes).real
+        return matrix
 
     @property
     def natural_units(self) -> RealArray:

@@ -109,15 +109,19 @@ class _System:
     def __init__(self, here: _Iterate, damping: float) -> None:
         """``damping`` is that of the last system; `damping` becomes infinite if none suffices."""
         point, z = here.point, here.multiplier
+        slopes, error = point.slopes / here.unit, point.error / here.unit
+        real, count = np.concatenate([slopes.real, slopes.imag]), slopes.shape[1]
         self.here, self.excess, self.ratio = here, here.excess, z / here.slack
-        convex, curved, self.slopes = point.newton(here.unit, z, self.ratio)
-        count = len(convex)
+        self.slopes = 2 * (error.conj()[:, None] * slopes).real  # of |e|^2
+        steep = self.slopes * self.ratio[:, None]
+        convex = 2 * (real.T * np.concatenate([z, z])) @ real + steep.T @ self.slopes
+        curved = point.curvature(2 * z * error.conj() / here.unit)
         self.natural = point.natural_units
         cost = STEP_COST * min(here.products, 1.0) / self.natural**2
         matrix = np.empty((count + 1, count + 1))
         matrix[:count, :count] = convex + curved
         matrix[np.arange(count), np.arange(count)] += cost
-        matrix[count, :count] = matrix[:count, count] = -(self.ratio @ self.slopes)
+        matrix[count, :count] = matrix[:count, count] = -steep.sum(axis=0)
         matrix[count, count] = total = self.ratio.sum()
         self.size = np.sqrt(np.append(convex.diagonal() + abs(curved.diagonal()) + cost, total))
         matrix /= self.size * self.size[:, None]
