@@ -116,8 +116,10 @@ def programs(base=Program):
 ROOMS = (
     "conic", "diagnosis", "fitting", "geometry", "identification", "mu", "synthesis", "uncertainty",
 )  # fmt: skip
-for room in ROOMS:
-    importlib.import_module(f"workbench.{room}")
+for room in ROOMS:  # their names are imported when they are first asked for
+    module = importlib.import_module(f"workbench.{room}")
+    for name in dir(module):
+        getattr(module, name)
 LIBRARY = sorted(set(programs()), key=lambda each: each.__name__)
 
 

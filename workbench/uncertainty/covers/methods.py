@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method
@@ -43,8 +44,8 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
     return fitted_cover(program, first, nominal, third, W_r, context), Outcome.SOLVED, ""
 
 
-@method(CircleCover, "joint", optimal=False)
-@method(StadiumCover, "joint", optimal=False)
+@method(CircleCover, "joint", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+@method(StadiumCover, "joint", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and weights are chosen together for the least mean square size of the sets."""
     warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
