@@ -32,8 +32,11 @@ BISECTIONS = 45
 SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
 """Relative widths of the interval of beta^2 at which its search ends: for a bound that is proven,
 and for one that is said, a sixteenth of what is accepted without a search. The first is the second
-over `WIDENING`: every beta that the search of the second tries, that of the first tries too."""
-WIDENING = 2.0**8
+over a power of `WIDENING`: every beta that the search of the second tries, that of the first tries
+too."""
+ENOUGH_SHARP = 1.01
+"""Multiple of the sharpness at which a search ends: the width that it starts with is rounded."""
+WIDENING = 2.0**4
 """Factor of the distance from a guess to the next one that is tried."""
 
 
@@ -235,22 +238,41 @@ def _searched(
     """
     count = 4 * (2 * A.shape[-1] + 8)
 
+    def scaled(
+        t: NDArray[np.float64], at: NDArray[np.intp]
+    ) -> tuple[ComplexArray, NDArray[np.float64], NDArray[np.float64]]:
+        """t R - A for t (f,) and the numbers of the matrices (f,), with scaled rows and columns.
+
+        With the factors of these (f, r), and what its least eigenvalue has to exceed for a proof.
+        """
+        grown = t[:, None, None] * R[at]
+        bound = spread[at] + count * (np.abs(grown) + np.abs(A[at]))
+        root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
+        both = root[:, :, None] * root[:, None, :]
+        S = (grown - A[at]) * both
+        S = np.where(np.isfinite(S), S, 0.0)
+        return S, root, EPS * (_norm(bound * both) + count * _norm(S))
+
     def holds(t: NDArray[np.float64], at: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether t R - A > 0 is proven, for t (f,) and the numbers of the matrices (f,)."""
-        scaled = t[:, None, None] * R[at]
-        bound = spread[at] + count * (np.abs(scaled) + np.abs(A[at]))
-        root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
-        S = (scaled - A[at]) * root[:, :, None] * root[:, None, :]
-        S = np.where(np.isfinite(S), S, 0.0)
-        rounding = EPS * (_norm(bound * root[:, :, None] * root[:, None, :]) + count * _norm(S))
+        S, _, rounding = scaled(t, at)
         return np.asarray(np.linalg.eigvalsh(S)[:, 0] > allowances * rounding)
+
+    # A Newton step leads to where the least bound that is said will be. This guess is the same for
+    # all allowances: the search for a bound that is proven must try all that the other one tries.
+    S, root, rounding = scaled(guess, np.arange(len(guess)))
+    values, vectors = np.linalg.eigh(S)
+    least = root * vectors[:, :, 0]
+    slope = (least.conj() * (R @ least[:, :, None])[:, :, 0]).real.sum(-1)
+    nearer = guess - (values[:, 0] - SAID_ALLOWANCES * rounding) / slope
+    guess = np.where((guess > 0) & (nearer > 0) & np.isfinite(nearer), nearer, guess)
 
     sharp = SHARPNESS if allowances <= 1.0 else SAID_SHARPNESS
     low, high, found = _around(holds, guess, sharp)
     rest = np.flatnonzero(~found)
     low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
-        open_ = np.flatnonzero(found & (high - low > sharp * high))
+        open_ = np.flatnonzero(found & (high - low > ENOUGH_SHARP * sharp * high))
         if not open_.size:
             break
         middle = np.sqrt(low[open_] * high[open_])
