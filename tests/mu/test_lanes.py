@@ -1,5 +1,6 @@
 """Eight matrices at a time: the arithmetic, and the same bounds as one matrix at a time."""
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,8 +9,10 @@ from kernels import called
 
 from workbench.mu import MuUpperBound, upper_bound
 from workbench.mu.upper import multipliers
-from workbench.mu.upper.lanes import algebra
+from workbench.mu.upper.lanes import algebra, system
 from workbench.mu.upper.lanes.simd import LANES
+from workbench.mu.upper.lanes.state import Places
+from workbench.mu.upper.lanes.values import of_lanes, put, square_root, where_less
 from workbench.mu.upper.pattern import diagonal_places, pattern_of
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -30,6 +33,82 @@ def read(lanes, rows, columns):
     return parts[..., 0] + 1j * parts[..., 1]
 
 
+STRUCTURES = {
+    "complex": (Complex(1),) * 5,
+    "real": (Real(1),) * 4,
+    "full": (Full(2, 2), Full(2, 2)),
+    "not square": (Full(1, 3), Complex(1), Full(2, 1), Real(1)),
+    "mixed": (Real(1), Complex(1), Full(2, 2), Real(1)),
+    "one": (Full(3, 3),),
+}
+
+
+@numba.njit
+def of_values(a, b, out):
+    one, other = of_lanes(a, 0), of_lanes(b, 0)
+    found = (one + other) * one - other / 3.0
+    found -= 2.0 * one
+    put(out, 0, square_root(found * found))
+    put(out, 1, where_less(one, other, one, -1.0))
+    put(out, 2, 7.0)
+
+
+def test_eight_values_are_a_number():
+    a, b = np.random.default_rng(3).normal(size=(2, LANES))
+    a[2], b[5] = np.nan, np.inf
+    out = np.zeros(3 * LANES)
+    of_values(a, b, out)
+    found = out.reshape(3, LANES)
+    np.testing.assert_allclose(found[0], np.abs((a + b) * a - b / 3 - 2 * a), rtol=1e-12)
+    np.testing.assert_array_equal(found[1], np.where(a < b, a, -1.0))
+    np.testing.assert_array_equal(found[2], 7.0)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1e-300, -1.0, np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_a_factor_with_a_bad_pivot_is_told_and_spoils_no_other(n, bad):
+    for at in range(n):
+        S = np.broadcast_to(np.eye(n, dtype=complex), (LANES, n, n)).copy()
+        S[6, at, at] = bad
+        held, L = np.ones(LANES), np.zeros(2 * n * n * LANES)
+        called(algebra.cholesky)(laid(S), L, n, held)
+        assert held.tolist() == [1.0] * 6 + [0.0, 1.0]
+        lower = np.tril(np.delete(read(L, n, n).real, 6, axis=0))
+        np.testing.assert_array_equal(lower, np.broadcast_to(np.eye(n), lower.shape))
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 6])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
+def test_a_product_with_a_triangle_is_that_of_numpy(rows, n):
+    A, B = drawn(LANES, rows, n), np.tril(drawn(LANES, n, n, seed=1))
+    beyond = np.triu(np.full((n, n), np.nan), 2)  # is not looked at
+    out = laid(np.zeros((LANES, rows, n), complex))
+    called(algebra.product_of_half)(laid(A), laid(B + beyond), out, rows, n)
+    np.testing.assert_allclose(read(out, rows, n), A @ B, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["real", "mixed", "not square", "complex", "full"])
+def test_the_adjoint_from_a_triangle_is_that_from_all(name):
+    structure = Structure(STRUCTURES[name])
+    pattern = pattern_of(structure)
+    c, r, q = structure.columns, structure.rows, int(pattern.skew.sum())
+    parts = np.split(diagonal_places(pattern), [c, c + r, c + r + q])
+    places = Places(*parts, pattern.size, c, r, q)
+    M, half = drawn(LANES, c, r), np.tril(drawn(LANES, r, r, seed=2))
+    half[:, range(r), range(r)] = half[:, range(r), range(r)].real
+    whole, t = half + half.conj().mT, np.linspace(0.1, 2.0, LANES)
+    found, expected = np.zeros((2, (pattern.size + q) * LANES))
+    called(system.half_adjoint)(places, laid(M), t, laid(half), laid(M @ half), found)
+    called(system.inequality_adjoint)(places, laid(M), t, laid(whole), laid(M @ whole), expected)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    # <F(x), X> = <x, F*(X)>
+    x, S, scaled = np.zeros_like(found), laid(np.zeros_like(whole)), laid(np.zeros_like(M))
+    x[:] = np.random.default_rng(4).normal(size=x.size)
+    called(system.inequality)(places, laid(M), t, x, scaled, S)
+    inner = (read(S, r, r).conj() * whole).real.sum((1, 2))
+    np.testing.assert_allclose((x * expected).reshape(-1, LANES).sum(0), inner, rtol=1e-10)
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
 def test_the_arithmetic_is_that_of_numpy(n):
     A, B = drawn(2, LANES, n, n + 1), drawn(LANES, n + 1, n)
@@ -44,7 +123,7 @@ def test_the_arithmetic_is_that_of_numpy(n):
     S = square @ square.conj().mT + np.eye(n)
     called(algebra.hermitian_product)(laid(square), laid(square), out, n, n)
     np.testing.assert_allclose(read(out, n, n), S - np.eye(n), rtol=1e-12, atol=1e-12)
-    L, work, held = np.zeros_like(out), np.zeros_like(out), np.ones(LANES, bool)
+    L, work, held = np.zeros_like(out), np.zeros_like(out), np.ones(LANES)
     called(algebra.cholesky)(laid(S), L, n, held)
     called(algebra.inverse_of_factored)(L, work, out, n)
     assert held.all()
@@ -70,16 +149,6 @@ def one_at_a_time(M, structure, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(multipliers, "diagonal_places", lambda pattern: None)
         return upper_bound(M, structure).value
-
-
-STRUCTURES = {
-    "complex": (Complex(1),) * 5,
-    "real": (Real(1),) * 4,
-    "full": (Full(2, 2), Full(2, 2)),
-    "not square": (Full(1, 3), Complex(1), Full(2, 1), Real(1)),
-    "mixed": (Real(1), Complex(1), Full(2, 2), Real(1)),
-    "one": (Full(3, 3),),
-}
 
 
 @pytest.mark.parametrize("name", STRUCTURES)

@@ -124,10 +124,7 @@ def diagonal_places(pattern: Pattern) -> np.ndarray | None:
     if (pattern.kind != DIAGONAL).any():
         return None
     real = pattern.row[pattern.skew]
-    row, column = (
-        np.array([np.flatnonzero(side == k)[0] for k in real], dtype=np.int64)
-        for side in (pattern.left, pattern.right)
-    )
+    row, column = ((side == real[:, None]).argmax(axis=1) for side in (pattern.left, pattern.right))
     return np.concatenate([pattern.left, pattern.right, row, column])
 
 

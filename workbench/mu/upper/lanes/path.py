@@ -11,9 +11,9 @@ from workbench.addresses import address
 from workbench.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.lanes.algebra import (
     cholesky,
-    fill_upper_half,
     inverse_of_factored,
     product,
+    product_of_half,
     real_cholesky,
     real_cholesky_solve,
     twice_hermitian_part,
@@ -31,12 +31,14 @@ from workbench.mu.upper.lanes.state import (
 )
 from workbench.mu.upper.lanes.system import (
     add_diagonal,
-    along_t,
+    along,
     between_M,
+    half_adjoint,
     inequality,
     inequality_adjoint,
     newton_matrix,
 )
+from workbench.mu.upper.lanes.values import of_lanes, put, where_less
 
 NEGLIGIBLE_T = 1e-16
 """t below this share of its first value counts as zero."""
@@ -98,7 +100,7 @@ def follow_paths(
                 _load(at, lanes, numbers, fates, batch, enough, waiting + w, w)
             waiting += left_over
             _start(at, lanes, numbers, fates)
-            cholesky(lanes.S, lanes.L, r, fates.held)
+            cholesky(lanes.S, lanes.L, r, numbers.held)
         inverse_of_factored(lanes.L, lanes.work, lanes.S_inverse, r)
         for w in range(LANES):
             if fates.active[w] and fates.used[w] == 0:
@@ -106,9 +108,10 @@ def follow_paths(
         set_real_product(lanes.number, 0, 0, lanes.S, 0, 0, 1, lanes.Z, 0, 0, 1, 2 * r * r)
         set_real_product(lanes.number, 1, 0, lanes.x, 0, 0, 1, lanes.W, 0, 0, 1, N)
         _newton_system(at, lanes, numbers)
+        _trace(at, lanes.Z, lanes.x, numbers.step)
         for w in range(LANES):
             inside = lanes.number[w] + lanes.number[LANES + w]
-            gap = inside / (numbers.t[w] * _trace(at, lanes.Z, lanes.x, w))
+            gap = inside / (numbers.t[w] * numbers.step[w])
             numbers.dt[w] = max(-1.0 / numbers.schur[w], -LARGEST_FALL * numbers.t[w])
             numbers.gap[w] = gap
             near = gap <= accuracy and -numbers.dt[w] <= accuracy * numbers.t[w]
@@ -177,8 +180,10 @@ def _start(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None
 @unchecked_kernel
 def _centre(places: Places, lanes: Lanes, w: int) -> None:
     """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
-    r = places.r
-    mu = 1.0 / _trace(places, lanes.S_inverse, lanes.x, w)
+    r, total = places.r, 0.0
+    for j in range(r):
+        total += lanes.S_inverse[(j * r + j) * 2 * LANES + w] * lanes.x[places.right[j] * LANES + w]
+    mu = 1.0 / total
     for e in range(2 * r * r):
         lanes.Z[e * LANES + w] = mu * lanes.S_inverse[e * LANES + w]
     for k in range(places.blocks):
@@ -213,22 +218,23 @@ def _predict(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     r, N = places.r, places.blocks
     every, number = 2 * r * r, lanes.number
     dS, dZ, dx = lanes.dS, lanes.dZ, lanes.dx
-    for start in range(0, (N + places.q) * LANES, LANES):
-        for w in range(LANES):
-            e = start + w
-            dx[e] = -numbers.dt[w] * lanes.toward_u[e] - numbers.rho[w] * lanes.toward_b[e]
+    for k in range(N + places.q):
+        step = of_lanes(numbers.dt, 0) * of_lanes(lanes.toward_u, k)
+        put(dx, k, -1.0 * step - of_lanes(numbers.rho, 0) * of_lanes(lanes.toward_b, k))
     _direction(places, lanes, numbers)
+    _multiplier_step(places, lanes)
     set_real_product(number, 2, 0, dS, 0, 0, 1, lanes.Z, 0, 0, 1, every)
     set_real_product(number, 3, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
     set_real_product(number, 4, 0, dx, 0, 0, 1, lanes.W, 0, 0, 1, N)
     set_real_product(number, 5, 0, dx, 0, 0, 1, lanes.dW, 0, 0, 1, N)
+    _trace(places, dZ, dx, numbers.step)
     for w in range(LANES):
         p, q = min(numbers.primal[w], PREDICTED_STEP), min(numbers.dual[w], PREDICTED_STEP)
         now = number[w] + number[LANES + w]
         # <S, dZ> is -<S, Z> - <dS, Z>, for W likewise; <Z, D_r(dx)> is 0
         first = number[2 * LANES + w] + number[4 * LANES + w]
         both = number[3 * LANES + w] + number[5 * LANES + w]
-        both += p * numbers.dt[w] * _trace(places, dZ, dx, w)
+        both += p * numbers.dt[w] * numbers.step[w]
         left = (now + p * first - q * (now + first) + p * q * both) / now
         numbers.center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
 
@@ -240,7 +246,7 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
     m = N + places.q
     Z, dZ, x, dx, W, dW = lanes.Z, lanes.dZ, lanes.x, lanes.dx, lanes.W, lanes.dW
     t, dt, primal, dual = numbers.t, numbers.dt, numbers.primal, numbers.dual
-    active, lost, held = fates.active, fates.lost, fates.held
+    active, lost, held = fates.active, fates.lost, numbers.held
     for w in range(LANES):
         if not active[w]:
             dt[w] = 0.0
@@ -255,45 +261,46 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
         for w in range(LANES):
             goes = active[w] and not lost[w]
             primal[w], dual[w] = (primal[w], dual[w]) if goes else (0.0, 0.0)
-            held[w] = 1
+            held[w] = 1.0
             numbers.ahead[w] = t[w] + primal[w] * dt[w]
-        for start in range(0, m * LANES, LANES):
-            for w in range(LANES):
-                e = start + w
-                lanes.trial[e] = x[e] + primal[w] * dx[e] if primal[w] > 0.0 else x[e]
-                if e < N * LANES and not lanes.trial[e] > 0.0:
-                    held[w] = 0
+        for k in range(m):
+            step = of_lanes(primal, 0)
+            ahead = of_lanes(x, k) + step * of_lanes(dx, k)
+            put(lanes.trial, k, where_less(0.0, step, ahead, of_lanes(x, k)))
+            if k < N:
+                put(held, 0, where_less(0.0, of_lanes(lanes.trial, k), of_lanes(held, 0), 0.0))
         inequality(places, lanes.M, numbers.ahead, lanes.trial, lanes.MX, lanes.S)
         cholesky(lanes.S, lanes.L, r, held)
         failed = False
         for w in range(LANES):
-            if primal[w] > 0.0 and not held[w]:
+            if primal[w] > 0.0 and held[w] == 0.0:
                 primal[w] *= 0.5
                 failed = True
         if not failed:
             break
     for w in range(LANES):
-        if primal[w] > 0.0 and not held[w]:
+        if primal[w] > 0.0 and held[w] == 0.0:
             lost[w], dual[w] = 1, 0.0
         t[w] = numbers.ahead[w]
-    for e in range(m * LANES):
-        x[e] = lanes.trial[e]
+    for k in range(m):
+        put(x, k, of_lanes(lanes.trial, k))
     # a lane that is done has steps that may not be numbers
-    for start in range(0, 2 * r * r * LANES, LANES):
-        for w in range(LANES):
-            Z[start + w] += dual[w] * dZ[start + w] if dual[w] > 0.0 else 0.0
-    for start in range(0, N * LANES, LANES):
-        for w in range(LANES):
-            W[start + w] += dual[w] * dW[start + w] if dual[w] > 0.0 else 0.0
+    step = of_lanes(dual, 0)
+    for e in range(2 * r * r):
+        now, ahead = of_lanes(Z, e), of_lanes(Z, e) + step * of_lanes(dZ, e)
+        put(Z, e, where_less(0.0, step, ahead, now))
+    for k in range(N):
+        now, ahead = of_lanes(W, k), of_lanes(W, k) + step * of_lanes(dW, k)
+        put(W, k, where_less(0.0, step, ahead, now))
 
 
 @unchecked_kernel
-def _trace(places: Places, X: Lane, x: Lane, w: int) -> float:
-    """<X, D_r> of a lane, d being the first unknowns."""
-    r, total = places.r, 0.0
-    for j in range(r):
-        total += X[(j * r + j) * 2 * LANES + w] * x[places.right[j] * LANES + w]
-    return total
+def _trace(places: Places, X: Lane, x: Lane, found: Lane) -> None:
+    """<X, D_r> (LANES,), d being the first unknowns."""
+    total = 0.0 * of_lanes(x, 0)
+    for j in range(places.r):
+        total += of_lanes(X, 2 * (j * places.r + j)) * of_lanes(x, places.right[j])
+    put(found, 0, total)
 
 
 @unchecked_kernel
@@ -301,111 +308,125 @@ def _newton_system(places: Places, lanes: Lanes, numbers: Numbers) -> None:
     """H, factored, u and b, H^-1 u and H^-1 b, F*(S^-1) in ``pull``, and three numbers."""
     m = places.blocks + places.q
     M, Si, Z, number = lanes.M, lanes.S_inverse, lanes.Z, lanes.number
-    t, along, bb, schur = numbers.t, numbers.along, numbers.bb, numbers.schur
+    t, along_b, bb, schur = numbers.t, numbers.along, numbers.bb, numbers.schur
     between_M(places, M, Si, lanes.T_M, lanes.T_C)
     inequality_adjoint(places, M, t, Si, lanes.T_M, lanes.pull)
     between_M(places, M, Z, lanes.U_M, lanes.U_C)
     newton_matrix(places, t, lanes)
     real_cholesky(lanes.H, lanes.pivots, m)
-    along_t(places, t, lanes, schur)
-    for e in range(m * LANES):
-        lanes.b[e] = 0.0
+    along(places, t, lanes, lanes.x, lanes.u, schur)
+    for k in range(m):
+        put(lanes.b, k, 0.0)
     add_diagonal(places, Z, lanes.b)
     real_cholesky_solve(lanes.H, lanes.pivots, lanes.u, lanes.toward_u, m)
     real_cholesky_solve(lanes.H, lanes.pivots, lanes.b, lanes.toward_b, m)
     set_real_product(number, 8, 0, lanes.b, 0, 0, 1, lanes.toward_b, 0, 0, 1, m)
     set_real_product(number, 9, 0, lanes.u, 0, 0, 1, lanes.toward_b, 0, 0, 1, m)
     set_real_product(number, 10, 0, lanes.u, 0, 0, 1, lanes.toward_u, 0, 0, 1, m)
-    for w in range(LANES):
-        bb[w] = number[8 * LANES + w]
-        along[w] = number[9 * LANES + w] / bb[w] if bb[w] > 0.0 else 0.0
-        curvature = schur[w]
-        left = curvature - number[10 * LANES + w] + along[w] ** 2 * bb[w]
-        schur[w] = max(left, 1e-14 * curvature)
+    whole, half, curvature = of_lanes(number, 8), of_lanes(number, 9), of_lanes(schur, 0)
+    share = where_less(0.0, whole, half / whole, 0.0)
+    left = curvature - of_lanes(number, 10) + share * share * whole
+    least = 1e-14 * curvature
+    put(bb, 0, whole)
+    put(along_b, 0, share)
+    put(schur, 0, where_less(least, left, left, least))
 
 
 @unchecked_kernel
 def _direction(places: Places, lanes: Lanes, numbers: Numbers) -> None:
-    """Change of S by dt and the unknowns' step and, to first order, of Z and W."""
-    r, N = places.r, places.blocks
-    dS, dx = lanes.dS, lanes.dx
-    inequality(places, lanes.M, numbers.t, dx, lanes.MX, dS)
+    """Change of S by dt and the unknowns' step, and S^-1 times that in ``work``."""
+    r = places.r
+    dS = lanes.dS
+    inequality(places, lanes.M, numbers.t, lanes.dx, lanes.MX, dS)
     for j in range(r):
-        at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
-        for w in range(LANES):
-            dS[at + w] += numbers.dt[w] * lanes.x[of + w]
+        e = 2 * (j * r + j)
+        grown = of_lanes(numbers.dt, 0) * of_lanes(lanes.x, places.right[j])
+        put(dS, e, of_lanes(dS, e) + grown)
     product(lanes.S_inverse, dS, lanes.work, r, r, r)
+
+
+@unchecked_kernel
+def _multiplier_step(places: Places, lanes: Lanes) -> None:
+    """Change of Z and W to first order, from what `_direction` leaves."""
+    r = places.r
     twice_hermitian_part(lanes.work, lanes.Z, lanes.dZ, r)
-    for e in range(2 * r * r * LANES):
-        lanes.dZ[e] = -lanes.Z[e] - 0.5 * lanes.dZ[e]
-    for e in range(N * LANES):
-        lanes.dW[e] = -lanes.W[e] - dx[e] * lanes.W[e] / lanes.x[e]
+    for e in range(2 * r * r):
+        put(lanes.dZ, e, -0.5 * of_lanes(lanes.dZ, e) - of_lanes(lanes.Z, e))
+    for k in range(places.blocks):
+        W = of_lanes(lanes.W, k)
+        put(lanes.dW, k, -1.0 * W - of_lanes(lanes.dx, k) * W / of_lanes(lanes.x, k))
 
 
 @unchecked_kernel
 def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
-    """The corrector's dt and step, after the predictor's."""
+    """The corrector's dt and step, after the predictor's.
+
+    Its second order in Z is Q, the Hermitian part of S^-1 (dS dZ + E Z) with E = dt dD_r. That of
+    the first term is a product with what `_direction` left for the predictor; that of the second
+    goes into the equations as `along_t` says, and into dZ along with the corrector's own dS.
+    """
     c, r, N = places.c, places.r, places.blocks
     m = N + places.q
-    M, Si, Z, Q, V, work = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V, lanes.work
-    dS, dZ, dx, x, number = lanes.dS, lanes.dZ, lanes.dx, lanes.x, lanes.number
-    t, dt, rho, center = numbers.t, numbers.dt, numbers.rho, numbers.center
-    # Q is the Hermitian part of S^-1 (dS dZ + dt dD_r Z)
-    for k in range(N):
-        for w in range(LANES):
-            lanes.second[k * LANES + w] = dt[w] * dx[k * LANES + w]
-    product(dS, dZ, work, r, r, r)
+    M, Si, Q, V, second = lanes.M, lanes.S_inverse, lanes.Q, lanes.V, lanes.second_D
+    dZ, dx, x, number = lanes.dZ, lanes.dx, lanes.x, lanes.number
+    t, dt, rho, center = numbers.t, numbers.dt, numbers.rho, of_lanes(numbers.center, 0)
+    twice_hermitian_part(lanes.work, dZ, Q, r)
     for i in range(r):
-        row = 2 * i * r
-        set_sum(work, row, work, row, lanes.second, places.right[i], Z, row, 2 * r)
-    product(Si, work, V, r, r, r)
-    two = 2 * LANES
-    for i in range(r):
-        for j in range(i + 1):
-            e, back = (i * r + j) * two, (j * r + i) * two
-            for w in range(LANES):
-                Q[e + w] = 0.5 * (V[e + w] + V[back + w])
-                Q[e + LANES + w] = 0.5 * (V[e + LANES + w] - V[back + LANES + w])
-    fill_upper_half(Q, r)
-    product(M, Q, lanes.MX, c, r, r)
-    inequality_adjoint(places, M, t, Q, lanes.MX, lanes.other)
+        for j in range(i):
+            for e in range(2 * (i * r + j), 2 * (i * r + j) + 2):
+                put(V, e, 0.5 * of_lanes(Q, e))
+        e = 2 * (i * r + i)
+        put(V, e, 0.25 * of_lanes(Q, e))
+        put(V, e + 1, 0.0)
+        if i + 1 < r:
+            put(V, e + 2, 0.0)
+            put(V, e + 3, 0.0)
+    product_of_half(M, V, lanes.MX, c, r)
+    half_adjoint(places, M, t, V, lanes.MX, lanes.other)
     for k in range(N):
-        for w in range(LANES):
-            e = k * LANES + w
-            lanes.second[e] = dx[e] * lanes.dW[e] / x[e]
-            lanes.other[e] += lanes.second[e] - center[w] / x[e]
+        put(second, k, of_lanes(dt, 0) * of_lanes(dx, k))
+    along(places, t, lanes, second, lanes.trial, numbers.ahead)
+    _trace(places, Q, x, numbers.step)
+    target = -0.5 * of_lanes(numbers.step, 0) - of_lanes(numbers.ahead, 0)
     for j in range(r):
-        at, to = (j * r + j) * two, places.right[j] * LANES
-        for w in range(LANES):
-            lanes.other[to + w] += rho[w] * dZ[at + w]
-    for w in range(LANES):
-        target = center[w] * _trace(places, Si, x, w) - _trace(places, Q, x, w)
-        number[11 * LANES + w] = target + _trace(places, dZ, dx, w) - 1.0
+        to = places.right[j]
+        grown = of_lanes(rho, 0) * of_lanes(dZ, 2 * (j * r + j))
+        put(lanes.other, to, of_lanes(lanes.other, to) + grown)
+    _trace(places, Si, x, numbers.step)
+    _trace(places, dZ, dx, numbers.ahead)
+    target += center * of_lanes(numbers.step, 0) + of_lanes(numbers.ahead, 0) - 1.0
     for k in range(m):
-        for w in range(LANES):
-            e = k * LANES + w
-            lanes.pull[e] = center[w] * lanes.pull[e] - lanes.other[e]
+        pull = center * of_lanes(lanes.pull, k) - of_lanes(lanes.other, k)
+        put(lanes.pull, k, pull - of_lanes(lanes.trial, k))
+    for k in range(N):
+        put(numbers.step, 0, of_lanes(dx, k) * of_lanes(lanes.dW, k) / of_lanes(x, k))
+        pull = of_lanes(lanes.pull, k) - of_lanes(numbers.step, 0)
+        put(lanes.pull, k, pull + center / of_lanes(x, k))
+        put(lanes.second_W, k, of_lanes(numbers.step, 0))
     real_cholesky_solve(lanes.H, lanes.pivots, lanes.pull, lanes.other, m)
     set_real_product(number, 12, 0, lanes.b, 0, 0, 1, lanes.other, 0, 0, 1, m)
     set_real_product(number, 13, 0, lanes.u, 0, 0, 1, lanes.other, 0, 0, 1, m)
-    for w in range(LANES):
-        level, target = number[12 * LANES + w], number[11 * LANES + w]
-        change = (target - number[13 * LANES + w] + numbers.along[w] * level) / numbers.schur[w]
-        dt[w] = max(change, -LARGEST_FALL * t[w])
-        rho[w] = (level / numbers.bb[w] if numbers.bb[w] > 0.0 else 0.0) - dt[w] * numbers.along[w]
+    along_b, bb, level = of_lanes(numbers.along, 0), of_lanes(numbers.bb, 0), of_lanes(number, 12)
+    change = (target - of_lanes(number, 13) + along_b * level) / of_lanes(numbers.schur, 0)
+    least = -LARGEST_FALL * of_lanes(t, 0)
+    change = where_less(least, change, change, least)
+    put(dt, 0, change)
+    put(rho, 0, where_less(0.0, bb, level / bb, 0.0) - change * along_b)
     for k in range(m):
-        for w in range(LANES):
-            e = k * LANES + w
-            step = lanes.other[e] - dt[w] * lanes.toward_u[e]
-            dx[e] = step - rho[w] * lanes.toward_b[e]
+        step = of_lanes(lanes.other, k) - change * of_lanes(lanes.toward_u, k)
+        put(dx, k, step - of_lanes(rho, 0) * of_lanes(lanes.toward_b, k))
     _direction(places, lanes, numbers)
-    set_sum(dZ, 0, dZ, 0, center, 0, Si, 0, 2 * r * r)
-    for e in range(2 * r * r * LANES):
-        dZ[e] -= Q[e]
+    for j in range(r):  # with E, of the predictor
+        for i in range(r):
+            for e in range(2 * (i * r + j), 2 * (i * r + j) + 2):
+                grown = of_lanes(Si, e) * of_lanes(second, places.right[j])
+                put(lanes.work, e, of_lanes(lanes.work, e) + grown)
+    _multiplier_step(places, lanes)
+    for e in range(2 * r * r):
+        put(dZ, e, of_lanes(dZ, e) + center * of_lanes(Si, e) - 0.5 * of_lanes(Q, e))
     for k in range(N):
-        for w in range(LANES):
-            e = k * LANES + w
-            lanes.dW[e] += center[w] / x[e] - lanes.second[e]
+        dW = of_lanes(lanes.dW, k) + center / of_lanes(x, k)
+        put(lanes.dW, k, dW - of_lanes(lanes.second_W, k))
 
 
 @unchecked_kernel
@@ -425,36 +446,39 @@ def _reach(
 
     They are BOUNDARY_SHARE of the longest ones up to 1, and zero where a lane is not active.
     """
-    trial, held, step, high = lanes.V, fates.held, numbers.step, numbers.high
+    trial, held, step, high = lanes.V, numbers.held, numbers.step, numbers.high
     r = places.r
     for w in range(LANES):
-        longest = 1.0 / BOUNDARY_SHARE if fates.active[w] else 0.0
-        for k in range(places.blocks):
-            e = k * LANES + w
-            if v[e] + longest * dv[e] <= 0.0:
-                longest = -v[e] / dv[e] if dv[e] < 0.0 else 0.0
-        low[w], high[w], step[w] = 0.0, longest, longest
+        high[w] = 1.0 / BOUNDARY_SHARE if fates.active[w] else 0.0
+    longest = of_lanes(high, 0)
+    for k in range(places.blocks):
+        now, slope = of_lanes(v, k), of_lanes(dv, k)
+        most = where_less(slope, 0.0, -1.0 * now / slope, 0.0)
+        longest = where_less(0.0, now + longest * slope, longest, most)
+    put(low, 0, 0.0)
+    put(high, 0, longest)
+    put(step, 0, longest)
     fall = FALL
     for _ in range(STEP_TRIALS):
-        set_sum(trial, 0, A, 0, step, 0, first, 0, 2 * r * r)
+        for i in range(r):  # the lower half alone
+            row = 2 * i * r
+            set_sum(trial, row, A, row, step, 0, first, row, 2 * (i + 1))
         for j in range(r):
-            at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
-            for w in range(LANES):
-                trial[at + w] += step[w] ** 2 * dt[w] * lanes.dx[of + w]
-        for w in range(LANES):
-            held[w] = 1
+            e, grown = 2 * (j * r + j), of_lanes(step, 0) * of_lanes(step, 0) * of_lanes(dt, 0)
+            put(trial, e, of_lanes(trial, e) + grown * of_lanes(lanes.dx, places.right[j]))
+        put(held, 0, 1.0)
         cholesky(trial, lanes.L, r, held)
+        passed, now, top = of_lanes(held, 0), of_lanes(step, 0), of_lanes(high, 0)
+        longest = where_less(0.0, passed, now, of_lanes(low, 0))
+        top = where_less(0.0, passed, top, now)
+        put(low, 0, longest)
+        put(high, 0, top)
+        between = where_less(0.0, longest, 0.5 * (longest + top), fall * top)
+        put(step, 0, where_less(longest, top, between, now))
         found = True
         for w in range(LANES):
-            if held[w]:
-                low[w] = step[w]
-            else:
-                high[w] = step[w]
             found = found and low[w] == high[w]
-            if low[w] < high[w]:
-                step[w] = 0.5 * (low[w] + high[w]) if low[w] > 0.0 else fall * high[w]
         fall *= fall
         if found:
             break
-    for w in range(LANES):
-        low[w] *= BOUNDARY_SHARE
+    put(low, 0, BOUNDARY_SHARE * of_lanes(low, 0))

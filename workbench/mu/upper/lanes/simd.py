@@ -19,19 +19,19 @@ LANES = 8
 """Matrices that are worked on at once."""
 Lane = Any
 """An array of lanes, or the address of its first number."""
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+EIGHT = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def _vector(builder: Any, data: Any, place: Any) -> Any:
     """Address of the eight values that start at a place."""
-    return builder.bitcast(builder.gep(data, [place]), _VECTOR.as_pointer())
+    return builder.bitcast(builder.gep(data, [place]), EIGHT.as_pointer())
 
 
-def _load(builder: Any, data: Any, place: Any) -> Any:
+def load(builder: Any, data: Any, place: Any) -> Any:
     return builder.load(_vector(builder, data, place), align=8)
 
 
-def _store(builder: Any, value: Any, data: Any, place: Any) -> None:
+def store(builder: Any, value: Any, data: Any, place: Any) -> None:
     builder.store(value, _vector(builder, data, place), align=8)
 
 
@@ -42,7 +42,7 @@ def _number(builder: Any, like: Any, value: int) -> Any:
 
 def _fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """a b + c, rounded once."""
-    kind = ir.FunctionType(_VECTOR, [_VECTOR] * 3)
+    kind = ir.FunctionType(EIGHT, [EIGHT] * 3)
     fused = cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{LANES}f64")
     return builder.call(fused, [a, b, c])
 
@@ -97,19 +97,19 @@ def _summed(
                 return builder.mul(start, width)
 
             def both(data: Any, at: Any) -> list[Any]:
-                parts = [_load(builder, data, at)]
-                return [*parts, _load(builder, data, builder.add(at, half))] if complex_ else parts
+                parts = [load(builder, data, at)]
+                return [*parts, load(builder, data, builder.add(at, half))] if complex_ else parts
 
             entries = [(p, q) for p in range(rows) for q in range(columns)]
-            zero = ir.Constant(_VECTOR, [0.0] * LANES)
+            zero = ir.Constant(EIGHT, [0.0] * LANES)
             places, sums = {}, {}
             for p, q in entries:
                 row, column = (_number(builder, args[1], k) for k in (p, q))
                 at = place(builder.add(args[1], column), (row, args[2]))
                 places[p, q] = [at, builder.add(at, half)] if complex_ else [at]
-                sums[p, q] = [cgutils.alloca_once(builder, _VECTOR) for _ in places[p, q]]
+                sums[p, q] = [cgutils.alloca_once(builder, EIGHT) for _ in places[p, q]]
                 for total, where in zip(sums[p, q], places[p, q], strict=True):
-                    builder.store(zero if what == SET else _load(builder, target, where), total)
+                    builder.store(zero if what == SET else load(builder, target, where), total)
             with cgutils.for_range(builder, args[11]) as loop:
                 k, numbers = loop.index, [_number(builder, args[1], p) for p in range(max(tile))]
                 x = [
@@ -135,7 +135,7 @@ def _summed(
                         builder.store(_fused(builder, one, other, builder.load(total)), total)
             for p, q in entries:
                 for total, where in zip(sums[p, q], places[p, q], strict=True):
-                    _store(builder, builder.load(total), target, where)
+                    store(builder, builder.load(total), target, where)
             return context.get_dummy_value()
 
         return signature, generate
@@ -159,14 +159,20 @@ add_tile_right: Any = _summed(ADD, right=True, tile=(TILE, TILE))
 """A tile of C = C + A B^H."""
 add_product_right: Any = _summed(ADD, right=True)
 """C[c] and the sum, in its place, with the conjugates of B."""
+set_tile_left: Any = _summed(SET, left=True, tile=(TILE, TILE))
+"""A tile of C = A^H B."""
 take_product_left: Any = _summed(TAKE, left=True)
 """C[c] less the sum, in its place, with the conjugates of A."""
 take_product_right: Any = _summed(TAKE, right=True)
 """C[c] less the sum, in its place, with the conjugates of B."""
+take_tile_right: Any = _summed(TAKE, right=True, tile=(TILE, TILE))
+"""A tile of C less A B^H."""
 take_tile_left: Any = _summed(TAKE, left=True, tile=(TILE, TILE))
 """A tile of C less A^H B."""
 set_real_product: Any = _summed(SET, complex_=False)
 """The sum of products of real entries; of complex ones, two real each, their inner product."""
+take_real_tile: Any = _summed(TAKE, complex_=False, tile=(TILE, TILE))
+"""A tile of C less A B^T, of real entries."""
 take_real_product: Any = _summed(TAKE, complex_=False)
 """C[c] less the sum, in its place, of real entries."""
 
@@ -183,11 +189,11 @@ def _set_sum(
         target, first, share, second = (
             start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4, 6)
         )
-        factor = _load(builder, share, builder.mul(args[5], width))
+        factor = load(builder, share, builder.mul(args[5], width))
         with cgutils.for_range(builder, args[8]) as loop:
             to, i, j = (builder.mul(builder.add(args[k], loop.index), width) for k in (1, 3, 7))
-            found = _fused(builder, factor, _load(builder, second, j), _load(builder, first, i))
-            _store(builder, found, target, to)
+            found = _fused(builder, factor, load(builder, second, j), load(builder, first, i))
+            store(builder, found, target, to)
         return context.get_dummy_value()
 
     return signature, generate
@@ -205,40 +211,16 @@ def _scaled(sign: int) -> Any:
             target, share, given = (
                 start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4)
             )
-            factor = _load(builder, share, builder.mul(args[3], width))
+            factor = load(builder, share, builder.mul(args[3], width))
             factor = builder.fneg(factor) if sign < 0 else factor
             with cgutils.for_range(builder, args[6]) as loop:
                 to, i = (builder.mul(builder.add(args[k], loop.index), width) for k in (1, 5))
-                _store(builder, builder.fmul(factor, _load(builder, given, i)), target, to)
+                store(builder, builder.fmul(factor, load(builder, given, i)), target, to)
             return context.get_dummy_value()
 
         return signature, generate
 
     return intrinsic(scaled)
-
-
-def _copied(sign: int) -> Any:
-    """Intrinsic for one complex entry C[c] = A[a], or its conjugate."""
-
-    def copied(typing: Any, C: Any, c: Any, A: Any, a: Any) -> Any:
-        size = types.intp
-        signature = types.void(C, size, A, size)
-
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            width, half = (_number(builder, args[1], LANES * k) for k in (2, 1))
-            target, given = (start_of(context, builder, signature.args[k], args[k]) for k in (0, 2))
-            to, at = (builder.mul(args[k], width) for k in (1, 3))
-            real, imaginary = (
-                _load(builder, given, place) for place in (at, builder.add(at, half))
-            )
-            _store(builder, real, target, to)
-            imaginary = builder.fneg(imaginary) if sign < 0 else imaginary
-            _store(builder, imaginary, target, builder.add(to, half))
-            return context.get_dummy_value()
-
-        return signature, generate
-
-    return intrinsic(copied)
 
 
 set_sum: Any = intrinsic(_set_sum)
@@ -247,7 +229,3 @@ set_scaled: Any = _scaled(1)
 """C = s A over n real entries from c and a on; s is the real entry k of an array."""
 set_negative_scaled: Any = _scaled(-1)
 """C = - s A, likewise."""
-set_entry: Any = _copied(1)
-"""C[c] = A[a] of complex entries."""
-set_conjugate: Any = _copied(-1)
-"""C[c] = conj(A[a]) of complex entries."""

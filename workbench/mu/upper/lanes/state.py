@@ -35,8 +35,8 @@ class Lanes(NamedTuple):
     """Eight points and what is computed from them; m is the number of unknowns (d, then g).
 
     Matrices (r, r): S, Z and their steps, L, S_inverse, V, Q, work. Matrices (c, r): M, MX, T_M and
-    U_M. Matrices (c, c): T_C, U_C. Vectors of blocks: W, its step and the second order of that. Of
-    unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with its
+    U_M. Matrices (c, c): T_C, U_C. Vectors of blocks: W, its step and the second orders of D and W.
+    Of unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with its
     pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
     """
 
@@ -60,7 +60,8 @@ class Lanes(NamedTuple):
     P_M: Lane
     W: Lane
     dW: Lane
-    second: Lane
+    second_D: Lane
+    second_W: Lane
     x: Lane
     dx: Lane
     u: Lane
@@ -82,7 +83,7 @@ SINGLE_NUMBERS = 16
 class Numbers(NamedTuple):
     """One number for each lane: of the point, of the step, and of the search for its length.
 
-    ``none`` stays zero.
+    ``held`` tells, as 1 or 0, what the last Cholesky factor showed; ``none`` stays zero.
     """
 
     t: Lane
@@ -100,16 +101,16 @@ class Numbers(NamedTuple):
     ahead: Lane
     step: Lane
     high: Lane
+    held: Lane
     none: Lane
 
 
 class Fates(NamedTuple):
     """What becomes of the path of each lane, 0 or 1; ``matrix`` is the number of the matrix.
 
-    ``used`` counts its iterations, ``held`` tells what the last Cholesky factor showed.
+    ``used`` counts its iterations.
     """
 
-    held: Lane
     active: Lane
     lost: Lane
     matrix: Lane
@@ -141,7 +142,7 @@ def room_for(c: int, r: int, blocks: int, q: int) -> Room:
         (r * r, "P_R"),
         (c * c, "P_C"),
         (c * r, "P_M"),
-        (blocks, "W dW second"),
+        (blocks, "W dW second_D second_W"),
         (m, "x dx u b toward_u toward_b pull other trial pivots"),
         (m * m, "H"),
         (SINGLE_NUMBERS, "number"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from workbench.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
 from workbench.mu.upper.lanes.simd import (
-    LANES,
     TILE,
     Lane,
     set_real_product,
@@ -14,6 +13,7 @@ from workbench.mu.upper.lanes.simd import (
     take_tile_left,
 )
 from workbench.mu.upper.lanes.state import Lanes, Places
+from workbench.mu.upper.lanes.values import Values, of_lanes, put
 
 
 @unchecked_kernel
@@ -22,8 +22,8 @@ def inequality(places: Places, M: Lane, t: Lane, x: Lane, scaled: Lane, S: Lane)
     c, r = places.c, places.r
     for i in range(c):
         set_scaled(scaled, i * r * 2, x, places.left[i], M, i * r * 2, 2 * r)
-    for e in range(2 * r * r * LANES):
-        S[e] = 0.0
+    for e in range(2 * r * r):
+        put(S, e, 0.0)
     for i in range(0, r, TILE):
         for j in range(0, i + 1, TILE):
             if i + TILE <= r:
@@ -32,59 +32,71 @@ def inequality(places: Places, M: Lane, t: Lane, x: Lane, scaled: Lane, S: Lane)
                 for q in range(j, min(j + TILE, r)):
                     take_product_left(S, i * r + q, 0, M, i, 0, r, scaled, q, 0, r, c)
     for i in range(r):
-        start = (i * r + i) * 2 * LANES
-        for w in range(LANES):
-            S[start + w] += t[w] * x[places.right[i] * LANES + w]
-            S[start + LANES + w] = 0.0
+        e = 2 * (i * r + i)
+        put(S, e, of_lanes(S, e) + of_lanes(t, 0) * of_lanes(x, places.right[i]))
+        put(S, e + 1, 0.0)
     for k in range(places.q):
         i, j = places.row[k], places.column[k]
-        g = (places.blocks + k) * LANES
+        g = of_lanes(x, places.blocks + k)
         for b in range(r):
-            at = (i * r + b) * 2 * LANES
             # -j g m_b in row j, and its conjugate in column j; only the lower half is kept
-            place = (max(j, b) * r + min(j, b)) * 2 * LANES
-            side = 1.0 if b <= j else -1.0
-            for w in range(LANES):
-                S[place + w] += x[g + w] * M[at + LANES + w]
-                S[place + LANES + w] -= side * x[g + w] * M[at + w]
-            if b == j:
-                for w in range(LANES):
-                    S[place + w] += x[g + w] * M[at + LANES + w]
-                    S[place + LANES + w] = 0.0
+            at, e = 2 * (i * r + b), 2 * (max(j, b) * r + min(j, b))
+            side = 1.0 if b < j else -1.0
+            put(S, e, of_lanes(S, e) + g * of_lanes(M, at + 1))
+            put(S, e + 1, of_lanes(S, e + 1) - side * g * of_lanes(M, at))
+        e, at = 2 * (j * r + j), 2 * (i * r + j)
+        put(S, e, of_lanes(S, e) + g * of_lanes(M, at + 1))
+        put(S, e + 1, 0.0)
     fill_upper_half(S, r)
 
 
 @unchecked_kernel
 def inequality_adjoint(places: Places, M: Lane, t: Lane, X: Lane, MX: Lane, y: Lane) -> None:
     """The adjoint of `inequality` at a Hermitian X, given M X."""
-    c, r = places.c, places.r
-    for e in range((places.blocks + places.q) * LANES):
-        y[e] = 0.0
-    for j in range(r):
-        at, to = (j * r + j) * 2 * LANES, places.right[j] * LANES
-        for w in range(LANES):
-            y[to + w] += t[w] * X[at + w]
-    for i in range(c):
-        to = places.left[i] * LANES
-        for j in range(r):
-            at = (i * r + j) * 2 * LANES
-            for w in range(LANES):
-                y[to + w] -= MX[at + w] * M[at + w] + MX[at + LANES + w] * M[at + LANES + w]
+    add_adjoint(places, M, t, X, MX, y)
     for k in range(places.q):
-        at = (places.row[k] * r + places.column[k]) * 2 * LANES
-        to = (places.blocks + k) * LANES
-        for w in range(LANES):
-            y[to + w] = 2.0 * MX[at + LANES + w]
+        at = 2 * (places.row[k] * places.r + places.column[k])
+        put(y, places.blocks + k, 2.0 * of_lanes(MX, at + 1))
+
+
+@unchecked_kernel
+def half_adjoint(places: Places, M: Lane, t: Lane, X: Lane, MX: Lane, y: Lane) -> None:
+    """The adjoint of `inequality` at X + X^H for a lower triangle X, given M X."""
+    r = places.r
+    add_adjoint(places, M, t, X, MX, y)
+    for k in range(places.blocks):
+        put(y, k, 2.0 * of_lanes(y, k))
+    for k in range(places.q):
+        p, q = places.row[k], places.column[k]
+        part = of_lanes(MX, 2 * (p * r + q) + 1)
+        for j in range(q + 1):
+            a, b = 2 * (p * r + j), 2 * (q * r + j)  # M X^H, whose X^H has conjugates of row q
+            part += of_lanes(M, a + 1) * of_lanes(X, b) - of_lanes(M, a) * of_lanes(X, b + 1)
+        put(y, places.blocks + k, 2.0 * part)
+
+
+@unchecked_kernel
+def add_adjoint(places: Places, M: Lane, t: Lane, X: Lane, MX: Lane, y: Lane) -> None:
+    """The part of the adjoint for D: t X_r less the real diagonal of M X M^H, block by block."""
+    c, r = places.c, places.r
+    for k in range(places.blocks):
+        put(y, k, 0.0)
+    for j in range(r):
+        to = places.right[j]
+        put(y, to, of_lanes(y, to) + of_lanes(t, 0) * of_lanes(X, 2 * (j * r + j)))
+    for i in range(c):
+        total = of_lanes(y, places.left[i])
+        for e in range(2 * i * r, 2 * (i + 1) * r):
+            total -= of_lanes(MX, e) * of_lanes(M, e)
+        put(y, places.left[i], total)
 
 
 @unchecked_kernel
 def add_diagonal(places: Places, X: Lane, y: Lane) -> None:
     """Add the diagonal of X (r, r) to y, block by block."""
-    r = places.r
-    for j in range(r):
-        at, to = (j * r + j) * 2 * LANES, places.right[j] * LANES
-        for w in range(LANES):
-            y[to + w] += X[at + w]
+    for j in range(places.r):
+        to = places.right[j]
+        put(y, to, of_lanes(y, to) + of_lanes(X, 2 * (j * places.r + j)))
 
 
 @unchecked_kernel
@@ -99,119 +111,108 @@ def between_M(places: Places, M: Lane, X: Lane, MX: Lane, MXM: Lane) -> None:
 def newton_matrix(places: Places, t: Lane, lanes: Lanes) -> None:
     """H[k, l] = Re trace(F_k S^-1 F_l Z) + (d_k^-1 w_k where k = l), F_k the derivatives of S.
 
-    With S^-1 and Z between M and M^H in T and U; see `between_M`.
+    With S^-1 and Z between M and M^H in T and U; see `between_M`. The lower half alone.
     """
     c, r, N = places.c, places.r, places.blocks
     m = N + places.q
-    H, Si, Z = lanes.H, lanes.S_inverse, lanes.Z
-    TM, UM, TC, UC = lanes.T_M, lanes.U_M, lanes.T_C, lanes.U_C
-    for e in range(m * m * LANES):
-        H[e] = 0.0
+    H, left, right = lanes.H, places.left, places.right
+    for i in range(m):
+        for e in range(i * m, i * m + i + 1):
+            put(H, e, 0.0)
     for e in range(r * r):
-        set_real_product(lanes.P_R, e, 0, Si, 2 * e, 0, 1, Z, 2 * e, 0, 1, 2)
+        put(lanes.P_R, e, _both(lanes.S_inverse, lanes.Z, e))
     for e in range(c * c):
-        set_real_product(lanes.P_C, e, 0, TC, 2 * e, 0, 1, UC, 2 * e, 0, 1, 2)
+        put(lanes.P_C, e, _both(lanes.T_C, lanes.U_C, e))
     for e in range(c * r):
-        set_real_product(lanes.P_M, e, 0, TM, 2 * e, 0, 1, UM, 2 * e, 0, 1, 2)
+        put(lanes.P_M, e, _both(lanes.T_M, lanes.U_M, e))
+    grown = of_lanes(t, 0)
     for i in range(r):
         for j in range(r):
-            to, at = (places.right[i] * m + places.right[j]) * LANES, (i * r + j) * LANES
-            for w in range(LANES):
-                H[to + w] += t[w] * t[w] * lanes.P_R[at + w]
+            if right[j] <= right[i]:
+                to = right[i] * m + right[j]
+                part = grown * grown * of_lanes(lanes.P_R, i * r + j)
+                put(H, to, of_lanes(H, to) + part)
     for i in range(c):
         for j in range(c):
-            to, at = (places.left[i] * m + places.left[j]) * LANES, (i * c + j) * LANES
-            for w in range(LANES):
-                H[to + w] += lanes.P_C[at + w]
+            if left[j] <= left[i]:
+                to = left[i] * m + left[j]
+                put(H, to, of_lanes(H, to) + of_lanes(lanes.P_C, i * c + j))
         for j in range(r):
-            at = (i * r + j) * LANES
-            to = (places.left[i] * m + places.right[j]) * LANES
-            back = (places.right[j] * m + places.left[i]) * LANES
-            for w in range(LANES):
-                part = t[w] * lanes.P_M[at + w]
-                H[to + w] -= part
-                H[back + w] -= part
+            to = max(left[i], right[j]) * m + min(left[i], right[j])
+            part = grown * of_lanes(lanes.P_M, i * r + j)
+            if left[i] == right[j]:
+                part = 2.0 * part
+            put(H, to, of_lanes(H, to) - part)
     for k in range(places.q):
         _skew_row(places, t, lanes, k)
     for k in range(N):
-        to = (k * m + k) * LANES
-        for w in range(LANES):
-            H[to + w] += lanes.W[k * LANES + w] / lanes.x[k * LANES + w]
+        to = k * m + k
+        put(H, to, of_lanes(H, to) + of_lanes(lanes.W, k) / of_lanes(lanes.x, k))
+
+
+@unchecked_kernel
+def _both(A: Lane, B: Lane, e: int) -> Values:
+    """The real part of A[e] conj(B[e])."""
+    return of_lanes(A, 2 * e) * of_lanes(B, 2 * e) + of_lanes(A, 2 * e + 1) * of_lanes(B, 2 * e + 1)
 
 
 @unchecked_kernel
 def _skew_row(places: Places, t: Lane, lanes: Lanes, k: int) -> None:
     """The row of H of the k-th real scalar, to its diagonal."""
     c, r, N = places.c, places.r, places.blocks
-    m, two = N + places.q, 2 * LANES
+    m, grown = N + places.q, of_lanes(t, 0)
     H, Si, Z = lanes.H, lanes.S_inverse, lanes.Z
     TM, UM, TC, UC = lanes.T_M, lanes.U_M, lanes.T_C, lanes.U_C
-    p, q = places.row[k], places.column[k]
-    for j in range(r):  # with the part t e_j e_j^T of d
-        to = ((N + k) * m + places.right[j]) * LANES
-        a, b = (q * r + j) * two, (p * r + j) * two
-        for w in range(LANES):
-            # S^-1[j, q] is the conjugate of S^-1[q, j]
-            first = Si[a + w] * UM[b + LANES + w] - Si[a + LANES + w] * UM[b + w]
-            other = TM[b + w] * Z[a + LANES + w] - TM[b + LANES + w] * Z[a + w]
-            H[to + w] += t[w] * (first - other)
-    for i in range(c):  # with the part - m_i^H m_i of d
-        to = ((N + k) * m + places.left[i]) * LANES
-        a, b = (i * r + q) * two, (p * c + i) * two
-        for w in range(LANES):
-            first = TM[a + w] * UC[b + LANES + w] + TM[a + LANES + w] * UC[b + w]
-            # T_C[i, p] is the conjugate of T_C[p, i]
-            other = -TC[b + LANES + w] * UM[a + w] - TC[b + w] * UM[a + LANES + w]
-            H[to + w] += other - first
-    for other_ in range(k + 1):
-        i, j = places.row[other_], places.column[other_]
-        to = ((N + k) * m + N + other_) * LANES
-        pi, qj = (p * c + i) * two, (q * r + j) * two
-        pj, iq = (p * r + j) * two, (i * r + q) * two
-        for w in range(LANES):
-            same = TC[pi + w] * Z[qj + w] + TC[pi + LANES + w] * Z[qj + LANES + w]
-            same += Si[qj + w] * UC[pi + w] + Si[qj + LANES + w] * UC[pi + LANES + w]
-            cross = TM[pj + w] * UM[iq + w] - TM[pj + LANES + w] * UM[iq + LANES + w]
-            cross += TM[iq + w] * UM[pj + w] - TM[iq + LANES + w] * UM[pj + LANES + w]
-            H[to + w] += same - cross
+    p, q, row = places.row[k], places.column[k], (N + k) * m
+    for j in range(r):  # with the part t e_j e_j^T of d; S^-1[j, q] is the conjugate of S^-1[q, j]
+        to, a, b = row + places.right[j], 2 * (q * r + j), 2 * (p * r + j)
+        part = of_lanes(Si, a) * of_lanes(UM, b + 1) - of_lanes(Si, a + 1) * of_lanes(UM, b)
+        part += of_lanes(TM, b + 1) * of_lanes(Z, a) - of_lanes(TM, b) * of_lanes(Z, a + 1)
+        put(H, to, of_lanes(H, to) + grown * part)
+    for i in range(c):  # with the part - m_i^H m_i of d; T_C[i, p] is the conjugate of T_C[p, i]
+        to, a, b = row + places.left[i], 2 * (i * r + q), 2 * (p * c + i)
+        part = of_lanes(TM, a) * of_lanes(UC, b + 1) + of_lanes(TM, a + 1) * of_lanes(UC, b)
+        part += of_lanes(TC, b + 1) * of_lanes(UM, a) + of_lanes(TC, b) * of_lanes(UM, a + 1)
+        put(H, to, of_lanes(H, to) - part)
+    for other in range(k + 1):
+        i, j = places.row[other], places.column[other]
+        pi, qj, pj, iq = 2 * (p * c + i), 2 * (q * r + j), 2 * (p * r + j), 2 * (i * r + q)
+        part = of_lanes(TC, pi) * of_lanes(Z, qj) + of_lanes(TC, pi + 1) * of_lanes(Z, qj + 1)
+        part += of_lanes(Si, qj) * of_lanes(UC, pi) + of_lanes(Si, qj + 1) * of_lanes(UC, pi + 1)
+        part -= of_lanes(TM, pj) * of_lanes(UM, iq) - of_lanes(TM, pj + 1) * of_lanes(UM, iq + 1)
+        part -= of_lanes(TM, iq) * of_lanes(UM, pj) - of_lanes(TM, iq + 1) * of_lanes(UM, pj + 1)
+        put(H, row + N + other, part)
 
 
 @unchecked_kernel
-def along_t(places: Places, t: Lane, lanes: Lanes, curvature: Lane) -> None:
-    """u = F*(V) and <V, D_r> (LANES,), V being the Hermitian part of S^-1 D_r Z.
+def along(places: Places, t: Lane, lanes: Lanes, d: Lane, u: Lane, inside: Lane) -> None:
+    """u = F*(V) and <V, D_r> (LANES,) of V, the Hermitian part of S^-1 E Z, E the D_r of d (N,).
 
     From what `newton_matrix` leaves: V itself is not needed.
     """
     c, r, N = places.c, places.r, places.blocks
-    u, x, two = lanes.u, lanes.x, 2 * LANES
     TM, UM, Si, Z = lanes.T_M, lanes.U_M, lanes.S_inverse, lanes.Z
-    for e in range((N + places.q) * LANES):
-        u[e] = 0.0
-    for i in range(r):
-        to = places.right[i] * LANES
-        for j in range(r):
-            at, of = (i * r + j) * LANES, places.right[j] * LANES
-            for w in range(LANES):
-                u[to + w] += lanes.P_R[at + w] * x[of + w]
-    for w in range(LANES):
-        curvature[w] = 0.0
     for k in range(N):
-        for w in range(LANES):
-            e = k * LANES + w
-            curvature[w] += x[e] * u[e]
-            u[e] *= t[w]
+        put(u, k, 0.0)
+    for i in range(r):
+        total = of_lanes(u, places.right[i])
+        for j in range(r):
+            total += of_lanes(lanes.P_R, i * r + j) * of_lanes(d, places.right[j])
+        put(u, places.right[i], total)
+    set_real_product(inside, 0, 0, lanes.x, 0, 0, 1, u, 0, 0, 1, N)
+    for k in range(N):
+        put(u, k, of_lanes(u, k) * of_lanes(t, 0))
     for i in range(c):
-        to = places.left[i] * LANES
+        total = of_lanes(u, places.left[i])
         for j in range(r):
-            at, of = (i * r + j) * LANES, places.right[j] * LANES
-            for w in range(LANES):
-                u[to + w] -= lanes.P_M[at + w] * x[of + w]
+            total -= of_lanes(lanes.P_M, i * r + j) * of_lanes(d, places.right[j])
+        put(u, places.left[i], total)
     for k in range(places.q):
-        p, q, to = places.row[k], places.column[k], (N + k) * LANES
-        for j in range(r):
-            # Z[j, q] is the conjugate of Z[q, j]
-            a, b, of = (p * r + j) * two, (q * r + j) * two, places.right[j] * LANES
-            for w in range(LANES):
-                part = TM[a + LANES + w] * Z[b + w] - TM[a + w] * Z[b + LANES + w]
-                part += UM[a + LANES + w] * Si[b + w] - UM[a + w] * Si[b + LANES + w]
-                u[to + w] += part * x[of + w]
+        p, q = places.row[k], places.column[k]
+        total = 0.0 * of_lanes(t, 0)
+        for j in range(r):  # Z[j, q] is the conjugate of Z[q, j]
+            a, b = 2 * (p * r + j), 2 * (q * r + j)
+            part = of_lanes(TM, a + 1) * of_lanes(Z, b) - of_lanes(TM, a) * of_lanes(Z, b + 1)
+            part += of_lanes(UM, a + 1) * of_lanes(Si, b) - of_lanes(UM, a) * of_lanes(Si, b + 1)
+            total += part * of_lanes(d, places.right[j])
+        put(u, N + k, total)
