@@ -6,7 +6,14 @@ from exact_rational import is_positive_definite, rational, real_form
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.certify.mu_bound import SAID_ALLOWANCES, certified_bound, structured
+from workbench.certify.mu_bound import (
+    SAID_ALLOWANCES,
+    SAID_SHARPNESS,
+    SHARPNESS,
+    WIDENING,
+    certified_bound,
+    structured,
+)
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -104,3 +111,52 @@ def test_what_is_said_is_proven_where_rounding_makes_both_search():
     proven = certified_bound(M, structure, *multipliers)
     assert (proven <= said).all() and (said <= proven * (1 + 1e-9)).all()
     assert (said > proven).sum() > 40  # the searches differ
+
+
+HARD = {
+    "real": [Real(1)] * 3,
+    "repeated": [Complex(2), Real(2), Full(1, 1)],
+    "mixed": [Real(1), Full(2, 1), Full(1, 2)],
+}
+
+
+@pytest.mark.parametrize("growth", [1.0, 1e6])
+@pytest.mark.parametrize("kind", ["plain", "nearly real", "sparse", "graded"])
+@pytest.mark.parametrize("name", HARD)
+def test_what_is_said_is_proven_and_hardly_larger_for_hard_data(name, kind, growth):
+    """Also with a G that is too large by far, whose terms cancel."""
+    structure, rng = Structure(HARD[name]), np.random.default_rng(11)
+    M = rng.normal(size=(60, structure.columns, structure.rows)) * (1 + 0j)
+    M += 1j * rng.normal(size=M.shape) * (1e-6 if kind == "nearly real" else 1.0)
+    if kind == "sparse":
+        M = M * (rng.uniform(size=M.shape) < 0.4)
+    if kind == "graded":
+        M = M * 10 ** rng.uniform(-4, 4, (60, M.shape[1], 1))
+    answer = upper_bound(M, structure)
+    multipliers = answer.D_left, answer.D_right, growth * answer.G
+    said = certified_bound(M, structure, *multipliers, allowances=SAID_ALLOWANCES)
+    proven = certified_bound(M, structure, *multipliers)
+    assert (proven <= said).all()
+    size = np.linalg.norm(M, 2, axis=(1, 2))
+    assert (said <= proven * (1 + 1e-3) + 1e-9 * size * growth).all()
+
+
+def test_the_widths_at_which_searches_end_share_their_steps():
+    """Every beta that the search for a said bound tries, that for a proven one must try too."""
+    steps = np.log(SAID_SHARPNESS / SHARPNESS) / np.log(WIDENING)
+    assert steps == round(steps) > 0
+
+
+def test_a_search_needs_few_proofs(monkeypatch):
+    rng = np.random.default_rng(5)
+    M = rng.normal(size=(500, 4, 4)) + 1j * rng.normal(size=(500, 4, 4))
+    structure = Structure([Real(1)] * 4)
+    answer = upper_bound(M, structure)
+    multipliers, counts = (answer.D_left, answer.D_right, answer.G), []
+    eigenvalues = np.linalg.eigvalsh
+    monkeypatch.setattr(np.linalg, "eigvalsh", lambda A: counts.append(len(A)) or eigenvalues(A))
+    said = certified_bound(M, structure, *multipliers, allowances=SAID_ALLOWANCES)
+    assert counts[0] == len(M)
+    searched = max(counts[1:])
+    assert searched > 40 and (said > 0).any()
+    assert sum(counts[1:]) < 6 * searched

@@ -237,6 +237,7 @@ def _searched(
     The search starts at a guess (F,), or anywhere.
     """
     count = 4 * (2 * A.shape[-1] + 8)
+    fixed, growing = spread + count * np.abs(A), count * np.abs(R)
 
     def scaled(
         t: NDArray[np.float64], at: NDArray[np.intp]
@@ -245,11 +246,10 @@ def _searched(
 
         With the factors of these (f, r), and what its least eigenvalue has to exceed for a proof.
         """
-        grown = t[:, None, None] * R[at]
-        bound = spread[at] + count * (np.abs(grown) + np.abs(A[at]))
+        bound = fixed[at] + np.abs(t)[:, None, None] * growing[at]
         root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
         both = root[:, :, None] * root[:, None, :]
-        S = (grown - A[at]) * both
+        S = (t[:, None, None] * R[at] - A[at]) * both
         S = np.where(np.isfinite(S), S, 0.0)
         return S, root, EPS * (_norm(bound * both) + count * _norm(S))
 
@@ -348,9 +348,10 @@ def _diagonal(matrix: NDArray[Any]) -> NDArray[np.float64]:
 
 def _norm(matrix: NDArray[Any]) -> NDArray[np.float64]:
     """Frobenius norm of each matrix, computed without overflow of the squares of its entries."""
+    if np.iscomplexobj(matrix):  # real and imaginary parts side by side
+        matrix = np.ascontiguousarray(matrix).view(float)
     size = _power(np.abs(matrix).max((-2, -1), initial=0.0))
-    scaled = matrix / size[..., None, None]
-    return np.sqrt((scaled.real**2 + scaled.imag**2).sum((-2, -1))) * size
+    return np.sqrt(((matrix / size[..., None, None]) ** 2).sum((-2, -1))) * size
 
 
 def _power(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -111,15 +111,19 @@ def batch_bounds(
 
 def _above_norm(value: RealArray, M: ComplexArray) -> np.ndarray:
     """Where bounds (F,) are above the largest singular value of M (F, c, r): spoilt by rounding."""
-    size = np.abs(M).max(axis=(1, 2), initial=np.finfo(float).tiny)
-    value, M = value / size, M / size[:, None, None]
-    # a quick bound of that from below, by power iteration from the largest row
-    vector = np.take_along_axis(M, np.abs(M).sum(axis=2).argmax(axis=1)[:, None, None], axis=1)
+    moduli = np.abs(M)
+    size = moduli.max(axis=(1, 2), initial=np.finfo(float).tiny)
+    value, moduli = value / size, moduli / size[:, None, None]
+    # quick bounds of that from below: the norms of rows, then power iteration from the largest row
+    spoilt = value > np.sqrt((moduli**2).sum(axis=2).max(axis=1, initial=0.0))
+    value, moduli, M = value[spoilt], moduli[spoilt], M[spoilt] / size[spoilt, None, None]
+    vector = np.take_along_axis(M, moduli.sum(axis=2).argmax(axis=1)[:, None, None], axis=1)
     vector = vector.conj().mT
     for _ in range(POWER_STEPS):
         image = M @ vector
         vector = M.conj().mT @ image
         vector /= np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), np.finfo(float).tiny)
-    spoilt = value > np.linalg.norm(M @ vector, axis=(1, 2))
-    spoilt[spoilt] = value[spoilt] > SPOILT_BOUND_RATIO * np.linalg.norm(M[spoilt], 2, axis=(1, 2))
+    left = value > np.linalg.norm(M @ vector, axis=(1, 2))
+    left[left] = value[left] > SPOILT_BOUND_RATIO * np.linalg.norm(M[left], 2, axis=(1, 2))
+    spoilt[spoilt] = left
     return spoilt
