@@ -27,11 +27,11 @@ def _vector(builder: Any, data: Any, place: Any) -> Any:
     return builder.bitcast(builder.gep(data, [place]), EIGHT.as_pointer())
 
 
-def load(builder: Any, data: Any, place: Any) -> Any:
+def load_eight(builder: Any, data: Any, place: Any) -> Any:
     return builder.load(_vector(builder, data, place), align=8)
 
 
-def store(builder: Any, value: Any, data: Any, place: Any) -> None:
+def store_eight(builder: Any, value: Any, data: Any, place: Any) -> None:
     builder.store(value, _vector(builder, data, place), align=8)
 
 
@@ -97,8 +97,12 @@ def _summed(
                 return builder.mul(start, width)
 
             def both(data: Any, at: Any) -> list[Any]:
-                parts = [load(builder, data, at)]
-                return [*parts, load(builder, data, builder.add(at, half))] if complex_ else parts
+                parts = [load_eight(builder, data, at)]
+                return (
+                    [*parts, load_eight(builder, data, builder.add(at, half))]
+                    if complex_
+                    else parts
+                )
 
             entries = [(p, q) for p in range(rows) for q in range(columns)]
             zero = ir.Constant(EIGHT, [0.0] * LANES)
@@ -109,7 +113,9 @@ def _summed(
                 places[p, q] = [at, builder.add(at, half)] if complex_ else [at]
                 sums[p, q] = [cgutils.alloca_once(builder, EIGHT) for _ in places[p, q]]
                 for total, where in zip(sums[p, q], places[p, q], strict=True):
-                    builder.store(zero if what == SET else load(builder, target, where), total)
+                    builder.store(
+                        zero if what == SET else load_eight(builder, target, where), total
+                    )
             with cgutils.for_range(builder, args[11]) as loop:
                 k, numbers = loop.index, [_number(builder, args[1], p) for p in range(max(tile))]
                 x = [
@@ -135,7 +141,7 @@ def _summed(
                         builder.store(_fused(builder, one, other, builder.load(total)), total)
             for p, q in entries:
                 for total, where in zip(sums[p, q], places[p, q], strict=True):
-                    store(builder, builder.load(total), target, where)
+                    store_eight(builder, builder.load(total), target, where)
             return context.get_dummy_value()
 
         return signature, generate
@@ -189,11 +195,13 @@ def _set_sum(
         target, first, share, second = (
             start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4, 6)
         )
-        factor = load(builder, share, builder.mul(args[5], width))
+        factor = load_eight(builder, share, builder.mul(args[5], width))
         with cgutils.for_range(builder, args[8]) as loop:
             to, i, j = (builder.mul(builder.add(args[k], loop.index), width) for k in (1, 3, 7))
-            found = _fused(builder, factor, load(builder, second, j), load(builder, first, i))
-            store(builder, found, target, to)
+            found = _fused(
+                builder, factor, load_eight(builder, second, j), load_eight(builder, first, i)
+            )
+            store_eight(builder, found, target, to)
         return context.get_dummy_value()
 
     return signature, generate
@@ -211,11 +219,13 @@ def _scaled(sign: int) -> Any:
             target, share, given = (
                 start_of(context, builder, signature.args[k], args[k]) for k in (0, 2, 4)
             )
-            factor = load(builder, share, builder.mul(args[3], width))
+            factor = load_eight(builder, share, builder.mul(args[3], width))
             factor = builder.fneg(factor) if sign < 0 else factor
             with cgutils.for_range(builder, args[6]) as loop:
                 to, i = (builder.mul(builder.add(args[k], loop.index), width) for k in (1, 5))
-                store(builder, builder.fmul(factor, load(builder, given, i)), target, to)
+                store_eight(
+                    builder, builder.fmul(factor, load_eight(builder, given, i)), target, to
+                )
             return context.get_dummy_value()
 
         return signature, generate

@@ -14,7 +14,7 @@ from numba.core import extending as _extending
 from numba.core.typing import templates as _templates
 
 from workbench.addresses import cgutils, start_of, types
-from workbench.mu.upper.lanes.simd import EIGHT, LANES, load, store
+from workbench.mu.upper.lanes.simd import EIGHT, LANES, load_eight, store_eight
 
 _extend: Any = _extending  # these have no annotations
 _typing: Any = _templates
@@ -81,7 +81,7 @@ _arithmetic(operator.truediv, "fdiv")
 def _eight_of(typing: Any, A: Any, k: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = builder.mul(args[1], ir.Constant(args[1].type, LANES))
-        return load(builder, start_of(context, builder, signature.args[0], args[0]), place)
+        return load_eight(builder, start_of(context, builder, signature.args[0], args[0]), place)
 
     return VALUES(A, types.intp), generate
 
@@ -90,7 +90,7 @@ def _put(typing: Any, A: Any, k: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = builder.mul(args[1], ir.Constant(args[1].type, LANES))
         target = start_of(context, builder, signature.args[0], args[0])
-        store(builder, _eight(builder, signature.args[2], args[2]), target, place)
+        store_eight(builder, _eight(builder, signature.args[2], args[2]), target, place)
         return context.get_dummy_value()
 
     return types.void(A, types.intp, value), generate
