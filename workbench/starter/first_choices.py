@@ -18,7 +18,7 @@ from workbench.fitting.response.vector_fitting import relocated_fits, vector_fit
 from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
-from workbench.uncertainty.covers.joint.starts import mean_response
+from workbench.uncertainty.covers.nominal import mean_response
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 

@@ -27,7 +27,7 @@ from workbench.solvers import ConicSolver, Outcome, solve_conic
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover
-from workbench.uncertainty.covers.joint.starts import nominal_fit
+from workbench.uncertainty.covers.nominal import nominal_fit
 from workbench.uncertainty.covers.sets import outermost
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.weights import fitted

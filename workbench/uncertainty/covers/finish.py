@@ -50,10 +50,12 @@ def fitted_cover(
 
 
 def raised_cover(
-    program: UncertaintyCover, first: Circle | Stadium, found: FoundModel
+    program: UncertaintyCover, fine: UncertaintyCover, first: Circle | Stadium, found: FoundModel
 ) -> CoverSteps:
-    """The cover by a model whose complex weight is raised until it reaches every radius."""
-    fine = program if program.leave_out else program.refined()
+    """The cover by a model whose complex weight is raised until it reaches every radius.
+
+    ``fine`` is the program at all frequencies where these are known.
+    """
     omega, nominal = fine.responses.axis, program.realisable(found.nominal)
     W_r = _realisable(found.W_r, fine)
     away = fine.away(nominal, fine.points)

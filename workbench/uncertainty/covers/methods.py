@@ -14,7 +14,8 @@ from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.finish import fitted_cover, raised_cover
 from workbench.uncertainty.covers.joint.search import FoundModel, smallest_model
-from workbench.uncertainty.covers.joint.starts import nominal_fit, starts
+from workbench.uncertainty.covers.joint.starts import starts
+from workbench.uncertainty.covers.nominal import nominal_fit
 from workbench.uncertainty.covers.sides import warn_of_unstable
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
@@ -93,17 +94,18 @@ def _smallest_cover(
     program: UncertaintyCover, found: list[FoundModel], context: Context
 ) -> CoverSteps:
     """The smallest cover by the models; by a fitted complex weight where none can be raised."""
-    first, objective = program.first_set(program.points), program.refined().objective
+    first, refined = program.first_set(program.points), program.refined()
+    fine = program if program.leave_out else refined
     ranked = sorted(found, key=lambda model: model.size)
     best, least = None, float("inf")
     for model in ranked:
         if least <= model.size:  # a cover is hardly smaller than its model
             break
         try:
-            cover = raised_cover(program, first, model)
+            cover = raised_cover(program, fine, first, model)
         except SolverError:
             continue
-        size = objective(cover)
+        size = refined.objective(cover)
         if size < least:
             best, least = cover, size
     if best is not None:

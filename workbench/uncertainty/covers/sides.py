@@ -12,7 +12,7 @@ from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import relocated_fits, vector_fits
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.joint.starts import mean_response
+from workbench.uncertainty.covers.nominal import mean_response
 
 TRIED = (1, 2)
 """Numbers of poles right of the axis that are tried."""

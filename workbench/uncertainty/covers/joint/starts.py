@@ -19,6 +19,11 @@ from workbench.program import methods
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.everywhere import rounded_radius
 from workbench.uncertainty.covers.joint.search import FoundModel, ModelSize
+from workbench.uncertainty.covers.nominal import (
+    STARTING_MIN_RELATIVE_SIZE,
+    mean_response,
+    nominal_fit,
+)
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.weights import (
     beyond,
@@ -28,8 +33,6 @@ from workbench.uncertainty.covers.weights import (
     unwrapped,
 )
 
-STARTING_MIN_RELATIVE_SIZE = 1e-3
-"""Smallest size of sets in the weights of a fit, relative to the centre or to the largest set."""
 STARTING_HALF_LENGTH_SHARE = 0.1
 """Factor of a stadium's half-length in the size that weights the errors of a starting weight."""
 STARTING_CIRCLES = ("sk", "sb10yd")
@@ -56,7 +59,7 @@ def starts(program: UncertaintyCover, context: Context) -> Iterator[Start]:
             yield name, None, str(error)
             continue
         for kind, W_r in weights.items():
-            model, failure = _with_circle(program, nominal, W_r, context)
+            model, failure = _with_circle(program, nominal, away, W_r, context)
             yield name + kind, model, failure
         if program.nominal is not None:
             return
@@ -83,10 +86,14 @@ def real_weights(
 
 
 def _with_circle(
-    program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
+    program: UncertaintyCover,
+    nominal: Rational,
+    away: ComplexArray,
+    W_r: Rational | None,
+    context: Context,
 ) -> tuple[FoundModel | None, str]:
-    """The smallest model with a complex weight fitted to the radii, and why there is none."""
-    omega, away = program.responses.axis, program.away(nominal, program.points)
+    """The smallest model with W_c fitted to the radii of deviations (F, N); why there is none."""
+    omega = program.responses.axis
     radius = rounded_radius(omega, away, nominal, W_r, program.form, RADIUS_ROUNDING)
     share = share_of_size(radius, np.maximum(np.abs(away).max(axis=1), radius))
     order = program.complex_order
@@ -113,31 +120,6 @@ def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle 
         "the centres, evenly weighted": (centres, Circle(centres, np.abs(centres))),
         "the plants' mean": (mean_response(program.responses.points), first),
     }
-
-
-def mean_response(points: ComplexArray) -> ComplexArray:
-    """Geometric mean (F,) of responses (F, N), with phases unwrapped along frequency."""
-    phase = np.unwrap(np.angle(points), axis=0)
-    phase -= 2 * np.pi * np.round((phase[0] - phase[0, 0]) / (2 * np.pi))
-    mean: ComplexArray = np.exp(np.log(np.abs(points)).mean(axis=1) + 1j * phase.mean(axis=1))
-    return mean
-
-
-def nominal_fit(
-    response: ComplexArray, sizes: Circle | Stadium, program: UncertaintyCover
-) -> ResponseFit:
-    """Fit of a nominal to a response (F,).
-
-    It weights the errors as if the size of the sets were their standard deviation: the nominal must
-    be close where the plants lie close together, and need not be at a resonance.
-    """
-    omega, order, zeros = program.responses.axis, program.order, program.zeros
-    size = np.maximum(
-        sizes.radius + sizes.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
-    )
-    weight = np.abs(response) / size**2
-    right = program.unstable_poles
-    return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
 
 
 def _nearest(fit: ResponseFit, context: Context) -> Rational:
