@@ -67,6 +67,20 @@ def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
     return [check if check.over else replace(check, over=over) for check in checks]
 
 
+def excess(value: float, claimed: float) -> float:
+    """Value over what is claimed, less 1: 0 for equal ones, infinite for others over 0 or less.
+
+    Examples
+    --------
+    >>> from workbench.certificate import excess
+    >>> excess(1.5, 1.0), excess(0.0, 0.0), excess(1e-3, 0.0)
+    (0.5, 0.0, inf)
+    """
+    if value == claimed:
+        return 0.0
+    return value / claimed - 1.0 if claimed > 0.0 else math.inf
+
+
 @dataclass(frozen=True)
 class Gap:
     """Largest distance of an answer from the best one, by a bound that no method supplied.

@@ -66,6 +66,15 @@ def test_a_resonance_is_not_overlooked(damping):
     assert not loops.gain(resonance(damping), None, None, 0.99 * true).holds
 
 
+def test_a_claim_of_zero_holds_for_a_loop_that_vanishes():
+    """And for no other: any perturbation is smaller than one without bound."""
+    for gain, holds in ((0.0, True), (1e-6, False)):
+        loop = control.ss([[-1.0]], [[0.0, gain]], [[0.0], [1.0]], np.zeros((2, 2)))
+        claim = Structure([Complex(1)]), 0.0
+        checks = [loops.gain(loop, None, *claim), *loops.in_time(loop, *claim)]
+        assert all(check.holds for check in checks) is holds
+
+
 def test_an_unstable_loop_is_refused():
     assert not loops.powers_fall(resonance(-1e-6).A, 0).holds
 

@@ -310,6 +310,11 @@ def test_zeros_on_the_axis_are_named():
         ((replaced(scalar_plant(1.0), A=[[np.nan]]), 1, 1), "not finite"),
         ((GeneralisedPlant(scalar_plant(1.0), None, 1, 1), 1, 1), "belong to a StateSpace"),
         (("plant",), "must be a GeneralisedPlant"),
+        (
+            (replaced(scalar_plant(1.0), B=1e-90 * scalar_plant(1.0).B, D=np.zeros((3, 3))), 1, 1),
+            "input 1 .* no entry larger than 1e-90",
+        ),
+        ((control.ss([[1.0]], [[1.0, 1.0]], [[1.0]] * 2, 0, np.nan), 1, 1), "sampling time of nan"),
     ],
 )
 def test_bad_plants_are_refused(arguments, message):
@@ -317,7 +322,7 @@ def test_bad_plants_are_refused(arguments, message):
         hinf(*arguments)
 
 
-@pytest.mark.parametrize("gamma", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("gamma", [0.0, -1.0, np.nan, np.inf, 1e-300])
 def test_bad_levels_are_refused(gamma):
     with pytest.raises(InputError, match="gamma"):
         hinf(scalar_plant(1.0), 1, 1, gamma=gamma)
@@ -345,6 +350,17 @@ def test_a_level_of_zero_is_approached():
     """K cancels w -> z, which D12, D21 and their zeros allow here."""
     system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
     assert hinf(system, 1, 1).norm <= 1e-6
+
+
+def test_a_loop_that_vanishes_is_certified():
+    """z = (1 + K) w is exactly 0 for K = -1."""
+    program = HinfSynthesis(
+        GeneralisedPlant(control.ss([], [], [], [[1.0, 1.0], [1.0, 0.0]]), None, 1, 1)
+    )
+    exact = HinfController(control.ss([], [], [], [[-1.0]]), 0.0, 1.0, 0.0)
+    assert program.certify(exact, 1e-6).holds
+    wrong = HinfController(control.ss([], [], [], [[-0.99]]), 0.0, 1.0, 0.0)
+    assert not program.certify(wrong, 1e-6).holds
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -131,6 +131,12 @@ def test_a_crossing_at_a_frequency_of_the_grid_is_kept():
     assert HZ * highest_crossover(loop, gain(1.0)) == pytest.approx(1.0, rel=1e-9)
 
 
+def test_an_undamped_pole_at_a_frequency_of_the_grid():
+    """|1 / (1 - w^2)| = 1 at the square root of 2, past the pole at 1 rad/s."""
+    loop = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    assert HZ * highest_crossover(loop, gain(1.0)) == pytest.approx(np.sqrt(2.0), rel=1e-9)
+
+
 def test_a_loop_without_a_crossover():
     unit = gain(1.0)
     assert highest_crossover(triple_lag(0.5), unit) == 0.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import THIS_SYSTEM, Check
+from workbench.certificate import THIS_SYSTEM, Check, excess
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import (
@@ -93,7 +93,7 @@ def gain(
     return Check(
         "sampled plants",
         "largest gain over the claimed peak, less 1",
-        worst / claimed - 1.0,
+        excess(worst, claimed),
         SAMPLED_ROUNDING,
         f"at {where:.6g} rad/s",
         over=f"for {PERTURBATIONS + 1} plants at {len(grid)} frequencies",
@@ -113,7 +113,7 @@ def worst_gain(
     if structure is None:
         sizes = _sizes(M)
     else:
-        drawn = INSIDE / claimed * vertex_perturbations(structure, PERTURBATIONS)
+        drawn = _radius(claimed) * vertex_perturbations(structure, PERTURBATIONS)
         every = np.concatenate([np.zeros_like(drawn[:1]), drawn])
         sizes = np.max([_sizes(upper_closed(M, Delta)) for Delta in every], axis=0)
     sizes = np.where(np.isfinite(error), np.maximum(sizes - error, 0.0), 0.0)
@@ -139,7 +139,7 @@ def in_time(
     """
     drawn = [np.zeros((0, 0))]
     if structure is not None:
-        members = INSIDE / claimed * constant_perturbations(structure, LOOPS_IN_TIME)
+        members = _radius(claimed) * constant_perturbations(structure, LOOPS_IN_TIME)
         drawn = [np.zeros_like(members[0]), *members]
     fastest, largest = -math.inf, 0.0
     for Delta in drawn:
@@ -159,7 +159,7 @@ def in_time(
         Check(
             "simulated energy",
             "root of the energy ratio of a simulated loop over the claimed peak, less 1",
-            largest / claimed - 1.0,
+            excess(largest, claimed),
             SAMPLED_ROUNDING,
             over=f"for {len(drawn)} loops",
         ),
@@ -175,6 +175,11 @@ def perturbed(loop: Any, Delta: RealArray) -> tuple[RealArray, RealArray, RealAr
     D21, D22 = loop.D[columns:, :rows], loop.D[columns:, rows:]
     R = Delta @ np.linalg.inv(np.eye(columns) - D11 @ Delta)
     return loop.A + B1 @ R @ C1, B2 + B1 @ R @ D12, C2 + D21 @ R @ C1, D22 + D21 @ R @ D12
+
+
+def _radius(claimed: float) -> float:
+    """Size of perturbations smaller than 1 / claimed; of a claim of 0 any size would do."""
+    return INSIDE / claimed if claimed > 0.0 else 1.0
 
 
 def _integrates(system: Any) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import Check
+from workbench.certificate import Check, excess
 from workbench.second_opinion.responses import plain_response
 
 TRIED_FREQUENCIES = 4000
@@ -57,11 +57,10 @@ def sampled_plants(
     with np.errstate(invalid="ignore", divide="ignore"):
         m = np.where(root >= 0, (-half + np.sqrt(np.maximum(root, 0.0))) / whole, 0.0)
     worst = np.unravel_index(int(np.nanargmax(m)), m.shape)
-    value = float(m[worst]) / claimed - 1.0 if claimed > 0 else np.inf
     return Check(
         "plants of the set",
         "mu by deltas that are tried over the bound, less 1",
-        value,
+        excess(float(m[worst]), claimed),
         ROUNDING,
         f"at {omega[worst[1]] / (2 * np.pi):.6g} Hz",
         over=f"at {omega.size} frequencies, for {TRIED_REALS.size} real deltas",

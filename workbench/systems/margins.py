@@ -35,6 +35,9 @@ LAST_POINTS = 33
 HALF_POWER = 2**-0.5
 """Magnitude at -3 dB, which defines the bandwidths of S and T."""
 
+POLE_STEP = 1e-9
+"""Relative step from the frequency of an undamped pole, where a response is infinite."""
+
 Curve = Callable[[RealArray], Any]
 """Real values (F,) of a continuous function at frequencies [Hz] (F,)."""
 
@@ -132,11 +135,14 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     elif np.linalg.norm(plant.D @ K.D, 2) >= 1:
         return math.inf
     moving = poles[np.abs(poles) > 0]
+    undamped = np.unique(np.abs(poles.imag[poles.real == 0.0]))
     omega = starting_grid(moving)
     omega = omega[(omega > 0) & (omega < end)]
 
     def excess(at: RealArray) -> RealArray:
         omega = 2 * np.pi * at
+        # beside a pole the gain is as good as infinite
+        omega = np.where(np.isin(omega, undamped), omega * (1.0 + POLE_STEP), omega)
         values = np.linalg.svd(response(plant, omega) @ response(K, omega), compute_uv=False)
         return np.log(np.maximum(values.max(axis=1, initial=0.0), 1e-300))
 

@@ -13,6 +13,8 @@ from workbench.systems.realisation import Matrices
 
 LARGEST_ENTRY = 1e100
 """Largest entry that a plant may have, so that its square does not overflow."""
+SMALLEST_SIGNAL = 1e-80
+"""Least size of the largest entry of an input or output, so that squares of gains are not 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +121,9 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
     Raises
     ------
     InputError
-        The plant has entries that are not finite or too large, lacks exogenous inputs, performance
-        outputs, controls or measurements, or is sampled at a time that is not given.
+        The plant has entries that are not finite or too large, or signals that are too small;
+        lacks exogenous inputs, performance outputs, controls or measurements; or is sampled at a
+        time that is not given.
     """
     system = plant.system
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
@@ -132,6 +135,17 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
             raise InputError(
                 f"{name} of the plant has an entry of size {size:.3g}, whose square overflows; "
                 "give time and signals in units that bring it nearer to 1"
+            )
+    columns, rows = np.vstack([B, D]), np.hstack([C, D])
+    for kind, sizes in (
+        ("input", np.abs(columns).max(axis=0, initial=0.0)),
+        ("output", np.abs(rows).max(axis=1, initial=0.0)),
+    ):
+        for place in np.flatnonzero((sizes > 0.0) & (sizes < SMALLEST_SIGNAL)):
+            raise InputError(
+                f"{kind} {place + 1} of the plant has no entry larger than {sizes[place]:.3g}, "
+                "whose square is 0 in floating point; give signals in units that bring it nearer "
+                "to 1"
             )
     counts = {
         "controls": plant.controls,
@@ -148,4 +162,6 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
     dt = system.dt
     if dt is True:
         raise InputError("the plant is sampled at a time not given (dt True); give it in seconds")
+    if not np.isfinite(dt or 0.0):
+        raise InputError(f"the plant has a sampling time of {dt}; give it in seconds")
     return StandardPlant(A, B, C, D, plant.controls, plant.measurements, float(dt or 0.0))

@@ -15,7 +15,6 @@ Automatica 42 (2006) 1651-1662).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, excess, worst
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.design_bound import least_cost_bound
@@ -228,7 +227,7 @@ class ExperimentDesign(Program):
         found.append(Check("limits", statement, used - 1.0, LIMIT_ROUNDING, where, over=lines))
         cost, where = worst(self.costs(power), lambda place: f"at frequency {place[0] + 1}")
         statement = "worst cost over the claimed one, less 1"
-        off = cost / answer.worst - 1.0 if answer.worst > 0 else math.inf
+        off = excess(cost, answer.worst)
         found.append(Check("cost", statement, off, COST_ROUNDING, where))
         return found
 
@@ -245,7 +244,7 @@ class ExperimentDesign(Program):
         statement = "worst cost by least squares over the claimed one, less 1"
         spent = float((self.uses @ np.abs(answer.power)).max()) - 1.0
         return [
-            Check("least squares", statement, value / answer.worst - 1.0, COST_ROUNDING, where),
+            Check("least squares", statement, excess(value, answer.worst), COST_ROUNDING, where),
             Check("sizes", "share of a limit that sizes of powers use, less 1", spent,
                   LIMIT_ROUNDING),
         ]  # fmt: skip
@@ -253,7 +252,7 @@ class ExperimentDesign(Program):
     def gap(self, answer: DesignedSpectrum) -> tuple[str, float]:
         statement = "worst cost over the bound by duality, less 1"
         bound = self.dual_bound(answer.power)
-        return statement, answer.worst / bound - 1.0 if bound > 0 else math.inf
+        return statement, excess(answer.worst, bound)
 
     def dual_bound(self, power: RealArray) -> float:
         """A lower bound of the worst cost of any powers, found at these; 0 where none is found."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certificate import Check
+from workbench.certificate import Check, excess
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
@@ -46,7 +46,7 @@ def peak_checks(
             proven = proven_at(stable, structure, found.Delta, stable.plane(found.omega))
             if proven < lower:
                 proven = max(proven, proven_over_frequency(stable, structure, found.Delta))
-    short = 0.0 if lower <= proven else lower / proven - 1 if proven > 0 else math.inf
+    short = 0.0 if lower <= proven else excess(lower, proven)
     return [
         Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
         Check(
@@ -55,7 +55,7 @@ def peak_checks(
             short,
             REPROVEN_LOWER,
         ),
-        Check("order", "claimed lower over claimed upper bound, less 1", lower / upper - 1, 0.0),
+        Check("order", "claimed lower over claimed upper bound, less 1", excess(lower, upper), 0.0),
     ]
 
 

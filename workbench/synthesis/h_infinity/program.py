@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.certificate import EVERY_FREQUENCY, Check
+from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
@@ -31,6 +31,8 @@ from workbench.systems.realisation import in_words, pole_sizes
 from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
+LEAST_GAMMA = 1e-100
+"""Least level that can be asked for: squares of lower ones are 0 in floating point."""
 CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 """Share by which the norm of a loop may exceed the claimed one."""
 
@@ -132,6 +134,10 @@ class HinfSynthesis(Program):
                 "a StateSpace with the numbers of measurements and controls"
             )
         need_positive(self.gamma, "gamma", or_none=True)
+        if self.gamma is not None and self.gamma < LEAST_GAMMA:
+            raise InputError(
+                f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
+            )
         object.__setattr__(self, "plant", visible(self.plant))
         _ = self.scaled  # this tests every assumption
 
@@ -176,14 +182,14 @@ class HinfSynthesis(Program):
             Check(
                 "norm",
                 "certified norm of the loop over the claimed one, less 1",
-                size / answer.norm - 1.0 if answer.norm > 0.0 else np.inf,
+                excess(size, answer.norm),
                 limit,
                 over=EVERY_FREQUENCY,
             )
         )
         level = answer.gamma if self.gamma is None else self.gamma
         statement = "norm of the loop over gamma, less 1"
-        found.append(Check("level", statement, size / level - 1.0, limit, over=EVERY_FREQUENCY))
+        found.append(Check("level", statement, excess(size, level), limit, over=EVERY_FREQUENCY))
         return found
 
     def second_opinion(self, answer: HinfController) -> list[Check]:
@@ -192,7 +198,7 @@ class HinfSynthesis(Program):
             (1 + CLAIM_TOLERANCE) * norm for norm in (answer.norm, certified_norm(loop))
         )
         sampled = loops.gain(plant, K, None, claimed, poles=loop.poles())
-        over_proven = (sampled.value + 1.0) * claimed / proven - 1.0
+        over_proven = excess((sampled.value + 1.0) * claimed, proven) if claimed else sampled.value
         return [
             loops.powers_fall(loop.A, loop.dt),
             sampled,

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
@@ -268,14 +268,14 @@ class Implementation(Program):
         found = [replace(stability, name="sampled loop")]
         if not stability.holds:
             return found
-        size = certified_norm(self.loop.sensitivity(answer.K)) / answer.sensitivity - 1.0
+        size = excess(certified_norm(self.loop.sensitivity(answer.K)), answer.sensitivity)
         statement = "certified peak of the sensitivity over the claimed one, less 1"
         found.append(Check("sensitivity", statement, size, CLAIM_TOLERANCE, over=EVERY_FREQUENCY))
         if self.loop.model is not None:
             assert answer.peak is not None
             upper = self.loop.peak(answer.K)
             assert upper is not None
-            value = upper.upper / answer.peak.upper - 1.0
+            value = excess(upper.upper, answer.peak.upper)
             statement = "proven bound of mu over the claimed one, less 1"
             found.append(
                 Check("sets of plants", statement, value, CLAIM_TOLERANCE, over=SAMPLED_SET)
@@ -285,7 +285,7 @@ class Implementation(Program):
         every = "for every signal in the loop"
         found.append(Check("no limit cycle", statement, again.contraction, 1.0, over=every))
         statement = "bound of the rounding errors of the control over the claimed one, less 1"
-        share = _over(again.share, answer.rounding.share)
+        share = excess(again.share, answer.rounding.share)
         found.append(Check("rounding", statement, share, CLAIM_TOLERANCE, over=every))
         if answer.fixed is not None:
             largest = max(
@@ -434,10 +434,3 @@ def _named_as(K: StateSpace, like: StateSpace, period: float) -> StateSpace:
     return realisation(
         (K.A, K.B, K.C, K.D), period, inputs=like.input_labels, outputs=like.output_labels
     )
-
-
-def _over(value: float, claimed: float) -> float:
-    """Value over claimed, less 1; equal values are 0."""
-    if value == claimed:
-        return 0.0
-    return value / claimed - 1.0 if claimed > 0.0 else np.inf

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 
 from workbench.arrays import EPS, RealArray
-from workbench.certificate import Check
+from workbench.certificate import Check, excess
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import fraction, outside
 from workbench.certify.cones.rays import dot, excluded_radius, transposed
@@ -201,7 +201,7 @@ class FeedbackFromRecords(ConicallyStated):
                 for value, cost in zip(transposed(form, y), form.c, strict=True)
             )
             bound = self._bound_of(y) if held else 0.0
-        return statement, answer.level / bound - 1.0 if bound > 0.0 else math.inf
+        return statement, excess(answer.level, bound)
 
     # --- checks -------------------------------------------------------------------------------
 
