@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.geometry.points import (
     as_batch,
     find_frame,
@@ -64,7 +64,7 @@ def circle_radius(points: np.ndarray, center: complex) -> float:
     return rounded_up(length_from_frame(frame, math.sqrt(square) * (1.0 + 2.0 * EPS)))
 
 
-@compiled
+@unchecked_kernel
 def rounded_up(length: float) -> float:
     """The next larger number for a positive length, 0 for 0."""
     return np.nextafter(length, np.inf) if length > 0.0 else 0.0
@@ -90,7 +90,7 @@ def _smallest(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return best_x, best_y
 
 
-@compiled
+@unchecked_kernel
 def _farthest(x: np.ndarray, y: np.ndarray, x0: float, y0: float) -> tuple[int, float]:
     """The index and the squared distance of the point farthest from (x0, y0)."""
     index, largest = 0, -1.0
@@ -101,7 +101,7 @@ def _farthest(x: np.ndarray, y: np.ndarray, x0: float, y0: float) -> tuple[int, 
     return index, largest
 
 
-@compiled
+@unchecked_kernel
 def _reach(x: np.ndarray, y: np.ndarray, some: np.ndarray, x0: float, y0: float) -> float:
     """The largest squared distance from (x0, y0) of the points with indices ``some``."""
     largest = 0.0

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.geometry.exact_circle import circle_radius, rounded_up
 from workbench.geometry.hull import cross, hull_indices
 from workbench.geometry.points import (
@@ -31,6 +31,7 @@ from workbench.geometry.points import (
     length_from_frame,
     length_to_frame,
     point_from_frame,
+    selected,
     to_frame,
 )
 
@@ -83,7 +84,7 @@ def _stadiums(
             x, y = to_frame(points, frame)
         if not directed:
             vertices = hull_indices(x, y)
-            x, y = x[vertices], y[vertices]
+            x, y = selected(x, vertices), selected(y, vertices)
             angle[i] = _narrowest_angle(x, y, centered)
         c, s = math.cos(angle[i]), math.sin(angle[i])
         along, across, _, half = _narrowest(x, y, c, s, centered)
@@ -111,7 +112,7 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
     return _radius(x, y, frame, half_length, math.cos(angle), math.sin(angle))
 
 
-@compiled
+@unchecked_kernel
 def _radius(
     x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, c: float, s: float
 ) -> float:
@@ -128,7 +129,7 @@ def _radius(
     return rounded_up(length_from_frame(frame, math.sqrt(square) * (1.0 + 4.0 * EPS)))
 
 
-@compiled
+@unchecked_kernel
 def _narrowest(
     x: np.ndarray, y: np.ndarray, c: float, s: float, centered: bool
 ) -> tuple[float, float, float, float]:
@@ -160,16 +161,18 @@ def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
     The vertices are in counter-clockwise order. Where several edges give the least width, the one
     with the least half-length is taken.
     """
+    edges_x, edges_y = x, y
     if centered:
-        mirrored_x, mirrored_y = np.concatenate((x, -x)), np.concatenate((y, -y))
-        vertices = hull_indices(mirrored_x, mirrored_y)
-        edges_x, edges_y = mirrored_x[vertices], mirrored_y[vertices]
-    else:
-        edges_x, edges_y = x, y
+        edges_x, edges_y = _with_mirrored(x), _with_mirrored(y)
+        vertices = hull_indices(edges_x, edges_y)
+        edges_x, edges_y = selected(edges_x, vertices), selected(edges_y, vertices)
     if edges_x.size == 1:
         return 0.0
     width = _widths(edges_x, edges_y)
-    limit = (1.0 + WIDTH_TIE) * width.min()
+    least = np.inf
+    for i in range(width.size):
+        least = min(least, width[i])
+    limit = (1.0 + WIDTH_TIE) * least
     left_to_try = max(MIN_EDGES_COMPARED, MAX_POINT_VISITS // x.size)
     angle, shortest = 0.0, np.inf
     for i in range(width.size):
@@ -185,13 +188,22 @@ def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
 
 
 @compiled
+def _with_mirrored(x: np.ndarray) -> np.ndarray:
+    """Coordinates (2 N,) of points (N,) and of their mirror images in the origin."""
+    both = np.empty(2 * x.size)
+    for i in range(x.size):
+        both[i], both[x.size + i] = x[i], -x[i]
+    return both
+
+
+@compiled
 def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The width (M,) of a hull (M,), (M,), M >= 2, across each of its edges.
 
     The method is rotating calipers (Shamos, "Computational geometry", 1978).
     """
     width = np.empty(x.size)
-    far = 1
+    far = np.int64(1)  # a literal 1 would compile all anew
     for i in range(x.size):
         j = (i + 1) % x.size
         # the opposite vertex advances as long as the next one is farther from the edge
@@ -204,7 +216,7 @@ def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return width
 
 
-@compiled
+@unchecked_kernel
 def _direction(x: float, y: float) -> float:
     """The angle in [0, pi) of a line along the vector (x, y)."""
     angle = math.atan2(y, x)

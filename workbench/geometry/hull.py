@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import EPS
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.errors import InputError
 from workbench.geometry.points import as_points, find_frame, to_frame
 
@@ -41,13 +41,24 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The first vertex is the lowest of the leftmost points. The points have coordinates (N,), (N,) of
     unit size (see `find_frame`). Coincident points give one vertex.
     """
-    kept = _outside_octagon(x, y) if x.size > THINNED_ABOVE else np.arange(x.size)
+    # loops in place of NumPy's indexing and joining, which compile longer than all the rest
+    kept = np.empty(x.size, dtype=np.int64)
+    size = x.size
+    if size > THINNED_ABOVE:
+        size = _outside_octagon(x, y, kept)
+    else:
+        for k in range(size):
+            kept[k] = k
+    value = np.empty(size)
+    for k in range(size):
+        value[k] = x[kept[k]]
     # merge sort: numba's quick sort takes O(N^2) on some orders
-    order = kept[np.argsort(x[kept], kind="mergesort")]
+    order = np.argsort(value, kind="mergesort")
     # only the lowest and the highest point on a vertical line can be vertices
     lowest, highest = np.empty_like(order), np.empty_like(order)
     columns = 0
-    for i in order:
+    for k in range(size):
+        i = kept[order[k]]
         if columns and x[i] == x[lowest[columns - 1]]:
             if y[i] < y[lowest[columns - 1]]:
                 lowest[columns - 1] = i
@@ -56,35 +67,48 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         else:
             lowest[columns] = highest[columns] = i
             columns += 1
-    lower = _chain(x, y, lowest[:columns])
-    upper = _chain(x, y, highest[:columns][::-1])
+    for k in range(columns // 2):
+        highest[k], highest[columns - 1 - k] = highest[columns - 1 - k], highest[k]
+    lower = _keep_chain(x, y, lowest, columns)
+    upper = _keep_chain(x, y, highest, columns)
     # the chains meet in a point, or in a vertical edge, at the left and at the right
-    last = lower.size - (lower[-1] == upper[0])
-    first = upper.size - (upper[-1] == lower[0])
-    return np.concatenate((lower[: max(last, 1)], upper[:first]))
+    last, first = lower, upper
+    if lower > 1 and lowest[lower - 1] == highest[0]:
+        last -= 1
+    if highest[upper - 1] == lowest[0]:
+        first -= 1
+    vertices = np.empty(last + first, dtype=np.int64)
+    for k in range(last):
+        vertices[k] = lowest[k]
+    for k in range(first):
+        vertices[last + k] = highest[k]
+    return vertices
 
 
-@compiled
-def _chain(x: np.ndarray, y: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """The points of a sequence, strictly monotone in x, that form a chain with left turns only."""
-    chain = np.empty_like(order)
+@unchecked_kernel
+def _keep_chain(x: np.ndarray, y: np.ndarray, order: np.ndarray, count: int) -> int:
+    """Keep of a sequence, strictly monotone in x, the points of a chain with left turns only.
+
+    The sequence is the first ``count`` of ``order``. Returns how many are kept, in their places.
+    """
     size = 0
-    for i in order:
+    for k in range(count):
+        i = order[k]
         while size > 1:
-            a, b = chain[size - 2], chain[size - 1]
+            a, b = order[size - 2], order[size - 1]
             if cross(x, y, a, b, a, i) > 0.0:
                 break
             size -= 1
-        chain[size] = i
+        order[size] = i
         size += 1
-    return chain[:size]
+    return size
 
 
 @compiled
-def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Indices of the points outside, on or just inside the octagon of the extreme points.
+def _outside_octagon(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> int:
+    """Number of points outside, on or just inside the octagon of the extreme points.
 
-    Its corners are the extreme points in eight directions (Akl and Toussaint, "A fast convex hull
+    ``kept`` (N,) receives their indices. The octagon's corners are the extreme points in eight directions (Akl and Toussaint, "A fast convex hull
     algorithm", 1978, with four more directions). Points inside it cannot be vertices of the hull.
     """
     corner = np.zeros(9, dtype=np.int64)
@@ -117,7 +141,6 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
             normal_x[k], normal_y[k] = y[j] - y[i], x[i] - x[j]
             margin = 8.0 * EPS * (abs(normal_x[k]) + abs(normal_y[k]))
             offset[k] = normal_x[k] * x[i] + normal_y[k] * y[i] - margin
-    kept = np.empty(x.size, dtype=np.int64)
     size = 0
     for i in range(x.size):
         for k in range(8):
@@ -127,10 +150,10 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
                 break
     if size == 0:  # all points coincide: the octagon has no edge
         kept[0], size = corner[0], 1
-    return kept[:size]
+    return size
 
 
-@compiled
+@unchecked_kernel
 def cross(x: np.ndarray, y: np.ndarray, a: int, b: int, c: int, d: int) -> float:
     """The cross product (b - a) x (d - c) of the points with indices a to d, its sign correct."""
     ux, uy, vx, vy = x[b] - x[a], y[b] - y[a], x[d] - x[c], y[d] - y[c]
@@ -145,7 +168,7 @@ def cross(x: np.ndarray, y: np.ndarray, a: int, b: int, c: int, d: int) -> float
     return (high - other_high) + ((low - other_low) + tails)
 
 
-@compiled
+@unchecked_kernel
 def _difference_error(a: float, b: float) -> float:
     """Rounding error of a - b: the exact difference less the rounded one (Knuth)."""
     difference = a - b
@@ -153,7 +176,7 @@ def _difference_error(a: float, b: float) -> float:
     return (a - (difference + part)) + (part - b)
 
 
-@compiled
+@unchecked_kernel
 def _product(a: float, b: float) -> tuple[float, float]:
     """Rounded value of a b and its rounding error; their sum is exact (Dekker)."""
     value = a * b

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, unchecked_kernel
 from workbench.errors import InputError
 
 LARGEST_EXPONENT = 1000
@@ -122,7 +122,7 @@ class Frame(NamedTuple):
     zoom: float
 
 
-@compiled
+@unchecked_kernel
 def _unit_scale(size: float) -> float:
     """The power of two that brings a size near 1 (1 for size 0)."""
     exponent = math.frexp(size)[1]
@@ -158,6 +158,15 @@ def to_frame(points: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         x[i] = (p.real * frame.shrink - frame.x) * frame.zoom
         y[i] = (p.imag * frame.shrink - frame.y) * frame.zoom
     return x, y
+
+
+@compiled
+def selected(x: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Coordinates (M,) of the points with indices ``which`` (M,)."""
+    some = np.empty(which.size)
+    for k in range(which.size):
+        some[k] = x[which[k]]
+    return some
 
 
 @compiled
