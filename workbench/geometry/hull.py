@@ -108,8 +108,9 @@ def _keep_chain(x: np.ndarray, y: np.ndarray, order: np.ndarray, count: int) -> 
 def _outside_octagon(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> int:
     """Number of points outside, on or just inside the octagon of the extreme points.
 
-    ``kept`` (N,) receives their indices. The octagon's corners are the extreme points in eight directions (Akl and Toussaint, "A fast convex hull
-    algorithm", 1978, with four more directions). Points inside it cannot be vertices of the hull.
+    ``kept`` (N,) receives their indices. The octagon's corners are the extreme points in eight
+    directions (Akl and Toussaint, "A fast convex hull algorithm", 1978, with four more directions).
+    Points inside it cannot be vertices of the hull.
     """
     corner = np.zeros(9, dtype=np.int64)
     value = np.full(8, -np.inf)
