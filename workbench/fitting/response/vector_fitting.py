@@ -62,20 +62,20 @@ def relocated_fits(program: ResponseFit, context: Context) -> Iterator[Rational]
         yield from _ways_in(program, relocated(program, poles))
 
 
-def starting_poles(program: ResponseFit) -> list[ComplexArray]:
+def starting_poles(program: ResponseFit) -> Iterator[ComplexArray]:
     """Sets of starting poles [rad/s]: lightly damped pairs, and the best poles of a larger fit.
 
     A fit with more poles than wanted finds resonances that a smaller one misses; its least
-    important poles are then left out.
+    important poles are then left out. It is made when the second set is asked for.
     """
     omega, order = program.active.omega, program.order
     if program.unstable_poles:
-        return _unstable_starts(omega, order, program.unstable_poles)
-    starts = [spread_poles(omega, order)]
+        yield from _unstable_starts(omega, order, program.unstable_poles)
+        return
+    yield spread_poles(omega, order)
     extra = min(EXTRA_POLES, 2 * omega.size - program.coefficients - 1)
     if order and extra > 0:
-        starts.append(_foremost(program, relocated(program, spread_poles(omega, order + extra))))
-    return starts
+        yield _foremost(program, relocated(program, spread_poles(omega, order + extra)))
 
 
 def _unstable_starts(omega: RealArray, order: int, count: int) -> list[ComplexArray]:
