@@ -8,6 +8,7 @@ unreliable, is a cascade.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -121,7 +122,7 @@ class Cascade:
         """Raise InputError if a part was made for another sampling period [s]."""
         for part in self.parts:
             own = part.controller.period
-            if own is not None and not np.isclose(own, period, rtol=1e-9, atol=0.0):
+            if own is not None and not math.isclose(own, period, rel_tol=1e-9):
                 raise InputError(
                     f"part {part.name!r} has the sample time {own} s, the loop {period} s"
                 )
@@ -174,12 +175,12 @@ def turns(cascade: Cascade, memory: dict[str, RealArray], row: RealArray) -> lis
                 )
             state[: before.size] = before
         step = law.step if cascade.plain else address_of(law.step, 4)
-        wires = np.array([names.index(name) for name in part.given], np.int64)
+        wires = [names.index(name) for name in part.given]
         given, told = np.zeros(len(wires)), row[place : place + law.outputs]
-        if len(wires) and (np.diff(wires) == 1).all():
-            given, wires = row[wires[0] : wires[-1] + 1], wires[:0]
+        if wires and wires == list(range(wires[0], wires[0] + len(wires))):
+            given, wires = row[wires[0] : wires[-1] + 1], []
         parameters = np.ascontiguousarray(law.parameters, float)
-        found.append(Turn(step, state, parameters, wires, given, told))
+        found.append(Turn(step, state, parameters, np.array(wires, np.int64), given, told))
         place += law.outputs
     return found
 

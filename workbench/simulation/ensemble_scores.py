@@ -57,8 +57,9 @@ def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScore
     """
     size = abs(error)
     out = size > acceptable
-    losses = np.diff((size > lost).astype(int), prepend=0) > 0
-    edges = np.flatnonzero(np.diff(out.astype(int), prepend=0, append=0))
+    away = size > lost
+    losses = away & np.diff(away, prepend=False)
+    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
     longest = np.max(edges[1::2] - edges[::2], initial=0)
     rms = np.sqrt(np.mean(np.minimum(size, lost) ** 2))
     return ErrorScores(float(out.mean()), float(losses.sum()), int(longest), float(rms))

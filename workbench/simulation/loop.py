@@ -185,12 +185,12 @@ class SampledLoop:
         samples, m, c = len(exogenous) - 1, self.plant.ninputs, len(self.channel_levels)
         excitation = _checked("excitation", excitation, samples, m)
         noise = _checked("noise", noise, samples, c)
-        sizes = (m, m, c, self.measurements, self.positions)
         # Every entry is written before it is read; a run that stops early has no trajectory.
-        command, output, channels, measurement, position = (np.empty((samples, n)) for n in sizes)
+        sizes = (m, m, c, self.positions)
+        command, output, channels, position = (np.empty((samples, n)) for n in sizes)
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)
+        measured: list[RealArray] = []
         signals: dict[str, RealArray] = {}
-        recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
         q, s = self.positions, self.signals
         start = np.zeros(s)
         self.sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
@@ -212,13 +212,14 @@ class SampledLoop:
             for part, turn in zip(cascade.parts, made, strict=True):
                 states[part.name] = turn.state[: carried(part)]
             given = len(cascade.measurements)
-            measurement[first:last] = told[:, :given]
+            measured.append(told[:, :given])
             for name, column in zip(cascade.signals[given:], told.T[given:], strict=True):
                 if last - first == samples:
                     signals[name] = column
                 else:
                     signals.setdefault(name, np.full(samples, np.nan))[first:last] = column
-        return recorded
+        measurement = measured[0] if len(measured) == 1 else np.concatenate(measured)
+        return Trajectory(command, output, channels, measurement, position, *counts, signals)
 
     def _stages(
         self, controller: Controller | Cascade | Schedule, samples: int

@@ -213,7 +213,7 @@ def _loop(
         finite = True
         for i in range(len(row)):
             signals[k - first, i] = row[i]
-            finite = finite and np.isfinite(row[i])
+            finite &= np.isfinite(row[i])  # with `and` each signal would be a branch
         if not finite:
             return k
         move(k, sense, sense_parameters, row, memory, desk, plant, levels, played, record)
