@@ -8,12 +8,14 @@ section 2.6; B. Efron, R. Tibshirani, An Introduction to the Bootstrap (1993), c
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import RealArray
+from workbench.compiled import compiled
 from workbench.errors import InputError
 
 BOOTSTRAP_SAMPLES, CONFIDENCE = 1000, 0.95
@@ -55,14 +57,24 @@ def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScore
     >>> scores.outside, scores.losses, scores.longest
     (0.6, 1.0, 3)
     """
-    size = abs(error)
-    out = size > acceptable
-    away = size > lost
-    losses = away & np.diff(away, prepend=False)
-    edges = np.flatnonzero(np.diff(out, prepend=False, append=False))
-    longest = np.max(edges[1::2] - edges[::2], initial=0)
-    rms = np.sqrt(np.mean(np.minimum(size, lost) ** 2))
-    return ErrorScores(float(out.mean()), float(losses.sum()), int(longest), float(rms))
+    outside, losses, longest, square = _counted(np.asarray(error, float), acceptable, lost)
+    samples = len(error)
+    return ErrorScores(outside / samples, float(losses), longest, math.sqrt(square / samples))
+
+
+@compiled
+def _counted(error: RealArray, acceptable: float, lost: float) -> tuple[int, int, int, float]:
+    """Samples outside, losses, the longest stretch outside, and the sum of the squares."""
+    outside, losses, longest, stretch, square, away = 0, 0, 0, 0, 0.0, False
+    for value in error:
+        size = abs(value)
+        stretch = stretch + 1 if size > acceptable else 0
+        outside += size > acceptable
+        longest = max(longest, stretch)
+        losses += size > lost and not away
+        away = size > lost
+        square += min(size, lost) ** 2
+    return outside, losses, longest, square
 
 
 def group_means(

@@ -320,7 +320,9 @@ def _checked(name: str, values: ArrayLike, rows: int | None, columns: int | None
     )
     if not fits:
         raise InputError(f"{name} has shape {array.shape}; it must be {wanted}")
-    if not np.isfinite(array).all():
+    with np.errstate(all="ignore"):
+        quick = np.isfinite(array.sum())
+    if not quick and not np.isfinite(array).all():
         raise InputError(
             f"{name} has values that are not finite, first in row "
             f"{np.flatnonzero(~np.isfinite(array).all(axis=1))[0]}"

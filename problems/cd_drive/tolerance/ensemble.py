@@ -86,19 +86,23 @@ class Spread:
 
 @dataclass(frozen=True)
 class Remembered(Disc):
-    """A disc that remembers its motion, which is computed once for all strategies."""
+    """A disc that remembers its motion, which is computed once for all strategies.
+
+    What it returns can be read only.
+    """
 
     def deviation(self, axis: Axis, time: RealArray) -> RealArray:
-        return _deviation(self, axis, len(time)).copy()
+        return _deviation(self, axis, len(time))
 
     def surface(self, defects: Sequence[Defect], time: RealArray) -> tuple[RealArray, RealArray]:
-        light, false = _surface(self, tuple(defects), len(time))
-        return light.copy(), false.copy()
+        return _surface(self, tuple(defects), len(time))
 
 
 @remembered(megabytes=50)
 def _deviation(disc: Remembered, axis: Axis, samples: int) -> RealArray:
-    return Disc.deviation(disc, axis, np.arange(samples) / RATE)
+    found = Disc.deviation(disc, axis, np.arange(samples) / RATE)
+    found.flags.writeable = False
+    return found
 
 
 @remembered(megabytes=50)
@@ -112,7 +116,9 @@ def _excitation(
 def _surface(
     disc: Remembered, defects: tuple[Defect, ...], samples: int
 ) -> tuple[RealArray, RealArray]:
-    return Disc.surface(disc, defects, np.arange(samples) / RATE)
+    light, false = Disc.surface(disc, defects, np.arange(samples) / RATE)
+    light.flags.writeable = false.flags.writeable = False
+    return light, false
 
 
 @dataclass(frozen=True)
