@@ -25,7 +25,12 @@ from workbench.uncertainty.covers.joint.search import (
     smallest_model,
 )
 from workbench.uncertainty.covers.joint.starts import starts
-from workbench.uncertainty.covers.weights import beyond, lasting, needed_radius
+from workbench.uncertainty.covers.weights import (
+    CONSTANT_DECADES,
+    beyond,
+    lasting,
+    needed_radius,
+)
 
 OMEGA = np.geomspace(1, 1000, 14)
 CONTEXT = Context(Options())
@@ -84,8 +89,9 @@ def test_of_high_power_the_size_is_that_of_sets_that_contain(kind, form):
     end = REAL.response(OMEGA) if kind == "stadium" else None
     radius = lasting(needed_radius(program.away(NOMINAL, program.points), end))
     width = np.abs(CIRCLE.response(beyond(OMEGA)))
-    raised = np.abs(CIRCLE.response(OMEGA)) * np.max(radius / width)
-    wanted = responses.shares @ (raised / program.unit) ** 2
+    raised = width * np.max(radius / width) / lasting(program.unit)
+    below, inside, above = np.split(raised, [CONSTANT_DECADES, -CONSTANT_DECADES])
+    wanted = responses.shares @ inside**2 + BEYOND * np.mean(np.append(below, above) ** 2)
     if end is not None:
         wanted += HALF_LENGTH_WEIGHT * responses.shares @ np.abs(end / program.unit) ** 2
         decades = 10.0 ** np.arange(1, BEYOND_DECADES + 1)
@@ -133,6 +139,18 @@ def test_weights_hide_nothing_between_frequencies(kind):
     found = smallest_model(program, start, (8, 32, 128), CONTEXT)
     roots = np.concatenate([found.W_c.zeros, found.W_c.poles])
     assert (-roots.real / np.abs(roots) > 0.98 * min(limit, 0.1)).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ["circle", "stadium"])
+def test_weights_keep_their_size_beyond_the_frequencies(kind, seed):
+    """The middle of a resonance alone is known; a slow pole of W_c would cost nothing there."""
+    responses = plants(seed, omega=np.geomspace(15.0, 60.0, 20))
+    model = wb.solve(program_of(kind, responses)).answer.model
+    ends = np.abs(model.W_c.response(np.array([15.0, 60.0])))
+    for away in (1e1, 1e2, 1e4):
+        beyond_ends = np.abs(model.W_c.response(np.array([15.0 / away, 60.0 * away])))
+        assert (beyond_ends <= 10 * ends.max()).all()
 
 
 def test_a_search_only_lowers():

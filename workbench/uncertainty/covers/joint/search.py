@@ -10,8 +10,8 @@ minimise it. The cost is the mean over log frequency of
 
 where W_c reaches the largest distance of a deviation from the nominal, or from the segment of the
 real weight. Sizes are relative to the nominal or, for additive models, to the plants. Beyond the
-frequencies nothing is known: there the square of the real weight counts a little, or it could grow
-without limit at zero frequency, and W_c keeps its size.
+frequencies nothing is known: there the squares of both weights count a little, or they could grow
+without limit at zero frequency, and W_c is no smaller than at the ends.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ SEARCHED_LOG_STEP = 0.1
 COVER_ROOT_REACH = 1e3
 """Largest factor from the first or last frequency to a root of the nominal or of a weight."""
 BEYOND, BEYOND_DECADES = 0.01, 4
-"""Weight of the mean square of the real weight at one frequency in each of so many decades below
-and above the given ones."""
+"""Weight of the mean square of a weight beyond the given frequencies, at one frequency a decade;
+of the real weight in so many decades below and above, of W_c where it is looked at."""
 
 
 class FoundModel(NamedTuple):
@@ -144,6 +144,8 @@ class ModelSize:
         place = np.interp(np.log(reached), log, np.arange(omega.size))
         row = place.astype(int)
         counted = np.where(np.isin(reached, omega), responses.shares[row], 0.0)
+        outside = (reached < omega[0]) | (reached > omega[-1])
+        counted[outside] = BEYOND / np.count_nonzero(outside)
         return SizeData(
             omega=omega,
             points=np.ascontiguousarray(outermost(program.points)),
