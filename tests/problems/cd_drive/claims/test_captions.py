@@ -33,5 +33,6 @@ def test_a_figure_of_the_thesis_carries_its_number(reference, run, shown, number
     drawn = stored.task.figures(stored.answer)
     if shown not in drawn:
         pytest.skip("a table shows it")
-    caption = drawn[shown].get_suptitle()
+    panels = (panel.get_title() for panel in drawn[shown].axes)
+    caption = " ".join([drawn[shown].get_suptitle(), *panels])
     assert all(re.search(rf"\b{re.escape(one)}\b", caption) for one in numbers.split())
