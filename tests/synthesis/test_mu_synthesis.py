@@ -130,8 +130,8 @@ def test_two_masses_are_below_one_where_complex_scalings_end_above():
     assert first.certificate.holds
     assert 1.0 < first.answer.upper < 1.1
     # Its states are more than it needs, and from too many the fixed structure gets nowhere. Where
-    # a local search ends hangs on rounding: of four machines' roundings and three orders, twice
-    # above 0.96, so the best of the three counts.
+    # a local search ends hangs on rounding: of twelve ends that were seen, two were above 0.96, so
+    # the best of three counts.
     peaks = []
     for order in (18, 20, 22):
         start = approximated(first.answer.K, order, plant=plant)
