@@ -41,7 +41,7 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The first vertex is the lowest of the leftmost points. The points have coordinates (N,), (N,) of
     unit size (see `find_frame`). Coincident points give one vertex.
     """
-    # loops in place of NumPy's indexing and joining, which compile longer than all the rest
+    # loops in place of NumPy's indexing, joining and sorting, whose compilation takes longest
     kept = np.empty(x.size, dtype=np.int64)
     size = x.size
     if size > THINNED_ABOVE:
@@ -49,16 +49,12 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     else:
         for k in range(size):
             kept[k] = k
-    value = np.empty(size)
-    for k in range(size):
-        value[k] = x[kept[k]]
-    # merge sort: numba's quick sort takes O(N^2) on some orders
-    order = np.argsort(value, kind="mergesort")
+    lowest, highest = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    _merge_sort(x, kept, lowest, size)
     # only the lowest and the highest point on a vertical line can be vertices
-    lowest, highest = np.empty_like(order), np.empty_like(order)
-    columns = 0
+    columns = np.int64(0)  # a literal 0 would compile all anew
     for k in range(size):
-        i = kept[order[k]]
+        i = kept[k]
         if columns and x[i] == x[lowest[columns - 1]]:
             if y[i] < y[lowest[columns - 1]]:
                 lowest[columns - 1] = i
@@ -83,6 +79,26 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     for k in range(first):
         vertices[last + k] = highest[k]
     return vertices
+
+
+@unchecked_kernel
+def _merge_sort(x: np.ndarray, order: np.ndarray, spare: np.ndarray, size: int) -> None:
+    """Sort the first ``size`` indices of ``order`` by x; equal ones stay as they are."""
+    step = 1
+    while step < size:
+        for start in range(0, size, 2 * step):
+            middle, end = min(start + step, size), min(start + 2 * step, size)
+            i, j = start, middle
+            for k in range(start, end):
+                if i < middle and (j == end or x[order[i]] <= x[order[j]]):
+                    spare[k] = order[i]
+                    i += 1
+                else:
+                    spare[k] = order[j]
+                    j += 1
+        for k in range(size):
+            order[k] = spare[k]
+        step *= 2
 
 
 @unchecked_kernel
@@ -112,8 +128,11 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> int:
     directions (Akl and Toussaint, "A fast convex hull algorithm", 1978, with four more directions).
     Points inside it cannot be vertices of the hull.
     """
-    corner = np.zeros(9, dtype=np.int64)
-    value = np.full(8, -np.inf)
+    corner = np.empty(9, dtype=np.int64)
+    value, normal_x, normal_y, offset = np.empty(8), np.empty(8), np.empty(8), np.empty(8)
+    for k in range(8):
+        corner[k], value[k] = 0, -np.inf
+        normal_x[k], normal_y[k], offset[k] = 0.0, 0.0, 1.0
     for i in range(x.size):
         a, b = x[i], y[i]
         plus, minus = a + b, a - b
@@ -135,7 +154,6 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> int:
             value[7], corner[7] = minus, i
     corner[8] = corner[0]
     # inside: normal . p < offset for all edges, less a margin for rounding (|p| <= sqrt 2)
-    normal_x, normal_y, offset = np.zeros(8), np.zeros(8), np.ones(8)
     for k in range(8):
         i, j = corner[k], corner[k + 1]
         if i != j:
