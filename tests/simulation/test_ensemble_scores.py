@@ -46,6 +46,11 @@ def test_error_scores_are_those_counted_one_by_one(values):
     assert found.rms == pytest.approx(np.sqrt(square / len(values)))
 
 
+def test_an_error_without_samples_is_refused():
+    with pytest.raises(InputError, match="no samples"):
+        error_scores(np.zeros(0), 1.0, 3.0)
+
+
 def test_the_size_of_a_balloon_by_hand():
     assert balloon_size([0.0, 1e-4, 1.0]) == pytest.approx(1.1 / 3)
     assert balloon_size([[0.25, 1.0], [0.0, 0.0]], power=0.5) == pytest.approx([0.75, 0.0])

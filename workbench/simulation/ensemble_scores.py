@@ -49,6 +49,8 @@ class ErrorScores(NamedTuple):
 def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScores:
     """Scores of an error (N,), whose acceptable size and size of loss are in its own unit.
 
+    Raises InputError for an error without samples.
+
     Examples
     --------
     >>> import numpy as np
@@ -57,6 +59,8 @@ def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScore
     >>> scores.outside, scores.losses, scores.longest
     (0.6, 1.0, 3)
     """
+    if not len(error):
+        raise InputError("the error has no samples, so there is nothing to score")
     outside, losses, longest, square = _counted(np.asarray(error, float), acceptable, lost)
     samples = len(error)
     return ErrorScores(outside / samples, float(losses), longest, math.sqrt(square / samples))

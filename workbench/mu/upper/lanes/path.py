@@ -363,7 +363,7 @@ def _correct(places: Places, lanes: Lanes, numbers: Numbers) -> None:
 
     Its second order in Z is Q, the Hermitian part of S^-1 (dS dZ + E Z) with E = dt dD_r. That of
     the first term is a product with what `_direction` left for the predictor; that of the second
-    goes into the equations as `along_t` says, and into dZ along with the corrector's own dS.
+    goes into the equations as `along` says, and into dZ along with the corrector's own dS.
     """
     c, r, N = places.c, places.r, places.blocks
     m = N + places.q
