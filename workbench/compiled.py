@@ -91,7 +91,7 @@ def _listen() -> None:
 
         def on_start(self, event: Any) -> None:
             function = event.data["dispatcher"].py_func
-            room = function.__module__.rpartition(".")[0]
+            room = (function.__module__ or "").rpartition(".")[0]
             self._entered.append(stack := ExitStack())
             if room in _functions:
                 done = self._compiled[room] = self._compiled.get(room, 0) + 1

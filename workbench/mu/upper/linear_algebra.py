@@ -13,6 +13,10 @@ from workbench.compiled import compiled, unchecked_kernel
 
 UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""
+LOST_PIVOT = 1e-14
+"""A pivot below this share of its place on the diagonal is lost in rounding."""
+DAMPINGS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
+"""Shares by which the diagonal of H is raised, one after the other, until no pivot is lost."""
 
 
 @unchecked_kernel
@@ -114,23 +118,51 @@ def make_hermitian(A: np.ndarray) -> None:
 def factor_normal(H: np.ndarray) -> None:
     """Replace the upper half of a symmetric real H >= 0 by the R of its factors R^T R.
 
-    All loops run along rows, so that they become vector instructions. An unknown that has no
-    influence on H gets a nearly infinite pivot, so that a solution leaves it unchanged.
+    The lower half is overwritten. Near the end of a path, H falls steeply in few directions, and
+    the rounding of these hides the others, in which the bound hardly changes. Then the diagonal is
+    raised, which holds steps in flat directions back, as a proximal term would. What stays lost,
+    or has no influence on H, gets a nearly infinite pivot, so that a solution leaves it unchanged.
     """
     m = H.shape[0]
-    seen = np.empty(m)
-    for k in range(m):
-        seen[k] = 1e-14 * H[k, k]
-    for k in range(m):
-        root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN_PIVOT
-        H[k, k] = root
-        scale = 1.0 / root
-        for i in range(k + 1, m):
-            H[k, i] *= scale
-        for i in range(k + 1, m):
+    diagonal = np.empty(m)
+    for i in range(m):
+        diagonal[i] = H[i, i]
+        for k in range(i):
+            H[i, k] = H[k, i]
+    for attempt in range(len(DAMPINGS)):
+        for i in range(m):
+            H[i, i] = (1.0 + DAMPINGS[attempt]) * diagonal[i]
+            for j in range(i + 1, m):
+                H[i, j] = H[j, i]
+        if _factored(H, diagonal, attempt == len(DAMPINGS) - 1):
+            return
+
+
+@unchecked_kernel
+def _factored(H: np.ndarray, diagonal: np.ndarray, last: bool) -> bool:
+    """Replace the upper half of H by R, row by row, and stop at a lost pivot unless it is the last
+    attempt; whether R is whole. Four rows above are taken off at once: fewer reads and writes."""
+    m = H.shape[0]
+    for i in range(m):
+        fours = i - i % 4
+        for k in range(0, fours, 4):
+            one, two, three, four = H[k, i], H[k + 1, i], H[k + 2, i], H[k + 3, i]
+            for j in range(i, m):
+                upper = one * H[k, j] + two * H[k + 1, j]
+                H[i, j] -= upper + (three * H[k + 2, j] + four * H[k + 3, j])
+        for k in range(fours, i):
             entry = H[k, i]
             for j in range(i, m):
                 H[i, j] -= entry * H[k, j]
+        seen = H[i, i] > LOST_PIVOT * diagonal[i]
+        if not (seen or last or diagonal[i] == 0.0):
+            return False
+        root = np.sqrt(H[i, i]) if seen else UNSEEN_PIVOT
+        H[i, i] = root
+        scale = 1.0 / root
+        for j in range(i + 1, m):
+            H[i, j] *= scale
+    return True
 
 
 @compiled
