@@ -34,6 +34,10 @@ WHAT = ("bound", "eigenvalues")
 """What is timed."""
 WANTED = {4: 15.0, 10: 40.0, 20: 40.0, 50: 40.0}
 """Largest ratio that is asked for, by size."""
+REPEATED = (Real(10), Full(2, 2))
+"""Blocks of the repeated scalar whose time is reported apart: Newton's matrix has 201 rows."""
+REPEATED_WANTED = 3600.0
+"""Largest ratio of its time, half of what it was when this was first measured."""
 NOISY = {("real scalars", 4): 20.0, ("real scalars", 50): 46.0}
 """Limits where the noise of times reaches past that."""
 
@@ -43,7 +47,8 @@ def mu_yardstick(rounds: Annotated[int, Field(ge=1, le=50)] = 5) -> MuYardstick:
     """Time of the upper bound of mu on one core, over that of NumPy's eigenvalues of the matrices.
 
     Random complex matrices of sizes 4, 10, 20 and 50, with complex scalars, real scalars and full
-    2x2 blocks. Nothing that looks at a matrix can be much faster than its eigenvalues.
+    2x2 blocks; beside them a real scalar that is repeated ten times, with one full block. Nothing
+    that looks at a matrix can be much faster than its eigenvalues.
 
     rounds: of interleaved timings, of which the median counts.
     """
@@ -70,10 +75,17 @@ class MuYardstick(Study):
     def timed(self, context: Context) -> Array:
         """Times per matrix (kind, size, what)."""
         cases = [(kind, size) for kind in KINDS for size in SIZES]
-        found = [_timed(context.rng, *case, self.rounds) for case in context.track(cases, "cases")]
+        found = [
+            _timed(context.rng, KINDS[one](size), size, self.rounds)
+            for one, size in context.track(cases, "cases")
+        ]
         return np.array(found).reshape(len(KINDS), len(SIZES), 2)
 
     seconds = array((kind, size, what), "s", "per matrix", lambda timed: timed, **WALL_TIME)
+
+    @array(what, "s", "per matrix, of a scalar repeated ten times", **WALL_TIME)
+    def repeated(self, context: Context) -> tuple[float, float]:
+        return _timed(context.rng, REPEATED, 12, self.rounds)
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
@@ -89,14 +101,23 @@ class MuYardstick(Study):
             for size in SIZES
         ]
 
+    @check(
+        "repeated scalar",
+        "time over that of the eigenvalues, repeated ten times beside a full block",
+        at_most=REPEATED_WANTED,
+    )
+    def repeated_scalar(self, repeated: DataArray) -> float:
+        return float(_over(repeated))
+
     ratios = metric("{kind}_{size}", lambda seconds: _over(seconds))
+    repeated_ratio = metric("repeated_scalar", lambda repeated: float(_over(repeated)))
 
     @figure
     def times(self, seconds: DataArray) -> Figure:
         return ratios_by_size(_over(seconds), WANTED)
 
     @table
-    def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
+    def sizes(self, seconds: DataArray, repeated: DataArray) -> tuple[list[str], list[list[str]]]:
         over = _over(seconds)
         rows = [
             [kind, str(size)]
@@ -105,20 +126,25 @@ class MuYardstick(Study):
             for kind in KINDS
             for size in SIZES
         ]
+        times = [f"{1e6 * float(repeated.sel(what=one)):.4g}" for one in WHAT]
+        last = f"{float(_over(repeated)):.3g}"
+        rows.append(["real scalar 10 times, full 2x2", "12", *times, last])
         return ["structure", "size", "bound [us]", "eigenvalues [us]", "ratio"], rows
 
 
 def _over(seconds: DataArray) -> DataArray:
-    """Time of bounds over that of eigenvalues (kind, size)."""
+    """Time of bounds over that of eigenvalues."""
     return seconds.sel(what="bound", drop=True) / seconds.sel(what="eigenvalues", drop=True)
 
 
-def _timed(rng: np.random.Generator, kind: str, size: int, rounds: int) -> tuple[float, float]:
+def _timed(
+    rng: np.random.Generator, blocks: tuple[Block, ...], size: int, rounds: int
+) -> tuple[float, float]:
     """Median times [s] per matrix of the bound and of the eigenvalues."""
     count = max(16, ENTRIES // size**2)
     real, imaginary = rng.normal(size=(2, count, size, size))
     M = real + 1j * imaginary
-    hermitian, structure = M + M.conj().mT, Structure(KINDS[kind](size))
+    hermitian, structure = M + M.conj().mT, Structure(blocks)
     calls: list[Callable[[], Any]] = [
         lambda: upper_bound(M, structure, executor=InProcess()),
         lambda: np.linalg.eigvalsh(hermitian),
