@@ -14,11 +14,13 @@ from workbench.arrays import Array
 from workbench.executor import WALL_TIME, Context, InProcess
 from workbench.heavy_types import DataArray, Figure
 from workbench.mu import upper_bound
+from workbench.mu.upper.below import bounds_below
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .bars import ratios_by_size
 from .interleaved import interleaved
+from .mu import smooth_responses
 
 KINDS: dict[str, Callable[[int], tuple[Block, ...]]] = {
     "complex scalars": lambda n: (Complex(1),) * n,
@@ -34,6 +36,12 @@ WHAT = ("bound", "eigenvalues")
 """What is timed."""
 WANTED = {4: 15.0, 10: 40.0, 20: 40.0, 50: 40.0}
 """Largest ratio that is asked for, by size."""
+SWEEPS, SWEEP, SWEEP_SIZE = 5, 1000, 4
+"""Sweeps that only ask whether bounds are below a level: how many, frequencies, size."""
+SWEEP_SHARE = 1 / 3
+"""Largest share of the time of all bounds that is asked for."""
+LEVEL = 1.001
+"""That level over the largest bound."""
 REPEATED = (Real(10), Full(2, 2))
 """Blocks of the repeated scalar whose time is reported apart: Newton's matrix has 201 rows."""
 REPEATED_WANTED = 3600.0
@@ -48,7 +56,8 @@ def mu_yardstick(rounds: Annotated[int, Field(ge=1, le=50)] = 5) -> MuYardstick:
 
     Random complex matrices of sizes 4, 10, 20 and 50, with complex scalars, real scalars and full
     2x2 blocks; beside them a real scalar that is repeated ten times, with one full block. Nothing
-    that looks at a matrix can be much faster than its eigenvalues.
+    that looks at a matrix can be much faster than its eigenvalues. Responses of systems at 1,000
+    frequencies are asked whether their bounds are below a level a thousandth above the largest.
 
     rounds: of interleaved timings, of which the median counts.
     """
@@ -70,6 +79,7 @@ class MuYardstick(Study):
     kind = dim(*KINDS)
     size = dim(*SIZES)
     what = dim(*WHAT)
+    asked = dim("level", "least")
 
     @part
     def timed(self, context: Context) -> Array:
@@ -86,6 +96,18 @@ class MuYardstick(Study):
     @array(what, "s", "per matrix, of a scalar repeated ten times", **WALL_TIME)
     def repeated(self, context: Context) -> tuple[float, float]:
         return _timed(context.rng, REPEATED, 12, self.rounds)
+
+    @array(
+        (kind, "system", asked),
+        "s",
+        "1,000 responses: bounds below a level, least bounds",
+        **WALL_TIME,
+    )
+    def sweep(self, context: Context) -> list[list[tuple[float, float]]]:
+        return [
+            [_swept(context.rng, KINDS[kind](SWEEP_SIZE), self.rounds) for _ in range(SWEEPS)]
+            for kind in KINDS
+        ]
 
     @check()
     def near_the_limit(self, seconds: DataArray) -> list[Check]:
@@ -109,6 +131,15 @@ class MuYardstick(Study):
     def repeated_scalar(self, repeated: DataArray) -> float:
         return float(_over(repeated))
 
+    @check(
+        "sweep",
+        "time of bounds below a level, over that of all, median of systems",
+        at_most=SWEEP_SHARE,
+    )
+    def sweep_below(self, sweep: DataArray) -> DataArray:
+        return _share(sweep).max()
+
+    sweep_shares = metric("sweep_{kind}", lambda sweep: _share(sweep))
     ratios = metric("{kind}_{size}", lambda seconds: _over(seconds))
     repeated_ratio = metric("repeated_scalar", lambda repeated: float(_over(repeated)))
 
@@ -135,6 +166,25 @@ class MuYardstick(Study):
 def _over(seconds: DataArray) -> DataArray:
     """Time of bounds over that of eigenvalues."""
     return seconds.sel(what="bound", drop=True) / seconds.sel(what="eigenvalues", drop=True)
+
+
+def _share(sweep: DataArray) -> DataArray:
+    """Median time of bounds below a level over that of all bounds (kind)."""
+    shares = sweep.sel(asked="level", drop=True) / sweep.sel(asked="least", drop=True)
+    return shares.median("system")
+
+
+def _swept(rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int) -> tuple[float, float]:
+    """Median times [s] of bounds of responses that are below a level, and of the least ones."""
+    M, structure = smooth_responses(rng, SWEEP_SIZE, SWEEP), Structure(blocks)
+    level = LEVEL * float(upper_bound(M, structure).value.max())
+    bounds_below(M, structure, level)  # loads what is compiled
+    calls: list[Callable[[], Any]] = [
+        lambda: bounds_below(M, structure, level),
+        lambda: upper_bound(M, structure, executor=InProcess()),
+    ]
+    below, least = np.median(interleaved(calls, rounds), axis=0).tolist()
+    return below, least
 
 
 def _timed(

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.compiled import compiled, unchecked_kernel
 from workbench.mu.upper.balance import power_of_two, rescale
-from workbench.mu.upper.linear_algebra import copy, factor, inner
+from workbench.mu.upper.linear_algebra import copy, factor, inner, inverse_from_factor
 from workbench.mu.upper.newton import square
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill, slack
@@ -15,6 +15,9 @@ PATH_ITERATIONS = 100
 """Most iterations along the central path of one matrix."""
 WARM_START_RISES = (1.0, 1.1, 1.3)
 """Factors on t of the previous matrix's early point, tried until a path starts from there."""
+
+FALL = 0.9
+"""Share by which t falls of what a Cholesky factor lets it fall."""
 
 
 @compiled
@@ -80,7 +83,7 @@ def solve_each(
 
 
 @compiled
-def held_below(
+def shown_below(
     batch: np.ndarray,
     level: float,
     left: np.ndarray,
@@ -88,19 +91,23 @@ def held_below(
     D: np.ndarray,
     G: np.ndarray,
     source: np.ndarray,
-    held: np.ndarray,
+    falls: int,
+    value: np.ndarray,
 ) -> None:
-    """Set held (F,): whether compact D and G (K, N, N) of a source (F,) show a bound <= level.
+    """Set value (F,) to bounds <= level that compact D and G (K, N, N) show; infinite for none.
 
-    The test of a matrix (c, r) is a Cholesky factor of S, in which rounding is not looked at.
+    Those of matrix f (c, r) are numbered source[f]. What shows t = beta^2 is a Cholesky factor of
+    S, in which rounding is not looked at. As the least eigenvalue of the pencil (S, D_r) is no
+    smaller than 1 / trace(S^-1 D_r), t may fall by as much; that is done ``falls`` times.
     """
     c, r = batch.shape[1:]
     N = D.shape[1]
     Y, M = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
     B, S, L, twist = square(r), square(r), square(r), square(N)
+    work, inverse = square(r), square(r)
     scale = power_of_two(level)
-    t = (level / scale) ** 2
     for f in range(len(batch)):
+        t = (level / scale) ** 2
         for i in range(c):
             for j in range(r):
                 M[i, j] = batch[f, i, j] / scale
@@ -108,7 +115,19 @@ def held_below(
             for j in range(N):
                 twist[i, j] = G[source[f], i, j] / scale
         slack(left, right, M, t, D[source[f]], twist, Y, B, S)
-        held[f] = factor(S, L)
+        value[f] = np.inf
+        if not factor(S, L):
+            continue
+        for _ in range(falls):
+            inverse_from_factor(L, work, inverse)
+            fall = min(FALL / inner(inverse, B), t)
+            for i in range(r):
+                for j in range(r):
+                    S[i, j] -= fall * B[i, j]
+            if not factor(S, L):
+                break
+            t -= fall
+        value[f] = np.sqrt(t) * scale
 
 
 @unchecked_kernel

@@ -7,22 +7,31 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, BoolArray, ComplexArray
+from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.mu.upper.batch import held_below
+from workbench.mu.upper.batch import shown_below
 from workbench.mu.upper.fast import batch_bounds, pattern_of_structure
+from workbench.mu.upper.multipliers import LEVEL_MARGIN
 from workbench.mu.upper.pattern import compact_multipliers
 from workbench.mu.upper.program import MuUpperBound, UpperBound
 from workbench.solvers import Options
 from workbench.structure import Structure
 
+NEIGHBOURS = 16
+"""One matrix in so many gets its own path; then its multipliers are tried on those beside it."""
+NEIGHBOUR_ROUNDS = 3
+"""How often this is done with those that are left, before each gets its own path."""
+FALLS = 2
+"""How often the bound that a neighbour's multipliers show is lowered."""
+
 
 def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     """Upper bounds of mu that stop improving at a level, for the question "is mu below it?".
 
-    They take a third of the time of `upper_bound` where neighbours in the batch are alike, as
-    responses at neighbouring frequencies are: what proves one bound is tried on those beside it.
+    They take a third of the time of `upper_bound` or less where many neighbours in the batch are
+    alike, as responses at neighbouring frequencies are: what shows one bound is tried on those
+    beside it. Where it serves there, the bound holds except for rounding; all others are proven.
 
     Parameters
     ----------
@@ -34,8 +43,8 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     Returns
     -------
     UpperBound
-        Every bound holds. One at most the level need not be the least; one above it is as near to
-        the least bound as that of `upper_bound`, which is then above the level too.
+        One at most the level need not be the least; one above it is as near to the least bound as
+        that of `upper_bound`, which is then above the level too.
 
     Raises
     ------
@@ -48,10 +57,40 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
         raise InputError(f"level is {level!r}; it must be positive and finite")
     program = MuUpperBound(M, structure)
     batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
-    found = batch_bounds(batch, structure, Context(Options()), level)
-    if not np.isfinite(found.answer.value).all():
+    count, c, r = batch.shape
+    value, G = np.empty(count), np.empty((count, r, c), complex)
+    D_left, D_right = np.empty((count, c, c), complex), np.empty((count, r, r), complex)
+    answer = UpperBound(value, D_left, D_right, G)
+    context, low = Context(Options()), level * (1 - LEVEL_MARGIN)
+    left = np.arange(count)
+    for round_ in range(NEIGHBOUR_ROUNDS + 1):
+        apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1
+        own = left[::apart]
+        found = batch_bounds(batch[own], structure, context, level).answer
+        value[own], D_left[own], D_right[own], G[own] = (
+            found.value,
+            found.D_left,
+            found.D_right,
+            found.G,
+        )
+        place = np.flatnonzero(np.arange(len(left)) % apart)
+        for beside in (0, 1):
+            source = np.minimum(place // apart + beside, len(own) - 1)
+            rest = left[place]
+            value[rest] = _shown(batch[rest], structure, low, found.D_right, found.G, source, FALLS)
+            held = np.isfinite(value[rest])
+            D_left[rest[held]], D_right[rest[held]] = (
+                found.D_left[source[held]],
+                found.D_right[source[held]],
+            )
+            G[rest[held]] = found.G[source[held]]
+            place = place[~held]
+        left = left[place]
+        if not len(left):
+            break
+    if not np.isfinite(value).all():
         raise SolverError("fast: no finite bound of some matrices; scale their rows and columns")
-    return found.answer.reshaped(program.batch)
+    return answer.reshaped(program.batch)
 
 
 def hold_below(
@@ -66,9 +105,22 @@ def hold_below(
 
     Those of matrix f are the D_right (K, r, r) and G (K, r, c) numbered source (F,).
     """
+    return np.isfinite(_shown(M, structure, level, D_right, G, source, 0))
+
+
+def _shown(
+    M: ComplexArray,
+    structure: Structure,
+    level: float,
+    D_right: ComplexArray,
+    G: ComplexArray,
+    source: Array,
+    falls: int,
+) -> RealArray:
+    """Bounds up to a level that multipliers show, infinite for none, as `shown_below` has them."""
     pattern = pattern_of_structure(structure)
     D, twist = compact_multipliers(pattern, D_right, G)
-    held = np.zeros(len(M), bool)
+    value = np.empty(len(M))
     M = np.ascontiguousarray(M)
-    held_below(M, level, pattern.left, pattern.right, D, twist, source, held)
-    return held
+    shown_below(M, level, pattern.left, pattern.right, D, twist, source, falls, value)
+    return value

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.mu.upper.multipliers import multipliers_below, path_multipliers
+from workbench.mu.upper.multipliers import path_multipliers
 from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
 from workbench.mu.upper.program import MuUpperBound, UpperBound, proved
 from workbench.mu.upper.recentred import recentred
@@ -19,8 +19,6 @@ from workbench.structure import Structure
 
 THREAD_MATRICES = 200
 """Matrices that one thread takes at a time."""
-QUICKER = 5
-"""Multiple of this number where bounds only have to be below a level."""
 PATH_ACCURACY_SHARE = 0.02
 """The central path is followed to this share of the accuracy asked for. The share holds for
 t = beta^2, so the bound beta is twice as accurate."""
@@ -78,12 +76,8 @@ def batch_bounds(
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
     gaps, iterations = np.zeros(count), np.zeros(count, int)
     accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
-    size = THREAD_MATRICES * (QUICKER if level > 0 else 1)
-    chunks = [slice(start, start + size) for start in range(0, count, size)]
-
-    solve = partial(
-        multipliers_below if level > 0 else path_multipliers, structure, pattern, accuracy, level
-    )
+    chunks = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
+    solve = partial(path_multipliers, structure, pattern, accuracy, level)
     found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
     for chunk, one in zip(chunks, found, strict=True):
         D[chunk], G[chunk], gaps[chunk], iterations[chunk] = one

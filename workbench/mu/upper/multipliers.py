@@ -1,4 +1,4 @@
-"""Multipliers of a batch from the central paths of its matrices, or from those of neighbours."""
+"""Multipliers of a batch from the central paths of its matrices."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.mu.upper.alone import closed_form, is_alone
 from workbench.mu.upper.balance import balanced_batch
-from workbench.mu.upper.batch import held_below, solve_each
+from workbench.mu.upper.batch import solve_each
 from workbench.mu.upper.lanes.path import follow_paths
 from workbench.mu.upper.lanes.state import room_for
 from workbench.mu.upper.pattern import Pattern, diagonal_places
@@ -17,11 +17,6 @@ from workbench.structure import Structure
 LEVEL_MARGIN = 1e-8
 """Share of a level that bounds stay below, so that rounding them outward does not lift them over
 it."""
-NEIGHBOURS = 16
-"""One matrix in so many gets its own path; then its multipliers are tried on those beside it."""
-NEIGHBOUR_ROUNDS = 3
-"""How often this is done with those that are left, before each gets its own path."""
-
 Solved = tuple[Array, Array, RealArray, Array]
 """Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""
 
@@ -73,39 +68,3 @@ def path_multipliers(
             ]
             D[better], G[better] = first_D[better], first_G[better]
     return D, G, gaps, iterations
-
-
-def multipliers_below(
-    structure: Structure,
-    pattern: Pattern,
-    accuracy: float,
-    level: float,
-    M: ComplexArray,
-) -> Solved:
-    """As `path_multipliers` for a level above 0, where neighbours in M (F, c, r) are alike.
-
-    The multipliers of a matrix often show that bounds of its neighbours are below the level too.
-    """
-    count = len(M)
-    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
-    gaps, iterations = np.zeros(count), np.zeros(count, int)
-    found = D, G, gaps, iterations
-    low = level * (1 - LEVEL_MARGIN)
-    left = np.arange(count)
-    for round_ in range(NEIGHBOUR_ROUNDS + 1):
-        apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1
-        own = left[::apart]
-        paths = path_multipliers(structure, pattern, accuracy, level, M[own])
-        for part, value in zip(found, paths, strict=True):
-            part[own] = value
-        place = np.flatnonzero(np.arange(len(left)) % apart)
-        for beside in (0, 1):
-            source, rest = own[np.minimum(place // apart + beside, len(own) - 1)], left[place]
-            held = np.zeros(len(rest), bool)
-            held_below(M[rest], low, pattern.left, pattern.right, D, G, source, held)
-            D[rest[held]], G[rest[held]] = D[source[held]], G[source[held]]
-            place = place[~held]
-        left = left[place]
-        if not len(left):
-            break
-    return found
