@@ -105,3 +105,13 @@ def test_a_kernel_makes_no_array():
     assert values.tolist() == [0.0, 2.0, 4.0]
     with pytest.raises(TypingError, match="zeros"):
         kernel(_make)(values)
+
+
+def test_functions_of_others_that_have_no_module_compile():
+    import numba
+
+    namespace: dict = {}
+    exec("def double(x):\n    return 2 * x", namespace)
+    function = namespace["double"]
+    function.__module__ = None
+    assert numba.njit(function)(3) == 6

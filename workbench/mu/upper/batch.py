@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench.compiled import compiled, unchecked, unchecked_kernel
 from workbench.mu.upper.balance import power_of_two, rescale
 from workbench.mu.upper.linear_algebra import copy, factor, inner, inverse_from_factor
 from workbench.mu.upper.newton import square
@@ -82,7 +82,7 @@ def solve_each(
                 E[k] = 1.0
 
 
-@compiled
+@unchecked
 def shown_below(
     batch: np.ndarray,
     level: float,
