@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
-from workbench.bench.cells.stored import Journal
+from workbench.bench.cells.stored import Journal, light_records
 from workbench.bench.compare import asked_for, described
 from workbench.bench.store import damage, seal
 from workbench.cli import main
@@ -318,6 +318,15 @@ def test_cells_that_other_code_has_answered_since_are_no_defect_of_a_comparison(
 
 def test_a_comparison_says_how_many_of_its_cells_are_certified(one):
     assert "certified 0 of 1" in repr(one("lying").certificate)
+
+
+def test_light_records_are_one_file_once_nobody_writes(tmp_path):
+    folder = tmp_path / "cells"
+    with Journal(tmp_path), Journal(tmp_path):
+        assert len(list(folder.iterdir())) > 1
+    assert [file.name for file in folder.iterdir()] == ["light.sqlite"]
+    assert light_records(tmp_path) == {}  # to read it leaves nothing either
+    assert [file.name for file in folder.iterdir()] == ["light.sqlite"]
 
 
 def test_light_cells_leave_records_and_no_folders(project, one):

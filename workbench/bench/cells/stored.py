@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,8 @@ class Journal(AbstractContextManager["Journal"]):
             raise ResultError(f"light records cannot be kept in {self.file}: {error}") from None
 
     def __exit__(self, *error: Any) -> None:
+        with suppress(sqlite3.OperationalError):  # another process writes: the last one does this
+            self._rows.execute("pragma journal_mode = delete")  # leaves one file, to be read alone
         self._rows.close()
 
     def find(self, cell: Cell) -> Record | None:
