@@ -7,7 +7,7 @@ from workbench.certify.mu_bound import certified_bound
 from workbench.errors import InputError
 from workbench.mu import Complex, Full, Real, Structure, upper_bound
 from workbench.mu.upper.alone import is_alone
-from workbench.mu.upper.below import _shown, bounds_below, hold_below
+from workbench.mu.upper.below import _proven, bounds_below, hold_below
 from workbench.mu.upper.linear_algebra import factor_normal, solve_normal
 from workbench.mu.upper.newton import hessian
 from workbench.mu.upper.pattern import compact_multipliers, expanded_multipliers, pattern_of
@@ -26,7 +26,7 @@ KINDS = ("random", "smooth", "graded", "real", "ill-conditioned", "with zeros")
 ACCURACY = 1e-6
 """The accuracy that bounds have by default."""
 ROUNDING = 1e-9
-"""What rounding changes in a bound that a neighbour's multipliers show."""
+"""Share by which `certified_bound` may allow more for rounding."""
 UNRESOLVED = 1e-7
 """Bounds below this share of the norm are not resolved."""
 
@@ -150,19 +150,19 @@ def test_whether_multipliers_hold_is_what_they_prove(name):
 
 
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_bounds_that_neighbours_show_are_lowered_but_not_below_what_they_prove(name):
+def test_bounds_that_neighbours_prove_are_lowered_but_not_below_what_they_prove(name):
     structure = STRUCTURES[name]
     M = drawn(structure, "smooth", 200)
     bound = upper_bound(M[::20], structure)
     parts = bound.D_left, bound.D_right, bound.G
     source = np.arange(200) // 20
     level = 1.5 * bound.value.max() or 1.0
-    shown = _shown(M, structure, level, bound.D_right, bound.G, source, 2)
+    shown = _proven(M, structure, level, bound.D_right, bound.G, source, 2)
     proven = certified_bound(M, structure, *(part[source] for part in parts))
     held = np.isfinite(shown)
     assert held.sum() > 100
     assert (shown[held] >= proven[held] * (1 - 1e-9)).all() and (shown[held] <= level).all()
-    once = _shown(M, structure, level, bound.D_right, bound.G, source, 1)
+    once = _proven(M, structure, level, bound.D_right, bound.G, source, 1)
     assert (shown <= once).all() and (shown[held] < level).mean() > 0.9
 
 

@@ -88,7 +88,7 @@ BoundsAt = Callable[[RealArray], FrequencyBounds]
 Settled = Callable[[FrequencyBounds], BoolArray]
 """Tells (F - 1,) between which frequencies nothing is expected that bounds at them do not show."""
 Holds = Callable[[Array, float, Multipliers], BoolArray]
-"""Whether multipliers show a bound at matrices (F, c, r), up to rounding, by any method."""
+"""Whether multipliers prove a bound at matrices (F, c, r), by any method."""
 
 
 def refined_bounds(

@@ -96,7 +96,7 @@ class PeakSweep:
         return settled
 
     def holds(self, M: Array, beta: float, multipliers: Multipliers) -> BoolArray:
-        """Whether multipliers show the bound beta at matrices (F, c, r), except for rounding."""
+        """Whether multipliers prove the bound beta at matrices (F, c, r)."""
         _, D_right, G = (np.asarray(part)[None] for part in multipliers)
         source = np.zeros(len(M), int)
         return hold_below(M, self.structure, beta, D_right, G, source)

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked, unchecked_kernel
-from workbench.mu.upper.balance import power_of_two, rescale
-from workbench.mu.upper.linear_algebra import copy, factor, inner, inverse_from_factor
-from workbench.mu.upper.newton import square
+from workbench.compiled import compiled, unchecked_kernel
+from workbench.mu.upper.balance import rescale
+from workbench.mu.upper.linear_algebra import copy, inner
 from workbench.mu.upper.path import follow
-from workbench.mu.upper.pattern import Pattern, fill, slack
+from workbench.mu.upper.pattern import Pattern, fill
 
 PATH_ITERATIONS = 100
 """Most iterations along the central path of one matrix."""
 WARM_START_RISES = (1.0, 1.1, 1.3)
 """Factors on t of the previous matrix's early point, tried until a path starts from there."""
-
-FALL = 0.9
-"""Share by which t falls of what a Cholesky factor lets it fall."""
 
 
 @compiled
@@ -80,54 +76,6 @@ def solve_each(
         if scale == 0.0:
             for k in range(E.size):
                 E[k] = 1.0
-
-
-@unchecked
-def shown_below(
-    batch: np.ndarray,
-    level: float,
-    left: np.ndarray,
-    right: np.ndarray,
-    D: np.ndarray,
-    G: np.ndarray,
-    source: np.ndarray,
-    falls: int,
-    value: np.ndarray,
-) -> None:
-    """Set value (F,) to bounds <= level that compact D and G (K, N, N) show; infinite for none.
-
-    Those of matrix f (c, r) are numbered source[f]. What shows t = beta^2 is a Cholesky factor of
-    S, in which rounding is not looked at. As the least eigenvalue of the pencil (S, D_r) is no
-    smaller than 1 / trace(S^-1 D_r), t may fall by as much; that is done ``falls`` times.
-    """
-    c, r = batch.shape[1:]
-    N = D.shape[1]
-    Y, M = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
-    B, S, L, twist = square(r), square(r), square(r), square(N)
-    work, inverse = square(r), square(r)
-    scale = power_of_two(level)
-    for f in range(len(batch)):
-        t = (level / scale) ** 2
-        for i in range(c):
-            for j in range(r):
-                M[i, j] = batch[f, i, j] / scale
-        for i in range(N):
-            for j in range(N):
-                twist[i, j] = G[source[f], i, j] / scale
-        slack(left, right, M, t, D[source[f]], twist, Y, B, S)
-        value[f] = np.inf
-        if not factor(S, L):
-            continue
-        for _ in range(falls):
-            inverse_from_factor(L, work, inverse)
-            fall = min(FALL / inner(inverse, B), t)
-            for i in range(r):
-                for j in range(r):
-                    S[i, j] -= fall * B[i, j]
-            if not factor(S, L):
-                break
-            t -= fall
-        value[f] = np.sqrt(t) * scale
 
 
 @unchecked_kernel

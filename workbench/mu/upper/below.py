@@ -10,8 +10,8 @@ import numpy as np
 from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.mu.upper.batch import shown_below
 from workbench.mu.upper.fast import batch_bounds, pattern_of_structure
+from workbench.mu.upper.level import proven_below
 from workbench.mu.upper.multipliers import LEVEL_MARGIN
 from workbench.mu.upper.pattern import compact_multipliers
 from workbench.mu.upper.program import MuUpperBound, UpperBound
@@ -23,7 +23,7 @@ NEIGHBOURS = 16
 NEIGHBOUR_ROUNDS = 3
 """How often this is done with those that are left, before each gets its own path."""
 FALLS = 2
-"""How often the bound that a neighbour's multipliers show is lowered."""
+"""How often the bound that a neighbour's multipliers prove is lowered."""
 
 
 def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
@@ -31,7 +31,7 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
 
     They take a fifth of the time of `upper_bound` where a thousand neighbours in the batch are
     alike, as responses at neighbouring frequencies are: what proves one bound is tried on those
-    beside it. Where it serves there, the bound holds except for rounding; all others are proven.
+    beside it.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     Returns
     -------
     UpperBound
-        One at most the level need not be the least; one above it is as near to the least bound as
-        that of `upper_bound`, which is then above the level too.
+        Every bound is proven. One at most the level need not be the least; one above it is as near
+        to the least bound as that of `upper_bound`, which is then above the level too.
 
     Raises
     ------
@@ -73,7 +73,9 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
         for beside in (0, 1):
             source = np.minimum(place // apart + beside, len(own) - 1)
             rest = left[place]
-            value[rest] = _shown(batch[rest], structure, low, found.D_right, found.G, source, FALLS)
+            value[rest] = _proven(
+                batch[rest], structure, low, found.D_right, found.G, source, FALLS
+            )
             held = np.isfinite(value[rest])
             D_left[rest[held]] = found.D_left[source[held]]
             D_right[rest[held]] = found.D_right[source[held]]
@@ -95,14 +97,15 @@ def hold_below(
     G: ComplexArray,
     source: Array,
 ) -> BoolArray:
-    """Whether multipliers show bounds of M (F, c, r) up to a level, except for rounding.
+    """Whether multipliers prove bounds of M (F, c, r) up to a level.
 
-    Those of matrix f are the D_right (K, r, r) and G (K, r, c) numbered source (F,).
+    Those of matrix f are the D_right (K, r, r), positive definite, and G (K, r, c) numbered
+    source (F,).
     """
-    return np.isfinite(_shown(M, structure, level, D_right, G, source, 0))
+    return np.isfinite(_proven(M, structure, level, D_right, G, source, falls=0))
 
 
-def _shown(
+def _proven(
     M: ComplexArray,
     structure: Structure,
     level: float,
@@ -111,10 +114,10 @@ def _shown(
     source: Array,
     falls: int,
 ) -> RealArray:
-    """Bounds up to a level that multipliers show, infinite for none, as `shown_below` has them."""
+    """Bounds up to a level that multipliers prove, as `proven_below` has them."""
     pattern = pattern_of_structure(structure)
     D, twist = compact_multipliers(pattern, D_right, G)
     value = np.empty(len(M))
     M = np.ascontiguousarray(M)
-    shown_below(M, level, pattern.left, pattern.right, D, twist, source, falls, value)
+    proven_below(M, level, pattern.left, pattern.right, D, twist, source, falls, value)
     return value
