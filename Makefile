@@ -63,7 +63,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
 	$(REFERENCE) 'cd/*/integrated-design'
 	$(REFERENCE) 'cd/*/after-defects' 'cd/*/false-detections' --set draws=50
-	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry bench/norms textbook/fault-detection textbook/record-lengths
+	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry bench/norms bench/matrix-sets bench/mu-yardstick textbook/fault-detection textbook/record-lengths
 	$(REFERENCE) '*/controller' unstable-first-order/board 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
 	$(REFERENCE) 'cd/*/response-methods' 'cd/*/multisine-linearity' --set draws=50
