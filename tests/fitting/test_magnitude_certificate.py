@@ -140,3 +140,11 @@ def test_the_minimum_phase_is_that_of_a_rational_function():
     response = fit.response(omega)
     phase = minimum_phase(omega, np.abs(response))
     np.testing.assert_allclose(phase, np.angle(response), atol=2e-3)
+
+
+def test_frequencies_that_differ_by_rounding_leave_the_phase_as_it_is():
+    omega = np.geomspace(0.1, 100, 60)
+    again = np.insert(omega, 50, np.nextafter(omega[50], 0))
+    assert np.log(again[50]) == np.log(again[51])
+    once, twice = (minimum_phase(w, 1 / np.hypot(w, 1)) for w in (omega, again))
+    np.testing.assert_allclose(np.delete(twice, 50), once, atol=1e-10)

@@ -46,7 +46,8 @@ def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:
     from scipy.special import spence
 
     u, level = np.log(omega), np.log(magnitude)
-    slopes = np.diff(level) / np.diff(u)
+    steps = np.diff(u)  # zero where frequencies differ by rounding: no slope counts there
+    slopes = np.divide(np.diff(level), steps, out=np.zeros_like(steps), where=steps > 0)
     slopes = np.concatenate([slopes[:1], slopes, slopes[-1:]])
     away = np.abs(u[None] - u[:, None])
     z = np.exp(-away)
