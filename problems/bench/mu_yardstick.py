@@ -86,7 +86,7 @@ class MuYardstick(Study):
         """Times per matrix (kind, size, what)."""
         cases = [(kind, size) for kind in KINDS for size in SIZES]
         found = [
-            _timed(context.rng, KINDS[one](size), size, self.rounds)
+            _timed(context.rng, KINDS[one](size), self.rounds)
             for one, size in context.track(cases, "cases")
         ]
         return np.array(found).reshape(len(KINDS), len(SIZES), 2)
@@ -95,7 +95,7 @@ class MuYardstick(Study):
 
     @array(what, "s", "per matrix, of a scalar repeated ten times", **WALL_TIME)
     def repeated(self, context: Context) -> tuple[float, float]:
-        return _timed(context.rng, REPEATED, 12, self.rounds)
+        return _timed(context.rng, REPEATED, self.rounds)
 
     @array(
         (kind, "system", asked),
@@ -159,7 +159,7 @@ class MuYardstick(Study):
         ]
         times = [f"{1e6 * float(repeated.sel(what=one)):.4g}" for one in WHAT]
         last = f"{float(_over(repeated)):.3g}"
-        rows.append(["real scalar 10 times, full 2x2", "12", *times, last])
+        rows.append(["real scalar 10 times, full 2x2", str(Structure(REPEATED).rows), *times, last])
         return ["structure", "size", "bound [us]", "eigenvalues [us]", "ratio"], rows
 
 
@@ -187,14 +187,14 @@ def _swept(rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int) -> 
     return below, least
 
 
-def _timed(
-    rng: np.random.Generator, blocks: tuple[Block, ...], size: int, rounds: int
-) -> tuple[float, float]:
+def _timed(rng: np.random.Generator, blocks: tuple[Block, ...], rounds: int) -> tuple[float, float]:
     """Median times [s] per matrix of the bound and of the eigenvalues."""
+    structure = Structure(blocks)
+    size = structure.rows
     count = max(16, ENTRIES // size**2)
     real, imaginary = rng.normal(size=(2, count, size, size))
     M = real + 1j * imaginary
-    hermitian, structure = M + M.conj().mT, Structure(blocks)
+    hermitian = M + M.conj().mT
     calls: list[Callable[[], Any]] = [
         lambda: upper_bound(M, structure, executor=InProcess()),
         lambda: np.linalg.eigvalsh(hermitian),

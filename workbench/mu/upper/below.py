@@ -58,35 +58,37 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     program = MuUpperBound(M, structure)
     batch = np.ascontiguousarray(program.M.reshape(-1, structure.columns, structure.rows))
     count, c, r = batch.shape
-    value, G = np.empty(count), np.empty((count, r, c), complex)
-    D_left, D_right = np.empty((count, c, c), complex), np.empty((count, r, r), complex)
-    answer = UpperBound(value, D_left, D_right, G)
+    shapes = (count, c, c), (count, r, r), (count, r, c)
+    answer = UpperBound(np.empty(count), *(np.empty(shape, complex) for shape in shapes))
     context, low = Context(Options()), level * (1 - LEVEL_MARGIN)
     left = np.arange(count)
     for round_ in range(NEIGHBOUR_ROUNDS + 1):
         apart = NEIGHBOURS if round_ < NEIGHBOUR_ROUNDS and len(left) > NEIGHBOURS else 1
         own = left[::apart]
         found = batch_bounds(batch[own], structure, context, level).answer
-        value[own], G[own] = found.value, found.G
-        D_left[own], D_right[own] = found.D_left, found.D_right
+        answer.value[own] = found.value
+        _take_multipliers(answer, own, found, np.arange(len(own)))
         place = np.flatnonzero(np.arange(len(left)) % apart)
         for beside in (0, 1):
             source = np.minimum(place // apart + beside, len(own) - 1)
             rest = left[place]
-            value[rest] = _proven(
-                batch[rest], structure, low, found.D_right, found.G, source, FALLS
-            )
-            held = np.isfinite(value[rest])
-            D_left[rest[held]] = found.D_left[source[held]]
-            D_right[rest[held]] = found.D_right[source[held]]
-            G[rest[held]] = found.G[source[held]]
+            value = _proven(batch[rest], structure, low, found.D_right, found.G, source, FALLS)
+            held = np.isfinite(value)
+            answer.value[rest[held]] = value[held]
+            _take_multipliers(answer, rest[held], found, source[held])
             place = place[~held]
         left = left[place]
         if not len(left):
             break
-    if not np.isfinite(value).all():
+    if not np.isfinite(answer.value).all():
         raise SolverError("fast: no finite bound of some matrices; scale their rows and columns")
     return answer.reshaped(program.batch)
+
+
+def _take_multipliers(answer: UpperBound, at: Array, found: UpperBound, source: Array) -> None:
+    """Put the multipliers numbered source (f,) into the answer at the places (f,)."""
+    for name in ("D_left", "D_right", "G"):
+        getattr(answer, name)[at] = getattr(found, name)[source]
 
 
 def hold_below(
