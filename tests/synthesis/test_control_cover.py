@@ -5,13 +5,11 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult
 
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.synthesis import ControlCover
-from workbench.synthesis.mu.control_cover import STALLED_STEPS, _definite, _until_stalled
 from workbench.uncertainty import Responses, contains
 from workbench.uncertainty.covers.everywhere import containment_check
 
@@ -181,24 +179,3 @@ def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
     found = cover.lowered(parts, ["nominal", "real", "controller"], Context())
     for part in found.values():
         assert abs(np.concatenate([part.zeros, part.poles])).max() < 1e4 * OMEGA[-1]
-
-
-def test_a_search_ends_where_it_no_longer_gains():
-    told = _until_stalled()
-    for step in range(60):  # 2e-5 in 20 steps
-        told(OptimizeResult(fun=1 - 1e-6 * step))
-    with pytest.raises(StopIteration):
-        for _ in range(STALLED_STEPS):
-            told(OptimizeResult(fun=1 - 6e-5))
-
-
-def test_rounding_leaves_second_derivatives_definite():
-    """Symmetric to the last bit, as the next search asks; unchanged where they were definite."""
-    random = np.random.default_rng(0)
-    root = random.standard_normal((5, 5)) * 10.0 ** np.arange(-6, 4, 2)
-    exact = root @ root.T
-    np.testing.assert_allclose(_definite(exact), exact, rtol=1e-9, atol=1e-9 * abs(exact).max())
-    erred = exact - 1e-3 * abs(exact).max() * np.eye(5) + 1e-6 * random.standard_normal((5, 5))
-    found = _definite(erred)
-    assert np.array_equal(found, found.T)
-    assert (np.linalg.eigvalsh(found) > 0).all()

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import OptimizeResult, minimize
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
@@ -22,6 +21,7 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.loop_weights import LoopWeights, loop_mu
+from workbench.synthesis.mu.cover_search import UNSTABLE_MU, least_of_several
 from workbench.synthesis.mu.covered_plants import RESPONSE_ROUNDING, CoveredPlants
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty import Responses, UncertaintyModel
@@ -36,18 +36,9 @@ from workbench.uncertainty.covers.weights import (
     resolved,
 )
 
-POWERS = (8, 32, 128, 512)
-"""Powers of the means over frequency that stand for the largest mu, one after the other."""
-COVER_BFGS_STEPS = 300
-"""Largest number of steps of BFGS for each power."""
 SLOPE_STEP, LEAST_SIZE = 1e-7, 1e-3
 """Step of the differences by which mu's slopes are found, over the size of a part's response there;
 and the least share of its largest size that it is taken to have."""
-STALLED_STEPS, STALLED_SHARE = 20, 1e-5
-"""A search ends where this number of steps lowers mu by less than this share of it: even the most
-steps would then gain less than a certified peak resolves."""
-LEAST_CURVATURE = 1e-12
-"""Least eigenvalue of an inverse of second derivatives, over the largest."""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
 BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
@@ -55,8 +46,6 @@ BEYOND_ALL = (1e1, 1e2, 1e3, 1e6, 1e9)
 PULL = 3e-6
 """Share by which mu counts as larger for a parameter that moves by its unit: what has no effect,
 such as a pole and a zero together, would else drift to where realisations lose their digits."""
-UNSTABLE_MU = 1e6
-"""Mu assigned to an unstable loop; infinity would leave the optimiser no slope."""
 LEAST_UNIT = 1e-3
 """Unit of a parameter that starts near zero."""
 
@@ -138,8 +127,8 @@ class ControlCover:
         """The parts, those that move and the circular weight chosen for the least largest mu.
 
         They stay stable, with as many poles and zeros as they have; controller and circular weight
-        keep their zeros on the left, and the controller the nominal loop stable. A local search;
-        from what it finds another may lead on.
+        keep their zeros on the left, and the controller the nominal loop stable. The best end of
+        several local searches; from what they find others may lead on.
 
         Parameters
         ----------
@@ -181,14 +170,7 @@ class ControlCover:
             pull = 1 + PULL * float(moved @ moved)
             return norm * pull, (slope * pull + 2 * norm * PULL * moved / sizes) * units
 
-        y, curvature = x / units, np.eye(x.size)
-        for power in context.track(POWERS, " and ".join(moving)):
-            # Each mean is curved about as the one before.
-            options = {"maxiter": COVER_BFGS_STEPS, "hess_inv0": curvature}
-            done = minimize(
-                largest, y, (power,), "BFGS", jac=True, callback=_until_stalled(), options=options
-            )
-            y, curvature = done.x, _definite(done.hess_inv)
+        y = least_of_several(largest, x / units, context, " and ".join(moving))
         found = {name: part.rational(vector) for name, part, vector in split(y)}
         if "real" in found:
             omega = self.responses.omega
@@ -325,26 +307,6 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     outside = outside[(outside < responses.omega[0]) | (outside > responses.omega[-1])]
     inside = np.concatenate([between(responses.omega), near])
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
-
-
-def _until_stalled() -> Callable[[OptimizeResult], None]:
-    """A callback that ends a search that no longer gains."""
-    found: list[float] = []
-
-    def callback(intermediate_result: OptimizeResult) -> None:
-        found.append(float(intermediate_result.fun))
-        before = found[-1 - STALLED_STEPS] if len(found) > STALLED_STEPS else np.inf
-        if before - found[-1] < STALLED_SHARE * found[-1]:
-            raise StopIteration
-
-    return callback
-
-
-def _definite(inverse: RealArray) -> RealArray:
-    """An inverse of second derivatives, symmetric and positive definite despite rounding."""
-    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
-    found = (vectors * np.maximum(values, LEAST_CURVATURE * values[-1])) @ vectors.T
-    return np.asarray((found + found.T) / 2)
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
