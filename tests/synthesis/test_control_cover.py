@@ -179,3 +179,20 @@ def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
     found = cover.lowered(parts, ["nominal", "real", "controller"], Context())
     for part in found.values():
         assert abs(np.concatenate([part.zeros, part.poles])).max() < 1e4 * OMEGA[-1]
+
+
+@pytest.mark.parametrize(
+    "K",
+    [
+        control.tf([-2e-6, 2.0 - 3e-6, 3.0 - 1e-6, 1.0], [0.05e-3, 0.051, 1.0, 0.01]),
+        control.tf(3.0 * np.array([1.0, 0.6, 1.0]), np.polymul([1.0, -0.2], [0.05, 1.0])),
+    ],
+    ids=["zero far on the right", "unstable"],
+)
+def test_a_controller_keeps_its_roots_on_the_right(cover, parts, K):
+    """Mirrored at the imaginary axis, these controllers leave the nominal loop unstable."""
+    given = parts | {"controller": from_system(K)}
+    found = cover.lowered(given, ["nominal", "real", "controller"], Context())
+    assert largest(cover.loop(found)) < largest(cover.loop(given))
+    unstable = [int((each["controller"].poles.real > 0).sum()) for each in (given, found)]
+    assert unstable[0] == unstable[1]

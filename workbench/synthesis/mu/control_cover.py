@@ -54,9 +54,6 @@ Weight = Callable[[RealArray], Array]
 
 Name = Literal["nominal", "real", "controller", "circular"]
 
-MINIMUM_PHASE = ("controller", "circular")
-"""Parts that keep their zeros on the left."""
-
 
 class LoopData(NamedTuple):
     """Quantities that mu depends on, at the frequencies (F,) of a `ControlCover`."""
@@ -126,9 +123,10 @@ class ControlCover:
     ) -> dict[Name, Rational]:
         """The parts, those that move and the circular weight chosen for the least largest mu.
 
-        They stay stable, with as many poles and zeros as they have; controller and circular weight
-        keep their zeros on the left, and the controller the nominal loop stable. The best end of
-        several local searches; from what they find others may lead on.
+        They keep as many poles and zeros as they have, and as many unstable poles; the circular
+        weight keeps its zeros on the left, so does a controller that has all of its own there, and
+        the controller keeps the nominal loop stable. The best end of several local searches; from
+        what they find others may lead on.
 
         Parameters
         ----------
@@ -142,18 +140,12 @@ class ControlCover:
         """
         parts, moving = self._complete(parts, context), [*moving, "circular"]
         band = float(self.omega[0]), float(self.omega[-1])
-        sections = {
-            name: FactoredRational.of(
-                parts[name], len(parts[name].zeros), band, True, name in MINIMUM_PHASE
-            )
-            for name in moving
-        }
+        sections = {name: _factored(name, parts[name], band) for name in moving}
         starts = [part.start for part in sections.values()]
         ends = np.cumsum([len(start) for start in starts])[:-1]
         x = np.concatenate(starts)
         units, sizes = np.maximum(np.abs(x), LEAST_UNIT), np.maximum(np.abs(x), 1.0)
-        held = self._responses(parts)
-        unstable = _unstable_poles([part for name, part in parts.items() if name not in moving])
+        held, unstable = self._responses(parts), _unstable_poles(parts.values())
 
         def split(y: RealArray) -> Iterator[tuple[Name, FactoredRational, RealArray]]:
             return zip(sections, sections.values(), np.split(y * units, ends), strict=True)
@@ -307,6 +299,15 @@ def _frequencies(responses: Responses, lowest: float) -> RealArray:
     outside = outside[(outside < responses.omega[0]) | (outside > responses.omega[-1])]
     inside = np.concatenate([between(responses.omega), near])
     return np.unique(np.concatenate([beyond(responses.omega), inside, outside, endless]))
+
+
+def _factored(name: Name, part: Rational, band: tuple[float, float]) -> FactoredRational:
+    """A part by parameters; a root of the controller on the right is not mirrored, as others are.
+
+    Mirrored, it would be another controller, with which the loop may be unstable.
+    """
+    left = name == "circular" or (name == "controller" and bool((part.zeros.real <= 0.0).all()))
+    return FactoredRational.of(part, len(part.zeros), band, True, left, _unstable_poles([part]))
 
 
 def _power_mean(values: RealArray, power: int) -> tuple[float, RealArray]:
