@@ -118,6 +118,7 @@ class MatrixCover(Program):
     default_method: ClassVar[str] = "joint"
     methods_in: ClassVar[tuple[str, ...]] = ("workbench.uncertainty.matrix_covers.methods",)
     headline: ClassVar[str] = "radius_mean"
+    relative_metrics: ClassVar[tuple[str, ...]] = ("least_gap",)
 
     def __post_init__(self) -> None:
         if not isinstance(self.responses, MatrixResponses):
