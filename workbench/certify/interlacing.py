@@ -66,8 +66,8 @@ def separated_zeros(plant: StateSpace) -> tuple[Range, Range] | None:
     """
     p = _matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
-    roots = [root.real for root, _ in common.numer().complex_roots() if root.imag == 0]
-    found = sorted(_range_about(root) for root in roots if not root < 0)
+    roots = [root for root, _ in common.numer().complex_roots() if root.imag == 0]
+    found = sorted(_range_about(one.real) for one in roots if not one.real < 0)
     if not np.any(plant.D):
         found.append((math.inf, math.inf))
     signed = [(ends, sign) for ends in found if (sign := _sign_of(p, ends))]

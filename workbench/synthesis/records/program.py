@@ -191,7 +191,7 @@ class FeedbackFromRecords(ConicallyStated):
         statement = "level over one that no gain with a common Lyapunov matrix has, less 1"
         if not answer.dual:
             return f"{statement}; no such proof was found", math.inf
-        y = [parsed_rational(text) for text in answer.dual]
+        y: Sequence[Any] = [parsed_rational(text) for text in answer.dual]
         if self.criterion == "decay":
             form = self.scaled.form(answer.bound)
             held = len(y) == form.b.size
