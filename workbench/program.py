@@ -45,6 +45,10 @@ class Task(ABC):
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""
 
+    relative_metrics: ClassVar[tuple[str, ...]] = ()
+    """Metrics that are a ratio less 1 or the logarithm of one: rounding is that of numbers near 1,
+    however small the metric."""
+
     checks_follow_accuracy: ClassVar[bool] = False
     """Whether limits of `checks` depend on the tolerance. Otherwise they are absolute: the same at
     every accuracy."""
@@ -56,6 +60,14 @@ class Task(ABC):
         Such as "at the 400 given frequencies, for these 12 plants".
         """
         return ""
+
+    def of_stored(self, data: Dataset) -> Task:
+        """The question about the data that a results folder stores, which are the same to rounding.
+
+        `verify` compares the two. Data that a problem computes differ in their last bits between
+        processors. A Program whose checks have no room for that certifies those that were stored.
+        """
+        return self
 
     @abstractmethod
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
