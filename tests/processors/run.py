@@ -39,27 +39,23 @@ def files_key() -> str:
     return found.hexdigest()
 
 
-def python(emulation: Emulation) -> str:
-    return str(ROOT / emulation.venv / "bin" / "python")
-
-
 @cache
-def native(emulation: Emulation) -> dict[str, Any]:
+def native(venv: str) -> dict[str, Any]:
     """What this processor is by itself; first the versions are installed where they are not."""
-    subprocess.run(["make", f"{emulation.venv}/.ready"], cwd=ROOT, check=True)
-    command = [python(emulation), str(PROOF)]
+    subprocess.run(["make", f"{venv}/.ready"], cwd=ROOT, check=True)
+    command = [str(ROOT / venv / "bin" / "python"), str(PROOF)]
     done = subprocess.run(command, env=plain_environment(), capture_output=True, check=True)
     return json.loads(done.stdout)
 
 
 def variables(emulation: Emulation) -> dict[str, str]:
     """Environment of a process under an emulation."""
-    return environment(emulation, native(emulation)["dispatched"])
+    return environment(emulation, native(emulation.venv)["dispatched"])
 
 
 def proven(emulation: Emulation) -> tuple[str, str]:
     """Hash of the files and of what the emulation runs on, and why it is not in effect."""
-    command = [python(emulation), str(PROOF), emulation.name]
+    command = [str(ROOT / emulation.venv / "bin" / "python"), str(PROOF), emulation.name]
     done = subprocess.run(command, env=variables(emulation), capture_output=True, text=True)
     key = hashlib.sha256((files_key() + done.stdout).encode()).hexdigest()[:12]
     return key, done.stderr.strip() if done.returncode else ""
@@ -124,7 +120,7 @@ def main() -> None:
     for name in chosen:
         part = PARTS[name]
         print(f"{name} ...", flush=True)
-        if part.emulation.needs in native(part.emulation)["features"]:
+        if part.emulation.needs in native(part.emulation.venv)["features"]:
             results[name] = result(part)
         else:
             print(f"left out: this processor lacks {part.emulation.needs}")
