@@ -57,7 +57,7 @@ EMULATIONS = {
 SETTINGS = (
     *("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES"),
     *("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_CACHE_DIR"),
-    *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"),
+    *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "GLIBC_TUNABLES"),
 )
 """Variables that an emulation sets, or that would spoil it."""
 
@@ -89,6 +89,8 @@ def environment(emulation: Emulation, dispatched: list[str]) -> dict[str, str]:
         "OMP_NUM_THREADS": str(emulation.threads),
         "PYTHONDONTWRITEBYTECODE": "",
     }
+    if emulation.vectors == BASELINE:  # the C library has other functions for it
+        settings["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"
     if off := disabled(emulation.vectors, dispatched):
         settings["NPY_DISABLE_CPU_FEATURES"] = " ".join(off)
     return plain_environment() | settings

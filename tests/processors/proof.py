@@ -1,19 +1,20 @@
-"""What a process really runs on: asked of NumPy, of every OpenBLAS, and of Numba's compiler.
+"""What a process really runs on: asked of NumPy, OpenBLAS, Numba's compiler and the C library.
 
-`python proof.py` prints it, and what is installed; `python proof.py NAME` fails where it is not
-what the emulation of that name asks for.
+`python proof.py` prints it, and what is installed; `python proof.py NAME NATIVE` fails where it is
+not what the emulation of that name asks for. NATIVE are values of the C library without it.
 """
 
 from __future__ import annotations
 
 import importlib
 import json
+import math
 import sys
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
-from emulations import EMULATIONS, Emulation, disabled
+from emulations import BASELINE, EMULATIONS, Emulation, disabled
 
 LIBRARIES = ("numpy", "scipy.linalg", "slycot", "scs")
 """Modules that bring an OpenBLAS of their own. CasADi's has the kernels of one processor only."""
@@ -21,7 +22,7 @@ MULTITHREADED = ("numpy.libs", "scipy.libs")
 
 
 def observed() -> dict[str, Any]:
-    """Kernels and threads of each OpenBLAS, features of NumPy, target of Numba."""
+    """Kernels and threads of each OpenBLAS, features of NumPy, target of Numba, values of libm."""
     for name in LIBRARIES:
         importlib.import_module(name)
     from numba.core.registry import cpu_target
@@ -39,11 +40,12 @@ def observed() -> dict[str, Any]:
         "blas": dict(sorted(blas.items())),
         "dispatched": [name for name in numpy.__cpu_dispatch__ if has[name]],
         "features": sorted(name for name in has if has[name]),
+        "libm": str(hash(tuple(math.exp(k / 7) for k in range(4000)))),
         "numba": (target, features),
     }
 
 
-def differences(emulation: Emulation, found: dict[str, Any]) -> list[str]:
+def differences(emulation: Emulation, found: dict[str, Any], native: str) -> list[str]:
     """What is otherwise than the emulation asks for, in words."""
     wrong = []
     if not found["blas"].keys() >= set(MULTITHREADED):
@@ -57,6 +59,8 @@ def differences(emulation: Emulation, found: dict[str, Any]) -> list[str]:
         wrong.append(f"NumPy still uses {' '.join(left)}")
     if emulation.needs not in found["features"]:
         wrong.append(f"this processor lacks {emulation.needs}")
+    if emulation.vectors == BASELINE and "FMA3" in found["features"] and found["libm"] == native:
+        wrong.append("the C library still uses FMA")
     if tuple(found["numba"]) != (emulation.numba, ""):
         target, features = found["numba"]
         wrong.append(f"Numba compiles for {target} {features}, not for {emulation.numba} alone")
@@ -65,8 +69,9 @@ def differences(emulation: Emulation, found: dict[str, Any]) -> list[str]:
 
 if __name__ == "__main__":
     seen = observed()
-    for name in sys.argv[1:]:
-        if wrong := differences(EMULATIONS[name], seen):
+    if len(sys.argv) > 1:
+        name, native = sys.argv[1:]
+        if wrong := differences(EMULATIONS[name], seen, native):
             sys.exit(f"The emulation {name} is not in effect:\n" + "\n".join(wrong))
     versions = {one.metadata["Name"]: one.version for one in distributions()}
     print(json.dumps(seen | {"python": sys.version, "versions": dict(sorted(versions.items()))}))

@@ -55,7 +55,8 @@ def variables(emulation: Emulation) -> dict[str, str]:
 
 def proven(emulation: Emulation) -> tuple[str, str]:
     """Hash of the files and of what the emulation runs on, and why it is not in effect."""
-    command = [str(ROOT / emulation.venv / "bin" / "python"), str(PROOF), emulation.name]
+    libm = native(emulation.venv)["libm"]
+    command = [str(ROOT / emulation.venv / "bin" / "python"), str(PROOF), emulation.name, libm]
     done = subprocess.run(command, env=variables(emulation), capture_output=True, text=True)
     key = hashlib.sha256((files_key() + done.stdout).encode()).hexdigest()[:12]
     return key, done.stderr.strip() if done.returncode else ""

@@ -24,11 +24,12 @@ import sys
 from emulations import EMULATIONS
 from proof import differences, observed
 
-print(differences(EMULATIONS[sys.argv[1]], observed()))
+name, native, *folders = sys.argv[1:]
+print(differences(EMULATIONS[name], observed(), native))
 
 import workbench as wb
 
-for folder in sys.argv[2:]:
+for folder in folders:
     verification = wb.verify(folder)
     if not verification.holds:
         print(verification)
@@ -37,7 +38,7 @@ for folder in sys.argv[2:]:
 
 @pytest.fixture(scope="module")
 def here():
-    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
+    if (platform.libc_ver()[0], platform.machine()) != ("glibc", "x86_64"):
         pytest.skip("the emulations are those of the wheels for Linux on x86-64")
     return observed()
 
@@ -51,7 +52,7 @@ def test_a_sample_of_stored_runs_is_verified_on_another_processor(name, here):
     folders = [str(one) for names in SAMPLE for one in sorted(REFERENCE.glob(f"{names}/*"))]
     assert len(folders) >= 11
     done = subprocess.run(
-        [sys.executable, "-c", VERIFY, name, *folders],
+        [sys.executable, "-c", VERIFY, name, here["libm"], *folders],
         cwd=ROOT,
         env=environment(emulation, here["dispatched"]) | {"PYTHONPATH": PROCESSORS},
         capture_output=True,
@@ -63,7 +64,8 @@ def test_a_sample_of_stored_runs_is_verified_on_another_processor(name, here):
 FOUND = {
     "blas": {"numpy.libs": ["Haswell", 1], "scipy.libs": ["Haswell", 1]},
     "dispatched": ["X86_V3"],
-    "features": ["AVX2", "X86_V3"],
+    "features": ["AVX2", "FMA3", "X86_V3"],
+    "libm": "0x1",
     "numba": ["haswell", ""],
 }
 OTHER = {
@@ -73,15 +75,23 @@ OTHER = {
     "instructions left": ({"dispatched": ["X86_V3", "X86_V4"]}, "X86_V4"),
     "instructions lacking": ({"features": ["SSE3"]}, "lacks AVX2"),
     "another target": ({"numba": ["znver5", ""]}, "znver5"),
-    "the target's extras": ({"numba": ["haswell", "+avx512f"]}, r"\+avx512f"),
+    "the target's extras": ({"numba": ["haswell", "+avx512f"]}, "+avx512f"),
 }
 
 
 @pytest.mark.parametrize(("changed", "told"), OTHER.values(), ids=OTHER)
 def test_an_emulation_that_is_not_in_effect_is_noticed(changed, told):
-    assert differences(EMULATIONS["haswell"], FOUND) == []
-    (wrong,) = differences(EMULATIONS["haswell"], FOUND | changed)
-    assert told.lstrip("\\") in wrong
+    assert differences(EMULATIONS["haswell"], FOUND, "0x1") == []
+    (wrong,) = differences(EMULATIONS["haswell"], FOUND | changed, "0x1")
+    assert told in wrong
+
+
+def test_a_c_library_that_uses_what_the_emulation_lacks_is_noticed():
+    one = {"numpy.libs": ["Prescott", 1], "scipy.libs": ["Katmai", 1]}
+    found = FOUND | {"blas": one, "dispatched": [], "numba": ["generic", ""]}
+    found["features"] = ["SSE3", "FMA3"]
+    assert differences(EMULATIONS["prescott"], found, "0x2") == []
+    assert differences(EMULATIONS["prescott"], found, "0x1") == ["the C library still uses FMA"]
 
 
 def test_features_have_the_names_of_the_numpy_at_hand():
