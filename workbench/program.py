@@ -45,6 +45,10 @@ class Task(ABC):
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""
 
+    relative_metrics: ClassVar[tuple[str, ...]] = ()
+    """Metrics that are a ratio less 1 or the logarithm of one: rounding is that of numbers near 1,
+    however small the metric."""
+
     checks_follow_accuracy: ClassVar[bool] = False
     """Whether limits of `checks` depend on the tolerance. Otherwise they are absolute: the same at
     every accuracy."""

@@ -28,7 +28,7 @@ from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
-from workbench.program import Program, find_method
+from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, proof_task
 from workbench.solvers import Options, Outcome
 from workbench.study import Study
@@ -184,7 +184,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
     wrong += [f"certificate.json: {text}" for text in _certificates_apart(stored, fresh)]
     stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
-    wrong += [f"metrics.json: {text}" for text in _apart(stored, fresh)]
+    wrong += [f"metrics.json: {text}" for text in _metrics_apart(stored, fresh, task)]
     wrong += [
         f"{name} is not what the arrays give"
         for name, content in task.files(answer).items()
@@ -212,6 +212,18 @@ def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[s
                 was.update({key: now[key] for key in _free(was, now)})
     # What is checked is near zero, where a relative difference says nothing.
     return _apart(stored, fresh, floor=1.0)
+
+
+def _metrics_apart(stored: Any, fresh: dict[str, float], task: Task) -> list[str]:
+    """Places where two mappings of metrics differ."""
+    if not isinstance(stored, Mapping):
+        return _apart(stored, fresh)
+    floors = dict.fromkeys(task.relative_metrics, 1.0)
+    return [
+        text
+        for name in sorted(stored.keys() | fresh.keys())
+        for text in _apart(stored.get(name), fresh.get(name), name, floors.get(name, 0.0))
+    ]
 
 
 def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:

@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from flint import fmpq, fmpq_mat, fmpq_poly
+from flint import arb, fmpq, fmpq_mat, fmpq_poly
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
@@ -58,6 +59,32 @@ def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
     return Interlacing(has_low, has_high, opposite)
 
 
+def separated_zeros(plant: StateSpace) -> tuple[Range, Range] | None:
+    """Ranges of two neighbouring blocking zeros from 0 on at which p has opposite signs, or None.
+
+    The zeros are isolated as roots of an exact polynomial: one at 0 is at 0, whatever rounds.
+    """
+    p = _matrix(plant.A).charpoly()
+    common = _common_divisor(plant, p)
+    roots = [root for root, _ in common.numer().complex_roots() if root.imag == 0]
+    found = sorted(_range_about(one.real) for one in roots if not one.real < 0)
+    if not np.any(plant.D):
+        found.append((math.inf, math.inf))
+    signed = [(ends, sign) for ends in found if (sign := _sign_of(p, ends))]
+    for (low, below), (high, above) in pairwise(signed):
+        if below * above < 0:
+            return low, high
+    return None
+
+
+def _range_about(root: arb) -> Range:
+    """Doubles on both sides of a root that a ball encloses; both equal it where it is 0."""
+    if root == 0:
+        return 0.0, 0.0
+    low, high = float(root.lower()), float(root.upper())
+    return math.nextafter(low, 0.0), math.nextafter(high, math.inf)
+
+
 def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
     """Greatest common divisor of the entries of n: n_ij = det(s I - A + b_j c_i) - p + d_ij p."""
     A, D = _matrix(plant.A), plant.D
@@ -72,7 +99,8 @@ def _has_zero(plant: StateSpace, common: fmpq_poly, ends: Range) -> bool:
     """Whether there is a blocking zero in a range: signs at the ends differ, or one is zero."""
     if math.isinf(ends[0]):
         return not np.any(plant.D)
-    low, high = (common(_exact(end)) for end in ends)
+    once = common / common.gcd(common.derivative()) if common else common  # its roots are simple
+    low, high = (once(_exact(end)) for end in ends)
     return low * high <= 0
 
 

@@ -25,8 +25,9 @@ CHUNK_MATRICES = 4096
 """Matrices that are bounded in one call; intermediate arrays need many times their memory."""
 ACCEPTED_ROUNDING = 1e-9
 """Rounding errors below this share of beta^2 are accepted without a search."""
-SAID_ALLOWANCES = 1.125
-"""Allowances in a bound that is said: rounding takes up far less than an eighth of one."""
+SAID_ALLOWANCES = 3.0
+"""Allowances in a bound that is said, so that each processor proves it. Two ways to round differ by
+at most an allowance each from what is exact; the check takes a third."""
 BISECTIONS = 45
 """Most bisections of beta^2 on a logarithmic scale."""
 SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
@@ -34,6 +35,9 @@ SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
 and for one that is said, a sixteenth of what is accepted without a search. The first is the second
 over a power of `WIDENING`: every beta that the search of the second tries, that of the first tries
 too."""
+OFF_EDGE = 1 + 2.0**-20
+"""Factor of the size of a multiplier before it is rounded to a power of two: those of the size 1,
+which are common, keep their scale when their last bit changes."""
 ENOUGH_SHARP = 1.01
 """Multiple of the sharpness at which a search ends: the width that it starts with is rounded."""
 WIDENING = 2.0**4
@@ -135,7 +139,7 @@ def _certified(
     """As `certified_bound`, for a chunk (F, c, r) and multipliers exactly of the structure."""
     with np.errstate(all="ignore"):
         size = _power(np.abs(M).max((-2, -1), initial=0.0))
-        rows, columns = (_power(np.sqrt(_diagonal(D))) for D in (D_left, D_right))
+        rows, columns = (_power(OFF_EDGE * np.sqrt(_diagonal(D))) for D in (D_left, D_right))
         # Apply the factors one after the other, so that no product of two of them overflows.
         X = M / size[..., None, None] * rows[..., :, None] / columns[..., None, :]
         D = D_left / rows[..., :, None] / rows[..., None, :]
@@ -152,7 +156,7 @@ def _certified(
                 for part in (X, Y, D, R)
             )
         A, spread = _products(X, Y, D, structure)
-        proper, top, error = _largest(A, spread, R, structure, proper)
+        proper, top, error = _largest(A, spread, R, structure, proper, allowances)
         square = np.maximum(top + allowances * error, 0.0)
         # A bound that is said is searched for less often than one that is proven: the least stands.
         doubtful = proper & (error > allowances * ACCEPTED_ROUNDING * square)
@@ -168,7 +172,7 @@ def _certified(
                     top[doubtful],
                 ),
             )
-        value = np.sqrt(square) * (1 + 8 * EPS) * again * size
+        value = np.sqrt(square) * (1 + 8 * EPS * allowances) * again * size
     return np.where(proper & np.isfinite(value), value, np.inf)
 
 
@@ -201,8 +205,12 @@ def _largest(
     R: ComplexArray,
     structure: Structure,
     proper: NDArray[np.bool_],
+    allowances: float,
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
-    """Whether R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error."""
+    """Whether R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error.
+
+    R > 0 is to hold with these allowances for rounding.
+    """
     allowance = 4 * (2 * A.shape[-1] + 8) * EPS
     if _diagonal_only(structure):
         least = _diagonal(R).min(-1)
@@ -213,7 +221,7 @@ def _largest(
     else:
         # D_r > 0 implies D_l > 0, because both consist of the same blocks.
         values, vectors = np.linalg.eigh(R)
-        least = values[..., 0] - allowance * _norm(R)
+        least = values[..., 0] - allowances * allowance * _norm(R)
         proper = proper & (least > 0)
         root = np.where(proper[..., None], values, 1.0) ** -0.5
         N = root[..., :, None] * (vectors.conj().mT @ A @ vectors) * root[..., None, :]
@@ -279,6 +287,8 @@ def _searched(
         passed = holds(middle, open_)
         low[open_] = np.where(passed, low[open_], middle)
         high[open_] = np.where(passed, middle, high[open_])
+    if allowances > 1.0:  # the search of a check ends by its sharpness above the least it can prove
+        high = high * (1 + 2 * SHARPNESS)
     return np.where(found, high, np.inf)
 
 

@@ -14,7 +14,7 @@ from workbench.certificate import Certificate, Check
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import Rational, outside
 from workbench.certify.cones.rays import conic_slack, dot, excluded_radius
-from workbench.conic.ray_search import dual_ray, falling_ray, feasible_point
+from workbench.conic.ray_search import dual_ray, falling_ray, feasible_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset
@@ -120,7 +120,7 @@ class NoSolution(_ConicClaim):
         ]
 
     def gap(self, answer: Vectors) -> tuple[str, float]:
-        radius = excluded_radius(self.form, answer["y"])
+        radius = excluded_radius(self.form, settled_ray(self.form, answer["y"]))
         statement = "1 / R, where no solution has max |x| < R = -b'y / sum |A'y|, decided exactly"
         return statement, 1.0 / radius if radius else math.inf
 
@@ -129,7 +129,7 @@ class NoSolution(_ConicClaim):
         return super().certify(answer, 0.0, optimal=True)
 
     def metrics(self, answer: Vectors) -> dict[str, float]:
-        return {"radius": excluded_radius(self.form, answer["y"])}
+        return {"radius": excluded_radius(self.form, settled_ray(self.form, answer["y"]))}
 
 
 class NoLeastValue(_ConicClaim):

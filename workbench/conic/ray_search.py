@@ -7,13 +7,14 @@ used, so that a claim of any method is judged in the same way, from the data alo
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array, eye_array, hstack, vstack
 
 from workbench.arrays import EPS, RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
-from workbench.certify.cones.membership import Rational
+from workbench.certify.cones.membership import Rational, fraction
 from workbench.certify.cones.rays import excluded_radius
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.conic.exact_points import exact_point
@@ -22,6 +23,8 @@ from workbench.executor import Context
 
 INNER_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 """Shares of an inner point in a dual point, tried until it lies in its cone exactly."""
+SPOILT = 1e-9
+"""Residual of a ray, relative to its terms, that the rounding of a form may leave of none."""
 SEARCH = "search for a ray"
 """What is said of a search that the time limit ends."""
 ONE_ROW = ConeFactor(ConeKind.NONNEGATIVE, 1)
@@ -48,27 +51,44 @@ def dual_ray(form: ConicForm, context: Context) -> list[Rational] | None:
     return y if excluded_radius(form, y) > 0.0 else None
 
 
-def dual_point(form: ConicForm) -> list[Rational] | None:
-    """Rational y of the dual cone with A'y = -c and nearly the least b'y; None if none is found."""
-    into, cones = _into_dual(form)
-    duals = ConicForm(
-        form.b,
-        vstack([form.A.T, -into]),
-        np.concatenate([-form.c, np.zeros(into.shape[0])]),
-        (*_cone(ConeKind.ZERO, form.c.size), *cones),
-    )
-    best = minimiser(duals)
+def dual_point(form: ConicForm, *, share: float = 0.0) -> list[Rational] | None:
+    """Rational y of the dual cone with A'y = -c and nearly the least b'y; None if none is found.
+
+    It holds at least this share of an inner point, which is its distance from the cone's edge.
+    """
+    points = dual_points(form)
+    best = minimiser(points)
     if best is None:
         return None
-    if (y := exact_point(duals, best)) is not None:
+    if share == 0.0 and (y := exact_point(points, best)) is not None:
         return y
-    inner = inner_point(duals)
+    inner = inner_point(points)
     if inner is None:
         return None
-    for share in INNER_SHARES:
-        if (y := exact_point(duals, (1 - share) * best + share * inner)) is not None:
+    for part in (one for one in INNER_SHARES if one >= share):
+        if (y := exact_point(points, (1 - part) * best + part * inner)) is not None:
             return y
     return None
+
+
+def settled_ray(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
+    """A y that excludes every solution, moved to where A'y = 0 if rounding made the form.
+
+    The doubles of a form that a Program computes differ in their last bits between processors.
+    What they leave of an exact ray is a residual of rounding; another y is returned as it is.
+    """
+    if excluded_radius(form, y) == math.inf:
+        return y
+    near = _doubles(y)
+    residual, terms = np.abs(form.A.T @ near), abs(form.A).T @ np.abs(near)
+    if not residual.sum() <= SPOILT * terms.sum():
+        return y
+    return exact_point(dual_rays(form), 2 * near) or y  # twice: off the edge b'y = -1
+
+
+def settled_point(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
+    """A y of `dual_point`, moved to where A'y = -c as in `settled_ray`."""
+    return exact_point(dual_points(form), _doubles(y)) or y
 
 
 def falling_ray(form: ConicForm, context: Context) -> list[Rational] | None:
@@ -98,6 +118,17 @@ def dual_rays(form: ConicForm) -> ConicForm:
     )
 
 
+def dual_points(form: ConicForm) -> ConicForm:
+    """The y in the dual of K with A'y = -c, as a conic form in y whose objective is b'y."""
+    into, cones = _into_dual(form)
+    return ConicForm(
+        form.b,
+        vstack([form.A.T, -into]),
+        np.concatenate([-form.c, np.zeros(into.shape[0])]),
+        (*_cone(ConeKind.ZERO, form.c.size), *cones),
+    )
+
+
 def moved_into_dual(form: ConicForm, y: RealArray) -> RealArray:
     """Doubles y (m,), each part of which outside the dual of its cone is moved in."""
     found = y.copy()
@@ -117,6 +148,10 @@ def moved_into_dual(form: ConicForm, y: RealArray) -> RealArray:
             lack = max(-values[0], 0.0) + 64 * cone.size * EPS * np.abs(values).max()
             found[rows] = part + lack * np.array([i == j for i, j in places])
     return found
+
+
+def _doubles(y: Sequence[Rational]) -> RealArray:
+    return np.array([float(fraction(value)) for value in y])
 
 
 def _exact_inner(form: ConicForm, context: Context) -> list[Rational] | None:

@@ -89,6 +89,7 @@ class MagnitudeFit(Program):
         "workbench.fitting.magnitude.nonlinear",
     )
     headline: ClassVar[str] = "error_worst"
+    relative_metrics: ClassVar[tuple[str, ...]] = ("cover_margin",)
 
     def __post_init__(self) -> None:
         omega = as_frequencies(self.omega)

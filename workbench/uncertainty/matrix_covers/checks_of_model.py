@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.certificate import Check, worst
+from workbench.certify.eigenvalues import pole_discs
+from workbench.certify.rounding import exact
+from workbench.certify.stability import balanced_states, stability_of
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
-from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
@@ -20,10 +23,21 @@ REALISED = 1e-6
 
 
 def stays_stable(name: str, system: StateSpace) -> Check:
-    """Whether the poles of a system are inside the region of stability."""
-    beyond = worst_pole(system)[1]
+    """Whether the poles of a system are proven to lie inside the region of stability."""
     statement = "how far a pole is beyond the boundary of stability, negative"
-    return Check(name, statement, beyond, -np.finfo(float).tiny, over=THIS_SYSTEM)
+    return replace(stability_of(system), name=name, statement=statement, where="")
+
+
+def unstable_poles(system: StateSpace) -> int:
+    """Number of poles that are not proven to lie inside the region of stability.
+
+    One on its boundary, such as an integrator's, is never proven to, wherever its bits round it.
+    """
+    if stability_of(system).holds:
+        return 0
+    discs = pole_discs(exact(balanced_states(np.asarray(system.A, dtype=float))[0]))
+    beyond = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
+    return int((beyond + discs.radius >= 0.0).sum())
 
 
 def off_shape(response: Array, shape: Shape) -> float:

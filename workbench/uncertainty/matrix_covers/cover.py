@@ -20,7 +20,6 @@ from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.responses import plain_response
 from workbench.systems.conversion import as_system
-from workbench.systems.realisation import worst_pole
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty.covers.weights import between, beyond
 from workbench.uncertainty.matrix_covers.checks_of_model import (
@@ -29,6 +28,7 @@ from workbench.uncertainty.matrix_covers.checks_of_model import (
     semidefinite,
     stays_stable,
     tried_everywhere,
+    unstable_poles,
 )
 from workbench.uncertainty.matrix_covers.figures import (
     deltas_figure,
@@ -118,6 +118,7 @@ class MatrixCover(Program):
     default_method: ClassVar[str] = "joint"
     methods_in: ClassVar[tuple[str, ...]] = ("workbench.uncertainty.matrix_covers.methods",)
     headline: ClassVar[str] = "radius_mean"
+    relative_metrics: ClassVar[tuple[str, ...]] = ("least_gap",)
 
     def __post_init__(self) -> None:
         if not isinstance(self.responses, MatrixResponses):
@@ -152,11 +153,11 @@ class MatrixCover(Program):
         """Raise InputError for a known plant that no stable Delta of the form makes."""
         if self.form not in KEEPING_SIDES:
             return
-        wanted = _unstable(self.nominal)
+        wanted = unstable_poles(self.nominal)
         for name, plant in zip(self.responses.plants, self.responses.known, strict=False):
-            if _unstable(plant) != wanted:
+            if (found := unstable_poles(plant)) != wanted:
                 raise InputError(
-                    f"plant {name} has {_unstable(plant)} unstable poles, the nominal {wanted}: no "
+                    f"plant {name} has {found} unstable poles, the nominal {wanted}: no "
                     f"stable Delta of the form {self.form!r} makes one of the other; coprime or "
                     "inverse forms do"
                 )
@@ -216,7 +217,7 @@ class MatrixCover(Program):
         return (
             self.form == "additive"
             and bool(self.responses.known)
-            and all(worst_pole(each)[1] < 0 for each in systems)
+            and not any(unstable_poles(each) for each in systems)
         )
 
     def for_fits(self) -> tuple[Self, RealArray]:
@@ -374,9 +375,3 @@ class MatrixCover(Program):
             "radius": radius_figure(self.responses, self.radii(model), answer.least.radius),
             "deltas": deltas_figure(self.responses, norms),
         }
-
-
-def _unstable(system: StateSpace) -> int:
-    """Number of poles outside the region of stability, or on its boundary."""
-    poles = system.poles()
-    return int((np.abs(poles) >= 1.0).sum() if system.dt else (poles.real >= 0.0).sum())
