@@ -24,7 +24,7 @@ from parts import PARTS, Part
 
 KEPT = ROOT / ".processors"
 PROOF = Path(__file__).with_name("proof.py")
-FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
+FAILED = re.compile(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", re.MULTILINE)
 """Names of tests in pytest's summary."""
 
 
@@ -53,6 +53,7 @@ def variables(emulation: Emulation) -> dict[str, str]:
     return environment(emulation, native(emulation.venv)["dispatched"])
 
 
+@cache
 def proven(emulation: Emulation) -> tuple[str, str]:
     """Hash of the files and of what the emulation runs on, and why it is not in effect."""
     libm = native(emulation.venv)["libm"]
