@@ -63,8 +63,13 @@ def proven(emulation: Emulation) -> tuple[str, str]:
     return key, done.stderr.strip() if done.returncode else ""
 
 
-def result(part: Part) -> dict[str, Any]:
-    """What a part gives, now or when it was run last."""
+def result(part: Part) -> dict[str, Any] | None:
+    """What a part gives, now or when it was run last; None where it cannot be run here."""
+    try:
+        if part.emulation.needs not in native(part.emulation.venv)["features"]:
+            return None
+    except subprocess.CalledProcessError as error:
+        return {"failed": [str(error)], "minutes": 0.0, "log": ""}
     key, refusal = proven(part.emulation)
     if refusal:
         return {"failed": [refusal], "minutes": 0.0, "log": ""}
@@ -81,7 +86,7 @@ def result(part: Part) -> dict[str, Any]:
             command, env = part.command(folder / "results"), variables(part.emulation)
             status = subprocess.run(command, cwd=ROOT, env=env, stdout=file, stderr=file).returncode
         text = log.read_text(encoding="utf-8")
-        failed = FAILED.findall(text) or ([f"exit status {status}"] if status else [])
+        failed = (FAILED.findall(text) or [f"exit status {status}"]) if status else []
         minutes = (time.monotonic() - start) / 60
         found = {"failed": failed, "minutes": minutes, "log": str(log.relative_to(ROOT))}
         kept.write_text(json.dumps(found), encoding="utf-8")
@@ -120,13 +125,10 @@ def main() -> None:
         return
     results: dict[str, dict[str, Any] | None] = {}
     for name in chosen:
-        part = PARTS[name]
         print(f"{name} ...", flush=True)
-        if part.emulation.needs in native(part.emulation.venv)["features"]:
-            results[name] = result(part)
-        else:
-            print(f"left out: this processor lacks {part.emulation.needs}")
-            results[name] = None
+        results[name] = result(PARTS[name])
+        if results[name] is None:
+            print(f"left out: this processor lacks {PARTS[name].emulation.needs}")
     print(shown(results))
     sys.exit(any(found and found["failed"] for found in results.values()))
 

@@ -132,6 +132,7 @@ def part(tmp_path, monkeypatch):
 
     monkeypatch.setattr(run, "ROOT", tmp_path)
     monkeypatch.setattr(run, "KEPT", tmp_path / ".processors")
+    monkeypatch.setattr(run, "native", lambda venv: {"features": ["SSE3"]})
     monkeypatch.setattr(run, "variables", lambda emulation: None)
     monkeypatch.setattr(run, "proven", lambda emulation: ("first", ""))
     return Counted(EMULATIONS["prescott"], "stored", 0)
@@ -152,6 +153,20 @@ def test_a_part_whose_emulation_is_not_in_effect_fails(part, tmp_path, monkeypat
     monkeypatch.setattr(run, "proven", lambda emulation: ("first", "it runs Haswell"))
     assert run.result(part)["failed"] == ["it runs Haswell"]
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_processor_that_cannot_be_played_is_left_out(part, monkeypatch):
+    monkeypatch.setattr(run, "native", lambda venv: {"features": []})
+    assert run.result(part) is None
+
+
+def test_versions_that_cannot_be_installed_fail_their_parts(part, monkeypatch):
+    def refused(venv):
+        raise subprocess.CalledProcessError(2, ["make", f"{venv}/.ready"])
+
+    monkeypatch.setattr(run, "native", refused)
+    (told,) = run.result(part)["failed"]
+    assert ".venv/.ready" in told
 
 
 def test_a_run_that_ends_without_a_summary_fails(part):
