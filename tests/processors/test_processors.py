@@ -7,10 +7,10 @@ import sys
 
 import pytest
 import run
-from emulations import EMULATIONS, ROOT, disabled, environment
+from emulations import EMULATIONS, ROOT, disabled, environment, plain_environment
 from oldest import requirements
 from parts import CHUNKS, PARTS, files_of, files_of_tests
-from proof import differences, observed
+from proof import differences
 
 REFERENCE = ROOT / "results" / "reference"
 PROCESSORS = str(ROOT / "tests" / "processors")
@@ -38,9 +38,11 @@ for folder in folders:
 
 @pytest.fixture(scope="module")
 def here():
+    """What this processor is, also where these tests run under an emulation."""
     if (platform.libc_ver()[0], platform.machine()) != ("glibc", "x86_64"):
         pytest.skip("the emulations are those of the wheels for Linux on x86-64")
-    return observed()
+    asked, plain = [sys.executable, run.PROOF], plain_environment()
+    return json.loads(subprocess.run(asked, env=plain, capture_output=True, check=True).stdout)
 
 
 @pytest.mark.parametrize("name", ["prescott", "haswell"])
