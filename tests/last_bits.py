@@ -11,8 +11,9 @@ def shaken(value, seed):
     """A value with each double in it times 1 - eps, 1 or 1 + eps.
 
     Arrays, systems, datasets, and dataclasses and containers of them. Equal numbers stay equal, so
-    that a symmetric matrix stays symmetric, and a pair conjugate. Integers stay, which are zeros by
-    structure, and counts. So do numbers beside arrays, which are settings.
+    that a symmetric matrix stays symmetric, and a pair conjugate. Numbers of half the bits stay:
+    zeros by structure, counts, coefficients of a processor. So do numbers beside arrays, which are
+    settings.
     """
     if isinstance(value, np.ndarray):
         return _array(value, seed)
@@ -38,8 +39,20 @@ def shaken(value, seed):
         given = {one.name: getattr(value, one.name) for one in fields(value) if one.init}
         changed = {name: shaken(one, seed) for name, one in given.items()}
         changed = {name: one for name, one in changed.items() if one is not given[name]}
-        return replace(value, **changed) if changed else value
+        return _changed(value, changed) if changed else value
     return value
+
+
+def _changed(value, changed):
+    """A dataclass with other fields, made anew unless it makes its fields of something else."""
+    if value.__dataclass_params__.init:
+        return replace(value, **changed)
+    found = object.__new__(type(value))
+    for name, one in (
+        {one.name: getattr(value, one.name) for one in fields(value)} | changed
+    ).items():
+        object.__setattr__(found, name, one)
+    return found
 
 
 def _array(values, seed):
@@ -50,7 +63,9 @@ def _array(values, seed):
     if values.dtype.kind != "f" or values.dtype.itemsize > 8:
         return values
     steps = _steps(np.abs(values).astype(float), seed) * np.finfo(values.dtype).eps
-    kept = ~np.isfinite(values) | (values == np.round(values))
+    with np.errstate(over="ignore", under="ignore"):
+        short = values.astype(np.float32 if values.dtype.itemsize > 4 else np.float16)
+    kept = ~np.isfinite(values) | (values == short)
     return np.where(kept, values, values * (1 + steps)).astype(values.dtype)
 
 

@@ -172,6 +172,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     except (KeyError, ValueError, InputError) as error:
         return None, [f"data.nc holds no answer to the question: {error}"]
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME_NUMBER)]
+    task = task if wrong else task.of_stored(run.data)
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
     optimal = optimal and claim is not Outcome.TIME_LIMIT
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from flint import arb, fmpq, fmpq_mat, fmpq_poly
@@ -66,8 +67,9 @@ def separated_zeros(plant: StateSpace) -> tuple[Range, Range] | None:
     """
     p = _matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
-    roots = [root for root, _ in common.numer().complex_roots() if root.imag == 0]
-    found = sorted(_range_about(one.real) for one in roots if not one.real < 0)
+    roots: Any = common.numer().complex_roots()
+    real = [root.real for root, _ in roots if root.imag == 0]
+    found = sorted(_range_about(root) for root in real if not root < 0)
     if not np.any(plant.D):
         found.append((math.inf, math.inf))
     signed = [(ends, sign) for ends in found if (sign := _sign_of(p, ends))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -102,6 +102,9 @@ class MuLowerBound(Program):
     @property
     def quantifier(self) -> str:
         return f"for these {math.prod(self.batch)} matrices, between them nothing"
+
+    def of_stored(self, data: Dataset) -> MuLowerBound:
+        return replace(self, M=data["M"].values)
 
     def checks(self, answer: LowerBound, tolerance: float) -> Sequence[Check]:
         value, Delta = np.asarray(answer.value), np.asarray(answer.Delta)

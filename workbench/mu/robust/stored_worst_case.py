@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import EPS
 from workbench.certificate import EVERY_PERTURBATION, Check, quantified
 from workbench.certify.proofs.peak_proof import proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
@@ -16,6 +17,9 @@ from workbench.mu.frequency.stored_peak import REPROVEN_LOWER
 from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, divided
 from workbench.mu.robust.worst_case import WorstCaseGain, attained_gain
 from workbench.structure import Structure
+
+CHECKED_ROUNDING = LEVEL_ROUNDING * (1 - 16 * EPS)
+"""Factor as LEVEL_ROUNDING, in a check. What is said has more, so that no last bit counts."""
 
 
 def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -> list[Check]:
@@ -72,7 +76,7 @@ def _fault(stable: Any, structure: Structure, found: WorstCaseGain) -> str:
     beta = found.proof.beta
     if not beta < 1:
         return f"the proof is one of mu {beta:.6g}, which is not below 1"
-    if not found.level * beta * LEVEL_ROUNDING <= found.upper:
+    if not found.level * beta * CHECKED_ROUNDING <= found.upper:
         return f"the proof is one of the gain {found.level * beta:.9g}"
     if found.level == 0:
         return proves(stable, whole, found.proof, beta)

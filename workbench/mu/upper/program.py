@@ -151,6 +151,9 @@ class MuUpperBound(Program):
     def quantifier(self) -> str:
         return f"for these {math.prod(self.batch)} matrices, between them nothing"
 
+    def of_stored(self, data: Dataset) -> MuUpperBound:
+        return replace(self, M=data["M"].values)
+
     def checks(self, answer: UpperBound, tolerance: float) -> list[Check]:
         given = [np.asarray(part) for part in (answer.D_left, answer.D_right, answer.G)]
         nearest = structured(self.structure, *given)
