@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from workbench.diagnosis.estimation.front_filters import FrontFilter, few_states, full_order
     from workbench.diagnosis.estimation.laguerre import LaguerreBasis
     from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+    from workbench.diagnosis.estimation.reached import Reached, best_design, stable_share
     from workbench.diagnosis.estimation.weighting import Requirement
     from workbench.diagnosis.estimators.disturbed import DisturbedPlant
     from workbench.diagnosis.estimators.estimator import Estimate, Estimator, estimate, placed
@@ -84,6 +85,7 @@ __all__ = [
     "Noise",
     "ParityRelation",
     "PerformanceIndex",
+    "Reached",
     "Requirement",
     "ResidualGenerator",
     "Roc",
@@ -93,6 +95,7 @@ __all__ = [
     "above_noise",
     "adaptive_alarm",
     "attainable_structures",
+    "best_design",
     "bounded_threshold",
     "clean_level",
     "confusion",
@@ -129,6 +132,7 @@ __all__ = [
     "quality_signal",
     "quantile_threshold",
     "roc",
+    "stable_share",
     "structure_matrix",
     "transfer",
     "unattainable",

@@ -10,7 +10,7 @@ filter H is left out: the fault is estimated as H lets it through.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -147,6 +147,18 @@ class FaultLoop:
             stable_system(self.filter)
         except InputError as fault:
             raise InputError(f"filter of a fault loop: {fault}") from fault
+
+    def within(self, share: float) -> FaultLoop:
+        """The loop around the plants whose perturbations are at most a share of the set's.
+
+        Raises InputError for a share that is not positive.
+        """
+        need_positive(share, "share")
+        weights = {"W_c": self.model.W_c, "W_r": self.model.W_r}
+        smaller = {
+            name: replace(W, gain=share * W.gain) for name, W in weights.items() if W is not None
+        }
+        return replace(self, model=replace(self.model, **smaller))
 
     def warped(self, frequency: ArrayLike) -> RealArray:
         """omega [rad/s] at which the continuous systems have the loop's response at `frequency`.

@@ -19,21 +19,18 @@ requirements are certified elsewhere, at all frequencies.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.diagnosis.estimation.front_program import FrontProgram
 from workbench.diagnosis.estimation.limits import Limits, exchanged
 from workbench.errors import InputError, SolverError
-from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
-from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
@@ -187,13 +184,17 @@ class FaultFront:
             Where no filter meets the limits.
         """
         need_positive(peak, "peak", or_none=True)
+        self._need_stable_set()
+        if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing through
+            nothing = np.zeros(len(self.frequency), complex)
+            return FrontPoint(np.zeros(basis.shape[1]), *self.judged(nothing))
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
         demands = self.loop.demands
         power = self.worst / demands.unit * np.sqrt(self._shares) * demands.noise
         # Of the many rows of a norm only their triangular factor counts.
         noise = np.linalg.qr(np.vstack([part(_rows(basis, power)) for part in (np.real, np.imag)]))
-        program = _Program(noise.R, None if leakage is None else leakage / demands.unit)
+        program = FrontProgram(noise.R, None if leakage is None else leakage / demands.unit)
         found = exchanged(program.solved, self._limits(basis, error, peak))
         if found is None:
             raise SolverError(
@@ -202,66 +203,96 @@ class FaultFront:
         T = basis @ found[0]
         return FrontPoint(found[0] / scale, *self.judged(T))
 
-    def _limits(self, basis: ComplexArray, error: float, peak: float | None) -> list[Limits]:
-        """All limits along the grid, on coefficients of a basis."""
+    def least_factor(
+        self, basis: ComplexArray, error: float, leakage: float, peak: float | None = None
+    ) -> float:
+        """The least common factor of the limits at which there is a filter, over T = basis @ x.
+
+        The limits of error, leakage and peak are those of `least`; the gain's is kept. A factor up
+        to 1 says that they can be had. The problem is convex in the coefficients and the factor,
+        and has a solution: T = 0 has an error of 1, no leakage, and leaves the loop alone. Its
+        factor is returned where the solver finds no better one. Raises InputError for limits that
+        are not positive, SolverError where the set has plants on which the loop is not stable.
+
+        Examples
+        --------
+        >>> import control
+        >>> import numpy as np
+        >>> from workbench.diagnosis import EstimationDemands, FaultFront, FaultLoop, LaguerreBasis
+        >>> from workbench.fitting import Rational
+        >>> from workbench.uncertainty import UncertaintyModel
+        >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+        >>> demands = EstimationDemands(
+        ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+        ... )
+        >>> parts = [Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (1.0, 0.15))]
+        >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+        >>> loop = FaultLoop(UncertaintyModel(*parts), K, H, demands)
+        >>> grid = np.unique(np.r_[np.geomspace(1e-3, 20.0, 40), 0.05, 0.5, 1.0])
+        >>> front = FaultFront(loop, grid)
+        >>> functions = LaguerreBasis(loop, 1.0).response(6, loop.warped(grid))
+        >>> bool(front.least_factor(functions, error=0.5, leakage=2e-3) < 1)
+        True
+        >>> bool(front.least_factor(functions, error=0.05, leakage=1e-4) > 1)
+        True
+        """
+        need_positive(error, "error")
+        need_positive(leakage, "leakage")
+        need_positive(peak, "peak", or_none=True)
+        self._need_stable_set()
+        limits = self._limits(basis / np.abs(basis).max(axis=0), error, peak, leakage)
+        found = exchanged(FrontProgram().solved, limits)
+        nothing = self._factor_of_nothing(error, peak)
+        return nothing if found is None else min(found[1], nothing)
+
+    def _factor_of_nothing(self, error: float, peak: float | None) -> float:
+        """The factor of error and peak at which T = 0 meets the limits on the grid."""
+        sizes = [1.0 / error]
+        if peak is not None:
+            sizes.append(float((self.worst / np.abs(self.back)).max()) / peak)
+        return max(sizes) / (1 - GRID_MARGIN)
+
+    def _need_stable_set(self) -> None:
+        """Raise SolverError where the loop itself is unstable for plants of the set."""
+        if not np.isfinite(self.worst).all():
+            at = self.frequency[~np.isfinite(self.worst)][0]
+            raise SolverError(
+                f"no filter of this basis: near {at:.4g} Hz the set has plants on which the loop "
+                "itself is not stable; make it smaller (FaultLoop.within)"
+            )
+
+    def _limits(
+        self,
+        basis: ComplexArray,
+        error: float,
+        peak: float | None,
+        leakage: float | None = None,
+    ) -> list[Limits]:
+        """All limits along the grid, on coefficients of a basis.
+
+        Their E is the leakage, in the demands' unit; where a limit of it is given, E is the common
+        factor of error, leakage and peak.
+        """
         demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
+        kept, growing = (1.0, 0.0) if leakage is None else (0.0, 1.0)
         slow, fast = f <= demands.leakage_below, f >= demands.error_above
         leaking = _rows(basis, self.worst / demands.unit * self.disturbance)[slow]
+        largest = tight * (1.0 if leakage is None else leakage / demands.unit)
         one, zero = np.ones(len(f)), np.zeros(len(f), complex)
         limits = [
-            Limits(leaking, zero[slow], zero.real[slow], tight),
+            Limits(leaking, zero[slow], zero.real[slow], largest),
             Limits(_rows(basis, self.worst), zero, tight * demands.gain * one),
         ]
         for p in self.p[fast].T:
-            away = _rows(basis[fast], 1 / np.abs(p))
-            limits.append(Limits(away, p / np.abs(p), tight * error * one[fast]))
+            away, end = _rows(basis[fast], 1 / np.abs(p)), tight * error * one[fast]
+            limits.append(Limits(away, p / np.abs(p), kept * end, growing * end))
         if peak is not None:
             shares = 1 / (tight * peak * np.abs(self.back[:, None] * self.p))
             limits += [
-                Limits(_rows(basis, self.back - 1 / p), 1 + zero, share, half_plane=True)
-                for p, share in zip(self.p.T, shares.T, strict=True)
+                Limits(_rows(basis, self.back - 1 / p), 1 + zero, kept * end, growing * end, True)
+                for p, end in zip(self.p.T, shares.T, strict=True)
             ]
         return limits
-
-
-class _Program:
-    """The least E + 3 ||noise x|| under some limits, E up to a largest one."""
-
-    def __init__(self, noise: RealArray, largest: float | None) -> None:
-        self._noise, self._largest = noise, largest
-        self.said = ""
-
-    def solved(self, limits: Sequence[Limits]) -> tuple[RealArray, float] | None:
-        """The optimum (x, E), or None."""
-        import cvxpy as cp
-
-        x, E, rms = cp.Variable(self._noise.shape[1]), cp.Variable(), cp.Variable()
-        held = [cp.norm(self._noise @ x) <= rms]
-        discs = [one for one in limits if not one.half_plane]
-        A, c = np.vstack([one.A for one in discs]), np.concatenate([one.c for one in discs])
-        b = np.concatenate([one.b for one in discs])
-        d = np.concatenate([np.full(len(one.b), one.d) for one in discs])
-        parts = cp.vstack([c.real - A.real @ x, c.imag - A.imag @ x])
-        held.append(cp.SOC(b + d * E, parts, axis=0))
-        planes = [one for one in limits if one.half_plane]
-        held += [one.c.real - one.A.real @ x >= one.b for one in planes]
-        if self._largest is not None:
-            held.append(self._largest >= E)
-        self.said = solve_in_place(cp.Problem(cp.Minimize(E + 3 * rms), held))
-        return None if x.value is None else (x.value, float(E.value))
-
-
-def solve_in_place(problem: Any) -> str:
-    """Solve a cone program by the default solver and return its message.
-
-    Variables are None if the solver failed.
-    """
-    context = Context()
-    outcome, said = solve_conic(problem, conic_solvers()[0], context.options, context)
-    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
-        for variable in problem.variables():
-            variable.value = None
-    return said
 
 
 def near_poles(loop: FaultLoop, frequency: RealArray, poles: ComplexArray) -> RealArray:

@@ -17,7 +17,7 @@ from scipy.linalg import toeplitz
 
 from workbench.arrays import RealArray
 from workbench.diagnosis.estimation.fault_loop import EstimationDemands
-from workbench.diagnosis.estimation.front import solve_in_place
+from workbench.diagnosis.estimation.front_program import solve_in_place
 from workbench.errors import SolverError
 from workbench.input_checks import need_positive
 

@@ -24,23 +24,25 @@ ROUNDS = 60
 
 
 class Limits(NamedTuple):
-    """Limits |c - A x| <= b + d E along the frequencies, or Re(c - A x) >= b on a half-plane."""
+    """|c - A x| <= b + d E along the frequencies; of a half-plane, Re(c - A x) >= b + d / E."""
 
     A: ComplexArray
     c: ComplexArray
     b: RealArray
-    d: float = 0.0
+    d: RealArray | float = 0.0
     half_plane: bool = False
 
     def excess(self, x: RealArray, E: float) -> RealArray:
         """Violation (F,) over the size of the limit; negative where it is met."""
-        rest, size = self.c - self.A @ x, self.b + self.d * E
+        rest = self.c - self.A @ x
+        size = self.b + (self.d / max(E, 1e-300) if self.half_plane else self.d * E)
         over = size - rest.real if self.half_plane else np.abs(rest) - size
         return np.asarray(over / np.maximum(np.abs(size), 1e-300))
 
     def rows(self, chosen: RealArray) -> Limits:
         """The limits at some of the frequencies."""
-        return self._replace(A=self.A[chosen], c=self.c[chosen], b=self.b[chosen])
+        d = np.broadcast_to(self.d, self.b.shape)[chosen]
+        return self._replace(A=self.A[chosen], c=self.c[chosen], b=self.b[chosen], d=d)
 
 
 def exchanged(

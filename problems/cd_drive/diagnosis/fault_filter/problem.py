@@ -20,6 +20,8 @@ from workbench.diagnosis import (
     FaultLoop,
     FrontFilter,
     LaguerreBasis,
+    Reached,
+    best_design,
     few_states,
     full_order,
     least_total,
@@ -42,6 +44,7 @@ from ...laboratory.bench_setup import PERIOD
 from . import figures
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
+from .demand import demand_check, demand_table, in_metrics, reached_of
 from .figures import NAMES, shape_errors, total
 from .loop import BOUND_CORNER, LAGUERRE_POLE, fault_loop, fine_grid, grid
 from .peers import peer_filters
@@ -50,7 +53,7 @@ ERRORS = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
 """Relative errors allowed at the points of the front."""
 KINDS = ("nominal plant", "every plant")
 """Plants for which a filter is judged."""
-CONTINUOUS, SAMPLED = 16, 20
+COUNTS = CONTINUOUS, SAMPLED = 16, 20
 """Functions of the Laguerre basis for the continuous loop and for the sampled one."""
 
 
@@ -75,12 +78,13 @@ def fault_filter(
 
     The point chosen is where the front bends: below a relative error of 0.3 every plant's total
     rises steeply, by half for 0.05 less, above it falls by less than a third for 0.1 more; and
-    there what the disc leaks is a quarter of the 2 um that the loop itself may be off.
+    there what the disc leaks is a quarter of the 2 um that the loop itself may be off. Where no
+    filter has both on every plant, the set shrinks to what the loop bears, and error and leakage
+    grow by their least common factor.
 
     frequencies, gain: of the stadiums, as `cd/focus/cover-for-control`. error: relative, wanted
-    from 1.5 kHz on; where no filter has it, the next one of the front is taken. leakage: of the Red
-    Book's envelope into the estimate [m], allowed up to 200 Hz. order: of the sampled filter.
-    delay: of the sampled loop [samples].
+    from 1.5 kHz on. leakage: of the Red Book's envelope into the estimate [m], wanted up to 200 Hz.
+    order: of the sampled filter. delay: of the sampled loop [samples].
     """
     return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay)
 
@@ -147,18 +151,77 @@ class FaultFilterStudy(Study):
             "discrete": fault_loop(self.axis, self.model, K, self.delay),
         }
 
-    def fronts(self, which: str) -> list[FaultFront]:
-        """The front of a loop for each of KINDS."""
-        loop = self.loops[which]
+    def within(self, share: float) -> dict[str, FaultLoop]:
+        """The loops around a share of the set."""
+        return {name: loop.within(share) for name, loop in self.loops.items()}
+
+    def fronts(self, which: str, share: float) -> list[FaultFront]:
+        """The front of a loop for each of KINDS, on a share of the set."""
+        loop = self.within(share)[which]
         return [FaultFront(loop, grid(loop), kind == KINDS[0]) for kind in KINDS]
 
     kind, bound = dim(KINDS), dim("lower", "upper")
     point = dim(ERRORS, unit="1", meaning="relative error allowed")
     quantity = dim("error", "leakage", "noise")
 
+    design = dim("full", "discrete")
+    requirement = dim(
+        lambda self: [one.name for one in self.loops["full"].requirements(self.error, self.leakage)]
+    )
+
+    # --- the filters ---------------------------------------------------------------------------
+
+    @part
+    def chosen(self) -> tuple[Reached, dict[str, FrontFilter]]:
+        """What is reached of the demand, and filters that do."""
+        return best_design(list(self.loops.values()), self._least_factor, self._designed)
+
+    def limits(self, reached: Reached) -> tuple[float, float]:
+        """Limits of the relative error and of the leakage [m] that are reached."""
+        return reached.factor * self.error, reached.factor * self.leakage
+
+    def _least_factor(self, reached: Reached) -> float:
+        """The least factor of the limits, over the filters of full order for both loops."""
+        found = []
+        for loop, count in zip(self.within(reached.share).values(), COUNTS, strict=True):
+            front = FaultFront(loop, grid(loop))
+            basis = LaguerreBasis(loop, LAGUERRE_POLE).response(count, front.omega)
+            found.append(front.least_factor(basis, *self.limits(reached)))
+        return max(found)
+
+    def _designed(self, reached: Reached) -> dict[str, FrontFilter] | None:
+        """The continuous filter of full order, and the one of few states for the sampled loop."""
+        limits, loops = self.limits(reached), self.within(reached.share)
+        try:
+            full, fine = (
+                full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *limits)
+                for loop, count in zip(loops.values(), COUNTS, strict=True)
+            )
+            sampled = loops["discrete"]
+            few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
+        except SolverError:  # no filter has this error with so little leakage
+            return None
+        return {"full": full, "discrete": few} if full.meets and few.meets else None
+
+    reached = part(lambda chosen: chosen[0])
+    designs = part(lambda chosen: chosen[1])
+    demand_factor = array(
+        (), "1", "limits reached over those asked", lambda reached: reached.factor
+    )
+    set_share = array((), "1", "share of the set that is reached", lambda reached: reached.share)
+    allowed = array(
+        (), "1", "relative error reached", lambda self, reached: self.limits(reached)[0]
+    )
+    leakage_allowed = array(
+        (), "m", "leakage reached", lambda self, reached: self.limits(reached)[1]
+    )
+
+    # --- the front -----------------------------------------------------------------------------
+
     @array((kind, point, quantity), "1", "front")
-    def front(self, context: Context) -> Any:
-        basis, fronts = LaguerreBasis(self.loops["full"], LAGUERRE_POLE), self.fronts("full")
+    def front(self, reached: Reached, context: Context) -> Any:
+        basis = LaguerreBasis(self.loops["full"], LAGUERRE_POLE)
+        fronts = self.fronts("full", reached.share)
         front = np.full((len(KINDS), len(ERRORS), 3), np.nan)
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
             for i, each in enumerate(fronts):
@@ -174,45 +237,10 @@ class FaultFilterStudy(Study):
         demands = self.loops["full"].demands
         return [least_total(demands, error, BOUND_CORNER) for error in ERRORS]
 
-    design = dim("full", "discrete")
-    requirement = dim(
-        lambda self: [one.name for one in self.loops["full"].requirements(self.error, self.leakage)]
-    )
-
     @part
-    def chosen(self) -> tuple[float, dict[str, FrontFilter]]:
-        """The least error at which there are filters, and these."""
-        errors = [self.error, *(error for error in ERRORS if error > self.error)]
-        for error in errors:
-            try:
-                return error, self._designed(error)
-            except SolverError:  # on this uncertainty no filter leaks so little
-                continue
-        raise SolverError(
-            f"no filter with a relative error of {self.error:g} to {errors[-1]:g} leaks less than "
-            f"{1e6 * self.leakage:.3g} um; allow more leakage"
-        )
-
-    def _designed(self, error: float) -> dict[str, FrontFilter]:
-        """The continuous filter of full order, and the one of few states for the sampled loop."""
-        limits = error, self.leakage
-        full, fine = (
-            full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *limits)
-            for loop, count in zip(self.loops.values(), (CONTINUOUS, SAMPLED), strict=True)
-        )
-        sampled = self.loops["discrete"]
-        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
-        return {"full": full, "discrete": few}
-
-    designs = part(lambda chosen: chosen[1])
-    allowed = array((), "1", "relative error of the designs", lambda chosen: chosen[0])
-
-    @part
-    def filters(
-        self, chosen: tuple[float, Any], designs: dict[str, FrontFilter]
-    ) -> dict[str, StateSpace]:
+    def filters(self, reached: Reached, designs: dict[str, FrontFilter]) -> dict[str, StateSpace]:
         """The robust filter and its peers, in continuous time."""
-        peers = peer_filters(self.loops["full"], chosen[0], self.leakage)
+        peers = peer_filters(self.loops["full"], *self.limits(reached))
         return {"robust": designs["discrete"].F} | peers
 
     played = part(lambda filters: {k: bilinear_sampled(F, PERIOD) for k, F in filters.items()})
@@ -228,8 +256,8 @@ class FaultFilterStudy(Study):
     )
 
     @array((filter, kind, quantity), "1")
-    def judged(self, filters: dict[str, StateSpace]) -> Any:
-        fronts = self.fronts("discrete")
+    def judged(self, filters: dict[str, StateSpace], reached: Reached) -> Any:
+        fronts = self.fronts("discrete", reached.share)
         return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
 
     shape = dim(SHAPES)
@@ -246,13 +274,19 @@ class FaultFilterStudy(Study):
         return np.array(every, np.float32)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        limits = float(answer["allowed"]), self.leakage
-        return filter_checks(self.axis, self.loops, self.stored(answer), self.order, limits, answer)
+        reached = reached_of(answer)
+        loops, filters = self.within(reached.share), self.stored(answer)
+        limits = self.limits(reached)
+        return [
+            demand_check(answer, limits),
+            *filter_checks(self.axis, loops, filters, self.order, limits, answer),
+        ]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         error, leakage, noise = answer["judged"].sel(filter="robust", kind=KINDS[1]).values.tolist()
         worst = answer["peak"].sel(bound="upper").max("requirement")
         found = {"fault_error": error, "leakage": leakage, "noise": 3 * noise}
+        found |= in_metrics(answer, self.error, self.leakage)
         for name, K in self.stored(answer).items():
             found["peak" if name == "discrete" else "peak_full"] = float(worst.sel(design=name))
             found[f"order_{name}"] = float(K.nstates)
@@ -265,7 +299,7 @@ class FaultFilterStudy(Study):
 
     @table
     def fronts_and_filters(self, answer: Dataset) -> dict[str, Any]:
-        """The front, and what each filter does."""
+        """What is reached of the demand, the front, and what each filter does."""
         sizes = 1e6 * total(answer["front"])
         columns = zip(ERRORS, *sizes.values, 1e6 * answer["least_total"].values, strict=True)
         points = [
@@ -280,6 +314,7 @@ class FaultFilterStudy(Study):
         plants = ["nominal plant [um]", "no filter below [um]", "every plant [um]"]
         heads = ["filter", "error above 1.5 kHz", "leakage [um]", "3 rms [um]", *SHAPES]
         return {
+            "demand": demand_table(answer, self.error, self.leakage),
             "front": (["relative error allowed", *plants], points),
             "filters": (heads, filters),
         }
@@ -287,7 +322,9 @@ class FaultFilterStudy(Study):
     front_, figure_7_13 = figure(figures.front), figure(figures.defects)
     figure_7_12 = figure(lambda self, stored: figures.filters(self.axis, **stored))
     estimate_ = figure(
-        lambda self, stored: figures.channel(self.loops["discrete"], stored["discrete"])
+        lambda self, stored, set_share: figures.channel(
+            self.within(float(set_share))["discrete"], stored["discrete"]
+        )
     )
 
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.certificate import EVERY_PERTURBATION, Check
+from workbench.certificate import Check
 from workbench.certify.stability import stability_of
-from workbench.diagnosis import FaultLoop
+from workbench.diagnosis import FaultLoop, Reached
 from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
@@ -20,6 +20,7 @@ from workbench.synthesis.switching.single_loops import MarginsOfPlants, SingleLo
 from workbench.systems.bilinear import bilinear_continuous
 
 from ...control.loops import plants
+from ...diagnosis.fault_filter.demand import limits_of, plants_of
 from ...drive.plants import controller
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
@@ -55,12 +56,18 @@ def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
 
 
 def filter_checks(
-    loop: FaultLoop, F: StateSpace, order: int, limits: tuple[float, float], peak: float
+    loop: FaultLoop,
+    F: StateSpace,
+    order: int,
+    limits: tuple[float, float, float],
+    reached: Reached,
 ) -> list[Check]:
     """Checks of a discrete filter, of which all is certified again.
 
-    order: states allowed. limits: relative error and leakage [m]. peak: sensitivity allowed.
+    order: states allowed. limits: relative error, leakage [m] and sensitivity that are reached.
+    reached: of the demand.
     """
+    loop, (*limits_of_estimate, peak) = loop.within(reached.share), limits
     stability = stability_of(F)
     found = [
         Check("filter", "largest modulus of a pole, less 1", stability.value, stability.limit),
@@ -68,22 +75,27 @@ def filter_checks(
     ]
     if not stability.holds:
         return found
-    program, continuous = estimation(loop, *limits), bilinear_continuous(F)
+    program, continuous = estimation(loop, *limits_of_estimate), bilinear_continuous(F)
+    plants, over_limits = plants_of(reached), limits_of(reached)
     for channel in program.channels:
         upper = program.certified(continuous, channel).upper
-        over = f"{EVERY_PERTURBATION}, in the band of the requirement"
-        found.append(Check(channel.name, "certified supremum of mixed mu", upper, 1.0, over=over))
+        over = f"{plants}, in the band of the requirement"
+        words = f"certified supremum of mixed mu{over_limits}"
+        found.append(Check(channel.name, words, upper, 1.0, over=over))
     again = removal_conditions(loop, continuous, peak)
     pole = np.inf if again.pole is None else again.pole.real
     statement = "rightmost pole of the nominal loop of K (1 - F) [rad/s]"
     found.append(Check("removal: stable", statement, pole, -np.finfo(float).tiny))
     stated = {
         "removal: robust stability": ("mu of robust stability", again.robust_stability),
-        "removal: sensitivity": ("largest |S| over its limit, as mu", again.robust_performance),
+        "removal: sensitivity": (
+            f"largest |S| over its limit, as mu{over_limits}",
+            again.robust_performance,
+        ),
     }
     for name, (words, one) in stated.items():
         upper = np.inf if one is None else one.upper
-        found.append(Check(name, words, upper, 1.0, over=EVERY_PERTURBATION))
+        found.append(Check(name, words, upper, 1.0, over=plants))
     return found
 
 

@@ -1,0 +1,75 @@
+"""The fault filter with margins: its limits, and what is reached of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.diagnosis import (
+    FaultFront,
+    FaultLoop,
+    FrontFilter,
+    LaguerreBasis,
+    Reached,
+    best_design,
+    few_states,
+)
+from workbench.errors import SolverError
+
+from ...diagnosis.fault_filter.loop import LAGUERRE_POLE, fine_grid, grid
+from ...diagnosis.fault_filter.problem import SAMPLED
+
+Limits = tuple[float, float, float]
+"""Relative error, leakage [m] and sensitivity while a defect passes."""
+
+
+@dataclass(frozen=True, eq=False)
+class MarginsDesign:
+    """Filters of few states that bound error, leakage and sensitivity on every plant of a loop."""
+
+    loop: FaultLoop
+    asked: Limits
+    order: int
+
+    def best(self) -> tuple[Reached, FrontFilter]:
+        """What is reached of the limits asked, and the filter of least leakage and noise there."""
+        return best_design([self.loop], self._least_factor, self._designed)
+
+    def limits(self, reached: Reached) -> Limits:
+        """The limits that are reached."""
+        error, leakage, peak = (reached.factor * one for one in self.asked)
+        return error, leakage, peak
+
+    def front(self, share: float) -> FaultFront:
+        """The front on a share of the set."""
+        return FaultFront(self.loop.within(share), grid(self.loop))
+
+    def on_front(self, share: float, error: float, peak: float) -> list[float]:
+        """Error, leakage and noise [m], and sensitivity, of a point; NaN where no filter is."""
+        front = self.front(share)
+        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(SAMPLED, front.omega)
+        try:
+            one = front.least(basis, error, peak=peak)
+        except SolverError:
+            return [np.nan] * 4
+        size = front.removed_peak(basis @ one.coefficients)
+        return [one.error, one.leakage, one.noise, size]
+
+    def _least_factor(self, reached: Reached) -> float:
+        """The least factor of the limits, over the filters of full order."""
+        front = self.front(reached.share)
+        basis = LaguerreBasis(self.loop, LAGUERRE_POLE).response(SAMPLED, front.omega)
+        return front.least_factor(basis, *self.limits(reached))
+
+    def _designed(self, reached: Reached) -> FrontFilter | None:
+        """The filter of few states with the least noise within the limits; None where none is."""
+        limits, front = self.limits(reached), self.front(reached.share)
+        basis = LaguerreBasis(front.loop, LAGUERRE_POLE)
+        try:
+            point = front.least(basis.response(SAMPLED, front.omega), *limits)
+            full, points = basis.filter(point.coefficients), fine_grid(front.loop)
+            few = few_states(front.loop, points, full, self.order, *limits)
+        except SolverError:  # its least leakage is larger
+            return None
+        return few if few.meets else None

@@ -1,0 +1,134 @@
+"""What is reached of a demand on fault filters that cannot be had as it was asked.
+
+A filter's estimate is bounded only on plants on which the loop itself is stable. So the set is made
+smaller first, to the largest share that the loop is proven to bear, whatever the filter; on it the
+limits of error, leakage and sensitivity grow by their least common factor. Both are 1 where the
+demand can be had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.diagnosis.estimation.front import GRID_MARGIN
+from workbench.errors import SolverError
+from workbench.mu import peak
+
+Design = TypeVar("Design")
+
+STABILITY_ROOM = 2 * GRID_MARGIN
+"""Relative distance of a share of the set from that on which stability can be proven no more: there
+the loop amplifies without bound. Half of it is what limits on the grid need."""
+FACTOR_ROOM = 1e-3
+"""Relative amount above the least factor of a front, at which filters are looked for first: there
+the cone program has an interior."""
+STEP = 0.01
+"""Relative step of larger factors, which filters of few states may need."""
+STEPS = 512
+"""Largest number of steps: limits 163 times those asked."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How much of a demand is reached: the share of the set, and the factor of the limits.
+
+    The requirements hold for all perturbations of the set that are at most ``share`` as large, with
+    limits ``factor`` times those asked.
+
+    Examples
+    --------
+    >>> from workbench.diagnosis import Reached
+    >>> Reached(1.0, 1.0).as_asked, Reached(0.9, 1.2).as_asked
+    (True, False)
+    """
+
+    share: float
+    factor: float
+
+    @property
+    def as_asked(self) -> bool:
+        """Whether the demand is met for the whole set."""
+        return self.share >= 1.0 and self.factor <= 1.0
+
+
+def stable_share(loop: FaultLoop) -> float:
+    """The share of the set, up to 1, on which the loop is proven stable with STABILITY_ROOM.
+
+    Raises InputError where the nominal loop is not stable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, stable_share
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> heater, W_c, wide = (
+    ...     Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2), (2.0, 8.0))
+    ... )
+    >>> stable_share(FaultLoop(UncertaintyModel(heater, W_c), K, H, demands))
+    1.0
+    >>> bool(stable_share(FaultLoop(UncertaintyModel(heater, wide), K, H, demands)) < 0.7)
+    True
+    """
+    plant = loop.plant
+    structure = loop.model.structure
+    found = peak(plant.system[: structure.columns, : structure.rows], structure)
+    return min(1.0, (1 - STABILITY_ROOM) / max(found.upper, 1e-300))
+
+
+def best_design(
+    loops: Sequence[FaultLoop],
+    least_factor: Callable[[Reached], float],
+    designed: Callable[[Reached], Design | None],
+) -> tuple[Reached, Design]:
+    """The design that meets a demand; where none does, the one that comes nearest, and how near.
+
+    Parameters
+    ----------
+    loops
+        Loops whose set the design is made for.
+    least_factor
+        A factor of the limits below which there is no design on a share of the set.
+    designed
+        The design whose requirements are certified for what is to be reached; None where none is
+        found.
+
+    Raises
+    ------
+    SolverError
+        Where no design is found with limits up to 163 times as large.
+    """
+    asked = Reached(1.0, 1.0)
+    found = designed(asked)
+    if found is not None:
+        return asked, found
+    share = min(map(stable_share, loops))
+    factor = max(1.0, (1 + FACTOR_ROOM) * least_factor(Reached(share, 1.0)))
+
+    def tried(steps: int) -> tuple[Reached, Design] | None:
+        reached = Reached(share, factor * (1 + STEP) ** steps)
+        found = designed(reached)
+        return None if found is None else (reached, found)
+
+    fails, meets, best = -1, 0, tried(0)
+    while best is None:
+        if meets == STEPS:
+            raise SolverError(
+                f"no filter is certified on {share:.3g} of the set with limits up to "
+                f"{factor * (1 + STEP) ** STEPS:.3g} times those asked"
+            )
+        fails, meets = meets, max(1, 2 * meets)
+        best = tried(meets)
+    while meets - fails > 1:
+        middle = (fails + meets) // 2
+        better = tried(middle)
+        fails, meets, best = (middle, meets, best) if better is None else (fails, middle, better)
+    return best
