@@ -1,13 +1,14 @@
 # `make reproduce` and `make test` are all a user needs; both set up what they run in.
 
 PYTHON ?= python3
+OLDEST_PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all test-only test-all-only mutants quick lint reference study thesis bench report docs notebooks clean
+.PHONY: reproduce reproduce-all test test-all test-only test-all-only mutants test-processors quick lint reference study thesis bench report docs notebooks clean
 
 # Run every named problem that is not marked slow, print the table, write the HTML index, and open it
 # where somebody looks.
@@ -39,6 +40,12 @@ test-all-only: $(READY)
 # Broken code and planted wrong answers: does every certificate notice?
 mutants: lint
 	$(PYTEST) tests/mutants
+
+# Stored runs, printed numbers, all other tests and the chain to the fault filter, on other processors
+# and on the oldest NumPy and SciPy. What was stopped goes on where it was; PART='prescott/*' runs a
+# part of it, and tests/processors/run.py --list names the parts.
+test-processors: $(READY)
+	$(BIN)/python tests/processors/run.py $(PART)
 
 # What one runs all day: lint, types, and the tests of what changed since the last commit.
 quick: lint
@@ -130,6 +137,13 @@ $(READY): requirements.txt pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+.venv-oldest/.ready: requirements.txt pyproject.toml tests/processors/oldest.py
+	$(OLDEST_PYTHON) -m venv .venv-oldest
+	$(OLDEST_PYTHON) tests/processors/oldest.py > .venv-oldest/requirements.txt
+	.venv-oldest/bin/python -m pip install --quiet --only-binary :all: --requirement .venv-oldest/requirements.txt
+	.venv-oldest/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis dist
+	rm -rf .venv .venv-oldest .processors .mypy_cache .ruff_cache .pytest_cache .hypothesis dist
 	find workbench problems tests -name __pycache__ -prune -exec rm -rf {} +
