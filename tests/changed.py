@@ -11,8 +11,7 @@ import json
 import sys
 from pathlib import Path
 
-from quick.chosen import Chosen
-from quick.edits import changed_files, committed, edited
+from quick.edits import changed_files, chosen, committed, edited
 from quick.graph import Graph
 
 ROOT = Path(__file__).parents[1]
@@ -23,13 +22,13 @@ def main(told: Path) -> None:
     before = {file: committed(ROOT, file) for file in changed_files(ROOT)}
     gone = {file: text for file, text in before.items() if not (ROOT / file).is_file()}
     graph = Graph(ROOT, gone)
-    chosen = Chosen.of(graph, edited(graph, before))
+    found = chosen(graph, edited(graph, before))
     told.parent.mkdir(exist_ok=True)
-    told.write_text(json.dumps(chosen.to_json()), encoding="utf-8")
-    tests = sum(map(len, chosen.tests.values()))
-    say = f"{len(before)} files changed; they reach {tests} tests in {len(chosen.tests)} files"
+    told.write_text(json.dumps(found.to_json()), encoding="utf-8")
+    tests = sum(map(len, found.tests.values()))
+    say = f"{len(before)} files changed; they reach {tests} tests in {len(found.tests)} files"
     print(say, file=sys.stderr)
-    print("\n".join(sorted(chosen.tests)))
+    print("\n".join(sorted(found.tests)))
 
 
 if __name__ == "__main__":

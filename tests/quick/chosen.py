@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from quick.graph import FAMILIES, Graph, Node
+from quick.sources import VARIES
 
 FAR = 1000
 """Distance of a test that goes through a family: it comes last."""
@@ -25,22 +25,6 @@ class Chosen:
     tests: Mapping[str, Mapping[str, int]]
     labels: tuple[str, ...]
     reached: tuple[str, ...]
-
-    @classmethod
-    def of(cls, graph: Graph, edited: Iterable[Node]) -> Chosen:
-        """What edited definitions reach."""
-        found = graph.leading_to(edited)
-        touched = [one for one in FAMILIES if not graph.edges[one].isdisjoint(found)]
-        wide = graph.leading_to(touched)
-        tests: dict[str, dict[str, int]] = {}
-        for file, name in graph.tests:
-            node = (file, name)
-            if node in found or node in wide:
-                tests.setdefault(file, {})[name] = found.get(node, FAR)
-        reached = [
-            label for label, nodes in graph.labels.items() if not found.keys().isdisjoint(nodes)
-        ]
-        return cls(tests, tuple(graph.labels), tuple(reached))
 
     @classmethod
     def of_json(cls, told: Mapping[str, Any]) -> Chosen:
@@ -65,5 +49,5 @@ def _about(case: str, labels: tuple[str, ...]) -> bool:
 @cache
 def _any(labels: tuple[str, ...]) -> re.Pattern[str]:
     """One of some labels as a whole: no letter, digit or dot goes on before or behind it."""
-    words = "|".join(re.escape(one).replace(r"\*", "[^/]+") for one in labels) or "(?!)"
+    words = "|".join(re.escape(one).replace(VARIES, "[^/]+") for one in labels) or "(?!)"
     return re.compile(rf"(?<![\w./])(?:{words})(?![\w.]|-\w)")

@@ -1,12 +1,13 @@
-"""What an edit changes: definitions of sources, pages, data."""
+"""What an edit changes: definitions of sources, pages, data; and the tests that these reach."""
 
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from quick.graph import ANYTHING, Graph, Node, read
+from quick.chosen import FAR, Chosen
+from quick.graph import ANYTHING, FAMILIES, Graph, Node, read
 from quick.sources import BODY, TEXT, texts
 
 
@@ -51,3 +52,14 @@ def _definitions(file: str, now: str, before: str) -> Iterator[Node]:
     same = texts(now).items() & texts(before).items()
     for name in {*new.definitions, *old.definitions, *moved} - {name for name, _ in same}:
         yield (file, name)
+
+
+def chosen(graph: Graph, edits: Iterable[Node]) -> Chosen:
+    """The tests that edited definitions reach."""
+    found = graph.leading_to(edits)
+    wide = graph.leading_to(one for one in FAMILIES if not graph.edges[one].isdisjoint(found))
+    tests: dict[str, dict[str, int]] = {}
+    for node in graph.tests & (found.keys() | wide.keys()):
+        tests.setdefault(node[0], {})[node[1]] = found.get(node, FAR)
+    reached = [label for label, nodes in graph.labels.items() if not found.keys().isdisjoint(nodes)]
+    return Chosen(tests, tuple(graph.labels), tuple(reached))

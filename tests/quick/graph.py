@@ -47,10 +47,11 @@ ANYTHING = {"pyproject.toml", "requirements.txt", "Makefile"}
 """Files that every test may hang on."""
 EVERY_PROBLEM = {
     ("workbench/api.py", "problems"),
-    ("workbench/api.py", "results"),
     ("workbench/bench/verify.py", "finished_folders"),
 }
 """A test that calls one of them goes through all problems."""
+REGISTRY = ("workbench/bench/registry.py", "Registry")
+"""It imports the files of problems that register methods."""
 WALKS = re.compile(r"(^|/)(\*|__init__)\.(py|md|ipynb)$")
 """Strings of tests that read all sources or pages."""
 BY_NAME = {("tests/problems/conftest.py", "reference")}
@@ -84,8 +85,8 @@ class Graph:
         self.sources[file] = read(file, text)
         if file.endswith(".py"):
             self.modules[module_of(file)] = file
-            if file.startswith("tests/"):
-                self.modules[module_of(file, within="tests")] = file
+            if file.startswith(("tests/", "problems/")):
+                self.modules[dotted(file.removeprefix("tests/"))] = file
 
     # --- what names lead to ----------------------------------------------------------------
 
@@ -109,7 +110,7 @@ class Graph:
             target = ".".join([source.bound[rest[0]], *rest[1:]])
             if target != path:
                 yield from self.resolve(target)
-            yield (file, BODY)
+            yield from ((file, name) for name in (BODY, "__getattr__"))
         else:
             yield (file, rest[0])  # defined before the edit, perhaps
 
@@ -148,11 +149,11 @@ class Graph:
                 yield from self._named_problems(word.strip("'\"`,;()"))
         if not file.startswith(CODE):
             for pointed in self._pointed.get(text, ()):
-                yield (pointed, BODY)
+                yield from ((pointed, name) for name in self.sources[pointed].definitions)
 
     def _named_problems(self, word: str) -> list[Node]:
         """Problems that a word may name; of stars alone none."""
-        if not set(word.split("/")) - {VARIES, ""}:
+        if not set(word.split("/")) - {VARIES, "*", ""}:
             return []
         return [node for name, node in self.problems.items() if alike(word, name)]
 
@@ -175,12 +176,13 @@ class Graph:
             for name, definition in source.definitions.items():
                 node = (file, name)
                 found[node] |= set(self._leads_to(file, name, definition))
-                for chain in definition.registers:
-                    for other in self._named(file, chain):
-                        if self._is_class(other):
-                            found[other].add(node)
+                for other in self._hosts(file, definition):
+                    found[other].add(node)
+                    if file.startswith("problems/"):
+                        found[REGISTRY].add((file, BODY))
             body = found[(file, BODY)]
-            body |= {(one, BODY) for one in map(self._module_file, source.imported) if one}
+            for path in source.imported:
+                body |= {(one, BODY) for one, _ in self.resolve(path)}
         found[PROBLEMS] |= set(self.problems.values())
         for file, source in self.sources.items():
             if file.startswith(CODE):
@@ -188,6 +190,13 @@ class Graph:
             elif self._is_page(file):
                 found[PAGES].add((file, BODY))
         return found
+
+    def _hosts(self, file: str, definition: Definition) -> Iterator[Node]:
+        """What leads to a definition that is registered there: a Program, a group of commands."""
+        for chain in definition.registers:
+            yield from filter(self._is_class, self._named(file, chain))
+        for chain in definition.hosts:
+            yield from (one for one in self._named(file, chain) if one[0].startswith(CODE))
 
     def _leads_to(self, file: str, name: str, definition: Definition) -> Iterator[Node]:
         if name != BODY:
@@ -221,17 +230,15 @@ class Graph:
         walked = {chain.rpartition(".")[2] for chain in definition.names}
         if reached & EVERY_PROBLEM or ("registry" in walked and {"entries", "match"} & walked):
             yield PROBLEMS
-        if any(map(WALKS.search, definition.strings)):
+        if {"rglob", "glob"} & walked and any(map(WALKS.search, definition.strings)):
             yield LIBRARY
             yield PAGES
         if "importlib.import_module" in definition.names:
             for module in definition.strings & self.modules.keys():
                 yield (self.modules[module], BODY)
-        if {"import_module", "iterdir", "walk_packages"} & walked:
+        if "import_module" in walked:
             yield LIBRARY
-            if "iterdir" in walked:
-                yield PAGES
-        if "notebook_files" in walked:
+        if {"iterdir", "notebook_files"} & walked:
             yield PAGES
 
     def _is_class(self, node: Node) -> bool:
@@ -241,9 +248,6 @@ class Graph:
             and node[1] in source.definitions
             and source.definitions[node[1]].is_class
         )
-
-    def _module_file(self, path: str) -> str | None:
-        return self.modules.get(path) or self.modules.get(path.rpartition(".")[0])
 
     def _is_page(self, file: str) -> bool:
         return file.endswith((".md", ".ipynb")) or file.startswith("examples/")
@@ -338,13 +342,16 @@ class Graph:
         return found
 
 
-def module_of(file: str, within: str = "") -> str:
-    """The name under which a file is imported; of others than the library's from a folder."""
+def dotted(file: str) -> str:
+    """The dotted path of a file."""
+    return ".".join(part for part in Path(file).with_suffix("").parts if part != "__init__")
+
+
+def module_of(file: str) -> str:
+    """The name under which a file is imported; of others than the library's its own alone."""
     parts = list(Path(file).with_suffix("").parts)
     if parts[0] == "problems":
         parts = ["workbench", "plants", *parts[1:]]
-    elif within:
-        parts = parts[1:]
     elif parts[0] != "workbench":
         parts = parts[-1:] if parts[-1] != "conftest" else [".".join(parts)]
     return ".".join(part for part in parts if part != "__init__")
@@ -370,4 +377,5 @@ def as_page(file: str, text: str) -> str:
 
 def alike(one: str, other: str) -> bool:
     """Whether two patterns may name the same problem."""
+    one, other = one.replace(VARIES, "*"), other.replace(VARIES, "*")
     return fnmatch.fnmatchcase(one, other) or fnmatch.fnmatchcase(other, one)

@@ -13,7 +13,7 @@ EXAMPLES = " >>>"
 """Follows the name of a definition where its examples are meant."""
 TEXT = " text"
 """Name of a file's text, whatever it defines; what reads sources hangs on it."""
-VARIES = "*"
+VARIES = "\N{OBJECT REPLACEMENT CHARACTER}"
 """Stands in a string for what is filled in when the program runs."""
 FENCE = re.compile(r"^(`{3,})\{?([\w-]*)\}?[^\n]*\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
 """A block of code on a page of Markdown."""
@@ -27,13 +27,14 @@ class Definition:
 
     ``names`` are dotted chains as the source has them, the first part looked up where it stands;
     ``strings`` are texts, in which `VARIES` stands for each part that is filled in. ``registers``
-    are what its decorators are given.
+    are what its decorators are given, ``hosts`` the objects whose methods decorate it.
     """
 
     names: set[str] = field(default_factory=set)
     strings: set[str] = field(default_factory=set)
     arguments: set[str] = field(default_factory=set)
     registers: set[str] = field(default_factory=set)
+    hosts: set[str] = field(default_factory=set)
     is_class: bool = False
     is_fixture: bool = False
     is_automatic: bool = False
@@ -61,6 +62,7 @@ def read_python(text: str, package: str) -> Source:
             found = source.definitions.setdefault(name, Definition())
             _collect(statement, found)
             found.is_class |= isinstance(statement, ast.ClassDef)
+        source.definitions[BODY].names |= set(_called_at_import(statement))
         if isinstance(statement, ast.FunctionDef | ast.ClassDef) and ">>>" in text:
             source.definitions[statement.name + EXAMPLES] = _examples(statement)
     for node in _import_statements(tree):
@@ -83,7 +85,7 @@ def read_page(text: str) -> Source:
     """Facts of a page of Markdown, or of a notebook: all of its code is one definition."""
     source = Source()
     page = source.definitions[BODY]
-    page.strings = set(re.findall(r"[\w*{}\[\],./-]*/[\w*{}\[\],./-]+", text))
+    page.strings = set(re.findall(r"[\w*./-]*/[\w*./-]+", text))
     for _, language, code in FENCE.findall(text):
         if language not in {"python", "code-cell"}:
             continue
@@ -105,12 +107,19 @@ def _take_in(code: str, source: Source, page: Definition) -> None:
     try:
         inner = read_python(code, "")
     except SyntaxError:  # parts of a program
-        page.strings |= set(re.findall(r"workbench[\w.]+", code))
+        page.strings |= set(_dotted_words(code))
         return
     source.bound |= inner.bound
     for one in inner.definitions.values():
         page.names |= one.names
         page.strings |= one.strings
+
+
+def _dotted_words(text: str) -> Iterator[str]:
+    """Every word of what is no whole program, as if each were a name of each module in it."""
+    words = set(re.findall(r"\w+", text))
+    for module in set(re.findall(r"workbench(?:\.\w+)*", text)):
+        yield from (f"{module}.{word}" for word in words)
 
 
 def _examples(statement: ast.FunctionDef | ast.ClassDef) -> Definition:
@@ -181,6 +190,7 @@ def _collect(statement: ast.stmt, found: Definition) -> None:
     for decorator in getattr(statement, "decorator_list", []):
         if isinstance(decorator, ast.Call):
             found.registers |= set(filter(None, map(_chain, decorator.args)))
+            found.hosts |= {_chain(decorator.func).rpartition(".")[0]} - _EMPTY
     hints = bool(getattr(statement, "decorator_list", []))
     waiting: list[ast.AST] = [statement]
     while waiting:
@@ -191,11 +201,24 @@ def _collect(statement: ast.stmt, found: Definition) -> None:
             continue
         if kind is ast.JoinedStr:
             parts = (one.value if isinstance(one, ast.Constant) else VARIES for one in node.values)
-            found.strings.add(re.sub(r"\*+", VARIES, "".join(map(str, parts))))
+            found.strings.add("".join(map(str, parts)))
         elif kind is ast.Constant and isinstance(node.value, str):
             found.strings.add(node.value)
         waiting += _children(node, hints)
     found.strings -= _EMPTY
+
+
+def _called_at_import(node: ast.AST) -> Iterator[str]:
+    """Functions that a statement calls where its module is imported, decorators among them."""
+    for decorator in getattr(node, "decorator_list", []):
+        yield from filter(None, [_chain(decorator)])
+        yield from _called_at_import(decorator)
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        return
+    if isinstance(node, ast.Call):
+        yield from filter(None, [_chain(node.func)])
+    for child in _children(node, hints=False):
+        yield from _called_at_import(child)
 
 
 def _children(node: ast.AST, hints: bool) -> Iterator[ast.AST]:
@@ -250,7 +273,7 @@ def _import_code_in_strings(source: Source, package: str) -> None:
             try:
                 inner = read_python(text.replace(VARIES, "0"), "")
             except SyntaxError:
-                found.strings |= set(re.findall(r"workbench[\w.]*", text))
+                found.strings |= set(_dotted_words(text))
                 continue
             for one in inner.definitions.values():
                 for chain in one.names:
