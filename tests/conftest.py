@@ -14,6 +14,7 @@ from types import ModuleType
 
 import lanes
 import pytest
+from cpu_seconds import CpuSeconds
 from hypothesis import HealthCheck, settings
 
 # The same examples every time, however slowly a busy machine makes them.
@@ -32,6 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Property tests try fewer examples where the slow tests are left out (`lanes.examples`)."""
+    config.pluginmanager.register(CpuSeconds(config))
     if "not slow" in config.getoption("markexpr"):
         os.environ[lanes.ENVIRONMENT] = "1"
     else:
