@@ -109,7 +109,7 @@ def test_invariance(points, random):
     def check(moved, expected_center, expected_radius):
         found = exact_circle(moved)
         scale = np.abs(moved).max() + expected_radius
-        assert found[1] == pytest.approx(expected_radius, rel=1e-14, abs=4e-16 * scale)
+        assert found[1] == pytest.approx(expected_radius, rel=1e-14, abs=ROUNDING * scale)
         assert found[0] == pytest.approx(expected_center, rel=0, abs=1e-7 * scale)
 
     turn = np.exp(1j * random.uniform(0, 7))

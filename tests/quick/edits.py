@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from quick.chosen import FAR, Chosen
-from quick.graph import ANYTHING, FAMILIES, Graph, Node, read
+from quick.files import read
+from quick.graph import ANYTHING, FAMILIES, Graph, Node
 from quick.sources import BODY, TEXT, texts
 
 

@@ -8,24 +8,14 @@ names stand in its strings, and from a class to the methods that are registered 
 from __future__ import annotations
 
 import ast
-import fnmatch
-import json
 import re
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
-from quick.sources import (
-    BODY,
-    EXAMPLES,
-    TEXT,
-    VARIES,
-    Definition,
-    Source,
-    read_page,
-    read_python,
-)
+from quick.files import CODE, alike, dotted, module_of, read, source_files, without_collection
+from quick.sources import BODY, EXAMPLES, TEXT, VARIES, Definition, Source
 
 Node = tuple[str, str]
 """A file, relative to the root, and the name of a definition; a family has no file."""
@@ -38,11 +28,6 @@ PAGES: Node = ("", "pages")
 """Every page of the documentation, notebook and example."""
 FAMILIES = (PROBLEMS, LIBRARY, PAGES)
 
-CODE = ("workbench", "problems")
-OTHERS = ("tests", "docs", "examples", "notebooks")
-PATTERNS = ("*.py", "*.md", "*.ipynb")
-MADE = re.compile(r"docs/(_build|course|gallery|reference/api)/|/(results|__pycache__|\.\w+)/")
-"""What a build writes."""
 ANYTHING = {"pyproject.toml", "requirements.txt", "Makefile"}
 """Files that every test may hang on."""
 EVERY_PROBLEM = {
@@ -54,8 +39,11 @@ REGISTRY = ("workbench/bench/registry.py", "Registry")
 """It imports the files of problems that register methods."""
 WALKS = re.compile(r"(^|/)(\*|__init__)\.(py|md|ipynb)$")
 """Strings of tests that read all sources or pages."""
-BY_NAME = {("tests/problems/conftest.py", "reference")}
-"""Tests that use them say of which problem."""
+BY_NAME = {
+    ("tests/problems/conftest.py", "reference"),
+    *(("tests/test_reference.py", name) for name in ("SLOW", "ILL_CONDITIONED", "marked")),
+}
+"""Tests that use them say, or their cases' names do, of which problem."""
 
 
 class Graph:
@@ -65,21 +53,12 @@ class Graph:
         self.root, self.gone = root, gone or {}
         self.sources: dict[str, Source] = {}
         self.modules: dict[str, str] = {}
-        for file in sorted(self._files()):
-            self._add(file, (root / file).read_text(encoding="utf-8"))
+        with without_collection():
+            for file in sorted(source_files(root)):
+                self._add(file, (root / file).read_text(encoding="utf-8"))
         for file, text in self.gone.items():
             if Path(file).suffix in {".py", ".md", ".ipynb"}:
                 self._add(file, text)
-
-    def _files(self) -> Iterator[str]:
-        for top in (*CODE, *OTHERS):
-            for pattern in PATTERNS:
-                for file in (self.root / top).rglob(pattern):
-                    name = file.relative_to(self.root).as_posix()
-                    if not MADE.search(f"{name}"):
-                        yield name
-        yield from (f.name for f in self.root.glob("*.py"))
-        yield from (f.name for f in self.root.glob("*.md"))
 
     def _add(self, file: str, text: str) -> None:
         self.sources[file] = read(file, text)
@@ -203,7 +182,7 @@ class Graph:
             yield (file, BODY)
         for chain in definition.names:
             yield from self._named(file, chain)
-        for text in definition.strings:
+        for text in definition.strings if (file, name) not in BY_NAME else ():
             yield from self._meant(file, text)
         if file.startswith("tests/"):
             yield from self._fixtures(file, name, definition)
@@ -292,9 +271,7 @@ class Graph:
         }
 
         def named(text: str, where: str) -> bool:
-            if text == parts[-1] or (
-                VARIES in text and "." in text and fnmatch.fnmatchcase(parts[-1], text)
-            ):
+            if text == parts[-1] or (VARIES in text and "." in text and alike(text, parts[-1])):
                 return True
             return any(text == name and f"{where}/".startswith(base) for name, base in folders)
 
@@ -340,42 +317,3 @@ class Graph:
             for label in {file, file.partition("/")[2], path.stem, path.parent.name} - {""}:
                 found.setdefault(label, []).append((file, BODY))
         return found
-
-
-def dotted(file: str) -> str:
-    """The dotted path of a file."""
-    return ".".join(part for part in Path(file).with_suffix("").parts if part != "__init__")
-
-
-def module_of(file: str) -> str:
-    """The name under which a file is imported; of others than the library's its own alone."""
-    parts = list(Path(file).with_suffix("").parts)
-    if parts[0] == "problems":
-        parts = ["workbench", "plants", *parts[1:]]
-    elif parts[0] != "workbench":
-        parts = parts[-1:] if parts[-1] != "conftest" else [".".join(parts)]
-    return ".".join(part for part in parts if part != "__init__")
-
-
-def read(file: str, text: str) -> Source:
-    """Facts of a file from its text."""
-    if not file.endswith(".py"):
-        return read_page(as_page(file, text))
-    module = module_of(file)
-    package = module if file.endswith("__init__.py") else module.rpartition(".")[0]
-    return read_python(text, package if file.startswith(CODE) else "")
-
-
-def as_page(file: str, text: str) -> str:
-    """A notebook's cells as a page."""
-    if not file.endswith(".ipynb"):
-        return text
-    fences = {"code": "```python\n{}\n```\n", "markdown": "{}\n"}
-    cells = json.loads(text)["cells"]
-    return "".join(fences[one["cell_type"]].format("".join(one["source"])) for one in cells)
-
-
-def alike(one: str, other: str) -> bool:
-    """Whether two patterns may name the same problem."""
-    one, other = one.replace(VARIES, "*"), other.replace(VARIES, "*")
-    return fnmatch.fnmatchcase(one, other) or fnmatch.fnmatchcase(other, one)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from quick.chosen import FAR
 from quick.edits import chosen, edited
 from quick.graph import Graph
 from quick.known_edits import known_edits, raising
@@ -53,6 +54,38 @@ def test_a_function_of_an_upper_bound_is_followed_to_the_problems(graph):
     far = found.tests["tests/problems/cd_drive/tolerance/test_lower_bandwidth.py"]
     assert min(near.values()) < min(far.values())
     assert "tests/optics/test_spots.py" not in found.tests
+
+
+def test_a_comment_reaches_those_alone_that_read_sources(graph):
+    file = "workbench/geometry/hull.py"
+    text = (ROOT / file).read_text(encoding="utf-8")
+    found = chosen(graph, edited(graph, {file: f"{text}# once more\n"}))
+    assert set(found.tests["tests/test_house.py"].values()) == {FAR}
+    assert "tests/geometry/test_hull.py" not in found.tests
+
+
+@pytest.mark.parametrize(
+    ("file", "test"),
+    [
+        ("workbench/bench/report/templates/page.css", "tests/bench/report/test_single_page.py"),
+        ("workbench/starter/templates/README.md.j2", "tests/starter/test_study_folder.py"),
+        ("docs/coming-from/documented-examples.md", "tests/docs/test_code_of_pages.py"),
+        ("results/reference/cd/focus/nyquist/0/data.nc", "tests/test_reference.py"),
+        ("examples/two_mass_servo/README.md", "tests/examples/test_examples.py"),
+        ("tests/lanes.py", "tests/bench/test_fuzz.py"),
+        ("tests/conftest.py", "tests/optics/test_spots.py"),
+        ("requirements.txt", "tests/optics/test_spots.py"),
+    ],
+)
+def test_files_of_other_kinds_reach_what_reads_them(graph, file, test):
+    assert test in chosen(graph, edited(graph, {file: ""})).tests
+
+
+def test_cases_are_told_apart_by_the_problem_that_they_are_about(graph):
+    found = chosen_of(graph, "workbench/optics/layers.py", "_fields")
+    place = "tests/test_reference.py", "test_reference_result_is_verified"
+    assert found.distance(*place, "cd/focus-error/0a1b2c3d") is None
+    assert found.distance(*place, "cd/radial-error/0a1b2c3d") == FAR
 
 
 @pytest.mark.slow
