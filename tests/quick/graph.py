@@ -217,7 +217,8 @@ class Graph:
                 yield (self.modules[module], BODY)
         if "import_module" in walked:
             yield LIBRARY
-        if {"iterdir", "notebook_files"} & walked:
+        listed = {c.partition(".")[0] for c in definition.names if c.endswith(".iterdir")}
+        if "notebook_files" in walked or any(one.isupper() or not one for one in listed):
             yield PAGES
 
     def _is_class(self, node: Node) -> bool:

@@ -199,6 +199,8 @@ def _collect(statement: ast.stmt, found: Definition) -> None:
         if kind in {ast.Name, ast.Attribute} and (chain := _chain(node)):
             found.names.add(chain)
             continue
+        if kind is ast.Attribute:  # of what has no name of its own
+            found.names.add(f".{node.attr}")
         if kind is ast.JoinedStr:
             parts = (one.value if isinstance(one, ast.Constant) else VARIES for one in node.values)
             found.strings.add("".join(map(str, parts)))
