@@ -14,6 +14,7 @@ from types import ModuleType
 
 import lanes
 import pytest
+from cpu_seconds import CpuSeconds
 from hypothesis import HealthCheck, settings
 
 # The same examples every time, however slowly a busy machine makes them.
@@ -23,12 +24,28 @@ settings.register_profile(
 settings.load_profile("workbench")
 
 
+CHOSEN = "--chosen"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(CHOSEN, help="Run the tests alone that this file of tests/changed.py names.")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Property tests try fewer examples where the slow tests are left out (`lanes.examples`)."""
+    config.pluginmanager.register(CpuSeconds(config))
     if "not slow" in config.getoption("markexpr"):
         os.environ[lanes.ENVIRONMENT] = "1"
     else:
         os.environ.pop(lanes.ENVIRONMENT, None)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Of `make quick`: the tests that an edit reaches, the nearest first."""
+    if told := config.getoption(CHOSEN):
+        from quick.order import keep_chosen
+
+        config.hook.pytest_deselected(items=keep_chosen(items, Path(told), config.rootpath))
 
 
 TOY = '''

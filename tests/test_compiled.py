@@ -58,6 +58,37 @@ def test_compiled_code_is_reused_until_any_file_of_its_room_changes(room):
     assert call(room)[0] == 31.0
 
 
+WAITING = """
+import sys
+from pathlib import Path
+from room import outer as module
+from workbench import compiled
+Path(sys.argv[1]).touch()
+while not all(Path(f"ready{k}").exists() for k in range(2)):
+    pass
+module.outer(3.0)
+print(sum(module.outer.stats.cache_misses.values()), sum(module.outer.stats.cache_hits.values()))
+"""
+
+
+def test_two_processes_that_need_the_same_code_compile_it_once(room):
+    words = [sys.executable, "-B", "-c", WAITING]
+    both = [
+        subprocess.Popen([*words, f"ready{k}"], cwd=room.parent, stdout=subprocess.PIPE, text=True)
+        for k in range(2)
+    ]
+    assert sorted(process.communicate()[0] for process in both) == ["0 1\n", "1 0\n"]
+
+
+def test_code_is_compiled_where_no_lock_can_be_made(room, monkeypatch):
+    (room / "__pycache__").mkdir()
+    for name in ("inner.inner-3", "outer.outer-4"):  # a folder where the lock would be
+        major = f"py{sys.version_info.major}{sys.version_info.minor}"
+        (room / "__pycache__" / f"{name}.{major}.nbi.lock").mkdir()
+    assert call(room) == (31.0, 0)
+    assert call(room) == (31.0, 1)
+
+
 @pytest.mark.slow
 def test_files_that_nothing_imports_compile_nothing_anew(room):
     call(room)

@@ -6,8 +6,8 @@ import inspect
 import re
 import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
-from functools import cache
+from contextlib import AbstractContextManager, ExitStack, suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +66,8 @@ def unchecked_kernel(function: Callable[..., Any]) -> Any:
 Watcher = Callable[[str, int, int], AbstractContextManager[None]]
 """Given the name of a function that is compiled, how many of its room are, and how many it has."""
 _watchers: list[Watcher] = []
+LONGEST_COMPILATION = 600.0
+"""Time [s] to wait for another process that compiles the same function."""
 _IMPORT = re.compile(r"^from[ \t]+(\.*)([\w.]*)[ \t]+import\b", re.MULTILINE)
 """Statements that import names from a module of the package; dots, and its name."""
 _functions: dict[str, int] = {}
@@ -124,7 +126,28 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     file = Path(inspect.getfile(function))
     stamp = _stamp(file, file.parents[function.__module__.count(".")], package)
     kept._cache_file = type(kept._cache_file)(kept._cache_path, name, stamp)
+    dispatcher.compile = partial(_compile_once, dispatcher, dispatcher.compile)
     return dispatcher
+
+
+def _compile_once(dispatcher: Any, compile_: Callable[[Any], Any], signature: Any) -> Any:
+    """Compile a function unless another process just does: then wait, and take what it keeps.
+
+    A lock is held while the functions that a function calls are locked in turn, never the other way
+    round, and in a process one thread at a time compiles, so no two wait for each other. Where no
+    lock can be had, two processes may compile the same.
+    """
+    from filelock import FileLock
+    from numba.core.compiler_lock import global_compiler_lock
+
+    with global_compiler_lock, ExitStack() as held:
+        kept = dispatcher._cache
+        key = kept._index_key(signature, dispatcher.targetctx.codegen())
+        if key not in kept._cache_file._load_index():
+            with suppress(OSError, NotImplementedError):  # read-only, no locks; a `Timeout` too
+                lock = FileLock(f"{kept._cache_file._index_path}.lock", timeout=LONGEST_COMPILATION)
+                held.enter_context(lock)
+        return compile_(signature)
 
 
 @cache

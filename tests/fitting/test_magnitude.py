@@ -1,5 +1,6 @@
 """Magnitude fits: certified, better than SB10YD, in every order, and their invariances."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +32,18 @@ def drives(axis):
     return 2 * np.pi * frequency, circle.radius / np.abs(circle.center)
 
 
-BATTERY = {
-    "focus": drives("focus"),
-    "radial": drives("radial"),
-    "V": (OMEGA, V),
-    "step": (OMEGA, np.where(LEVEL < 0, 1.0, 10.0)),
-    "noise": (OMEGA, np.exp(0.3 * np.random.default_rng(0).normal(size=OMEGA.size))),
+MADE = {
+    "V": V,
+    "step": np.where(LEVEL < 0, 1.0, 10.0),
+    "noise": np.exp(0.3 * np.random.default_rng(0).normal(size=OMEGA.size)),
 }
+BATTERY = ["focus", "radial", *MADE]
+
+
+@cache
+def battery(name):
+    """Frequencies [rad/s] and magnitudes, of an axis of the drives or made."""
+    return (OMEGA, MADE[name]) if name in MADE else drives(name)
 
 
 def random_rational(seed, order):
@@ -66,7 +72,7 @@ def size_of(system, omega):
 @pytest.mark.parametrize("order", thinned([4, 1, 2, 5], 2))
 @pytest.mark.parametrize("name", thinned(BATTERY, 2))
 def test_the_default_is_optimal_and_no_worse_than_sb10yd(name, order):
-    program = MagnitudeFit(*BATTERY[name], order)
+    program = MagnitudeFit(*battery(name), order)
     best, peer = solve(program), solve(program, "sb10yd")
     assert best.outcome is Outcome.SOLVED, best.certificate
     assert best.message == "minimax, proven optimal"
@@ -75,7 +81,7 @@ def test_the_default_is_optimal_and_no_worse_than_sb10yd(name, order):
 
 @pytest.mark.parametrize("order", thinned(range(11), 3))
 def test_every_order_is_valid_and_no_worse_than_the_last(order):
-    program = MagnitudeFit(*BATTERY["V"], order)
+    program = MagnitudeFit(OMEGA, V, order)
     solution = solve(program)
     assert solution.certificate.valid, solution.certificate
     lower = solve(program.with_order(max(order - 1, 0)))
@@ -103,7 +109,7 @@ def test_rational_magnitudes_are_recovered(order, seed):
 @pytest.mark.parametrize("name", thinned(BATTERY, 2))
 @pytest.mark.parametrize("method", ["best", "sb10yd", "sk", "ipopt"])
 def test_covers_cover_between_the_data_too(name, method):
-    omega, magnitude = BATTERY[name]
+    omega, magnitude = battery(name)
     program = MagnitudeFit(omega, magnitude, 3, cover=True)
     solution = solve(program, method)
     assert solution.certificate.valid, solution.certificate
@@ -171,7 +177,7 @@ def test_the_smallest_order_that_meets_an_error():
     assert fit_magnitude(OMEGA, V, error=0.05).nstates == 4
     assert fit_magnitude(OMEGA, np.full(OMEGA.size, 3.0), error=1e-6).nstates == 0
     with pytest.raises(SolverError, match=r"no order up to 4 .* the best reached is 0\.0"):
-        fit_magnitude(OMEGA[::20], BATTERY["noise"][1][::20], error=1e-12)
+        fit_magnitude(OMEGA[::20], MADE["noise"][::20], error=1e-12)
 
 
 def test_what_methods_claim():

@@ -203,10 +203,10 @@ def test_bounds_are_quick(shape):
     points = rng.normal(size=shape) + 1j * rng.normal(size=shape)
     if shape[1] == 2000:
         points = points / np.abs(points)
-    start = time.perf_counter()
+    start = time.process_time()
     bound = least_half_width(points)
     circle = circle_radius_bound(points, np.zeros(shape[0]))
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
     assert np.all((bound > 0) & (bound <= np.abs(points).max(axis=-1)))
     assert np.all(circle > 0)
 

@@ -319,7 +319,7 @@ def test_metrics():
     assert (metrics["sets"], metrics["points"]) == (2, 2)
     stadium = NarrowestStadium(points).metrics(narrowest_stadium(points))
     assert stadium["half_length_peak"] == pytest.approx(1)
-    assert stadium["radius_peak"] == pytest.approx(0, abs=1e-15)
+    assert stadium["radius_peak"] == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.slow

@@ -145,13 +145,13 @@ def test_a_certified_peak_is_no_slower_than_ab13md_at_1000_frequencies(record_pr
         system = control.ss(A, B, C, 0.3 * rng.standard_normal((4, 4)))
         if not ratios:
             peak(system, structure)  # compiled now
-        start = time.perf_counter()
+        start = time.process_time()
         found = peak(system, structure)
-        middle = time.perf_counter()
+        middle = time.process_time()
         M = stable_system(system).response(np.geomspace(1e-2, 1e2, 1000))
         for matrix in M:
             slycot.ab13md(matrix, np.array([1, 1, 2]), np.array([1, 2, 2]))
-        ratios.append((middle - start) / (time.perf_counter() - middle))
+        ratios.append((middle - start) / (time.process_time() - middle))
         assert upper_bound(M, structure).value.max() <= found.upper
     record_property("ratios", str(ratios))
     assert np.median(ratios) < 1.0

@@ -7,7 +7,6 @@ import control
 import numpy as np
 import pytest
 from lanes import thinned
-from scipy import signal
 from workbench.plants.cd_drive.diagnosis.scratch_draws import ScratchDraw
 from workbench.plants.cd_drive.drive.disc import Defect, Disc
 from workbench.plants.cd_drive.drive.plants import controller
@@ -227,30 +226,26 @@ def test_the_stand_in_filter_leaves_a_low_pass():
 
 
 def test_speed(slower):
-    """The nonlinear loop, sample by sample, against linear filters of SciPy in C beside it.
+    """A second of the nonlinear loop takes a tenth of a second of a processor at most.
 
-    On an idle core 1.3 to 2.3 million samples a second, 8 to 20 times as long as the filters: what
-    makes a core slow makes them slow too.
+    An ensemble of some hundred seconds then takes as long as somebody waits. On an idle core it is
+    a fiftieth.
     """
     bench = Laboratory("focus", "nominal")
     designed = restored(slower["focus"].data, "sampled")
     made = Strategies("focus", clean_level(bench), 5.5, replacement=designed)
-    samples = 35_000
+    samples = round(RATE)
     at = np.arange(samples + 1) / RATE
     seen = DISC.surface([Defect(1.2e-3, 0.0, 0.7)], at)
     exogenous = np.column_stack([DISC.deviation("focus", at), *seen])
     excitation, noise = np.zeros((samples, 1)), np.zeros((samples, 4))
-    sections = signal.butter(40, 0.1, output="sos")
     for name in STRATEGIES:
-        cascade, loop, filters = made.named(name), [], []
-        for _ in range(6):
+        cascade, taken = made.named(name), []
+        for _ in range(3):
             start = time.thread_time()
-            signal.sosfilt(sections, exogenous[:-1, 0])
-            between = time.thread_time()
             _loop(bench).run(cascade, excitation, exogenous, noise)
-            filters.append(between - start)
-            loop.append(time.thread_time() - between)
-        assert min(loop) < 40.0 * min(filters), name
+            taken.append(time.thread_time() - start)
+        assert min(taken) < 0.1, name
 
 
 @compiled

@@ -1,0 +1,77 @@
+"""Processor time of every test; one that is not marked slow fails above `LIMIT`.
+
+Wall seconds tell how busy a machine is, processor seconds what a test asks of it. Those of the
+processes that it started and waited for count too.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LIMIT = 5.0
+"""Most processor seconds of a test that is not marked slow."""
+KEPT = "cpu_seconds.txt"
+"""File below pytest's cache folder with the processor seconds of each test of the last session."""
+NAME = "cpu_seconds"
+
+
+def spent() -> float:
+    """Processor seconds of this process so far, and of those that it has waited for."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+class CpuSeconds:
+    """Measures each test from the begin of its setup to the end of its call."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.root, self.begun, self.since = config.rootpath, 0.0, 0.0
+        self.seconds: dict[str, float] = {}
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self) -> None:
+        self.begun, self.since = spent(), time.time()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Iterator[None]:
+        report = yield
+        if call.when == "call":
+            seconds = spent() - self.begun
+            report.user_properties.append((NAME, seconds))
+            slow = item.get_closest_marker("slow") is not None
+            if report.passed and seconds > LIMIT and not slow and not self._compiled():
+                report.outcome = "failed"
+                report.longrepr = (
+                    f"{item.nodeid} took {seconds:.1f} s of processor time, a test that is not "
+                    f"marked slow at most {LIMIT:g} s: make it smaller, share what it makes, or "
+                    "mark it slow and keep a quick part of it"
+                )
+        return report
+
+    def _compiled(self) -> bool:
+        """Whether anything was compiled since the test began, which happens once in a checkout."""
+        own = os.environ.get("NUMBA_CACHE_DIR")
+        folders = [Path(own)] if own else [self.root / "workbench", self.root / "problems"]
+        files = (file for folder in folders for file in folder.rglob("*.nbi"))
+        return any(file.stat().st_mtime >= self.since for file in files)
+
+    # --- in the process that collects the reports of the workers -------------------------------
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            self.seconds[report.nodeid] = dict(report.user_properties).get(NAME, 0.0)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        ordered = sorted(self.seconds.items(), key=lambda pair: -pair[1])
+        total = sum(self.seconds.values())
+        terminalreporter.write_line(f"{total:.0f} s of processor time in {len(ordered)} tests")
+        if cache := getattr(terminalreporter.config, "cache", None):
+            lines = [f"{seconds:8.2f} {test}\n" for test, seconds in ordered]
+            (cache.mkdir("seconds") / KEPT).write_text("".join(lines), encoding="utf-8")
