@@ -143,7 +143,7 @@ def test_a_demand_that_cannot_be_had_ends_in_the_least_limits(order):
 
 @pytest.mark.parametrize("real", [True, False])
 def test_a_set_that_the_loop_does_not_bear_is_made_smaller(real):
-    """The share is 1 / mu with room; no filter is found for the whole set, and one for the share."""
+    """The share is 1 / mu with room: no filter for the whole set, and one for the share."""
     loop = heater(60.0, real)
     front, basis = front_of(loop)
     with pytest.raises(SolverError, match=r"near .* Hz the set has plants .* not stable"):
