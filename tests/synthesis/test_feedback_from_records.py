@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from last_bits import shaken
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from workbench.plants.textbook.record_feedback import A, B, C, D, bounded_records
 
@@ -211,6 +212,27 @@ def test_a_wrong_bound_proves_nothing(criterion):
     assert program.gap(replace(answer, dual=()))[1] == np.inf
     if criterion == "decay":  # a rate that the ray does not exclude
         assert program.gap(replace(answer, bound=1.01 * answer.level))[1] == np.inf
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_a_bound_is_proven_of_records_with_other_last_bits(criterion):
+    """The conic form is computed: each processor has its own, and moves the dual point onto it."""
+    program = question(criterion)
+    solution = wb.solve(program)
+    for seed in range(20):
+        again = replace(program, records=shaken(program.records, seed))
+        certificate = again.certify(solution.answer, 1e-6)
+        assert certificate.holds, seed
+        assert certificate.gap.value == pytest.approx(solution.certificate.gap.value, abs=1e-9)
+
+
+def test_that_no_gain_exists_is_proven_of_records_with_other_last_bits():
+    program = question("decay", records(radius=2.0))
+    solution = wb.solve(program)
+    for seed in range(20):
+        again = replace(program, records=shaken(program.records, seed))
+        proof = again.claim_task(Outcome.INFEASIBLE)
+        assert proof.certify(solution.answer, 1e-6).holds, seed
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)

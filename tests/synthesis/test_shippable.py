@@ -201,6 +201,27 @@ def test_blocking_zeros_of_a_matrix(zero, poles, violated):
         assert not claim.certify(moved, 1e-6).holds
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_zero_at_0_is_there_in_whatever_units_and_order_the_states_are(seed):
+    """Eigenvalues round it to one side or the other."""
+    rng, plant = np.random.default_rng(seed), with_blocking_zero(0.0, (2.0, -3.0))
+    order, units = rng.permutation(plant.nstates), 2.0 ** rng.integers(-3, 4, plant.nstates)
+    A, B, C = plant.A[order][:, order], plant.B[order], plant.C[:, order]
+    A, B, C = A * units[:, None] / units, B * units[:, None], C / units
+    claim = NoStableController(control.ss(A, B, C, plant.D))
+    evidence, outcome, said = claim.respond(None, Context())
+    assert outcome is Outcome.SOLVED and "between its zeros 0 and infinity" in said
+    assert claim.certify(evidence, 1e-6).holds
+
+
+def test_a_double_zero_is_a_zero_too():
+    """p is negative at 1, where the two are, and positive at infinity."""
+    plant = control.ss((s - 1) ** 2 / ((s - 2) * (s + 1) * (s + 3)))
+    claim = NoStableController(plant)
+    evidence, outcome, _ = claim.respond(None, Context())
+    assert outcome is Outcome.SOLVED and claim.certify(evidence, 1e-6).holds
+
+
 def test_zeros_of_the_entries_at_different_places_block_nothing():
     plant = control.ss([[-1.0, 0], [0, 2.0]], np.eye(2), [[1.0, 1.0], [1.0, 2.0]], np.zeros((2, 2)))
     assert interlacing.violated(plant) is None

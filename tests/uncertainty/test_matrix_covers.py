@@ -22,6 +22,7 @@ from workbench.uncertainty import (
     real,
     tf,
 )
+from workbench.uncertainty.matrix_covers.checks_of_model import unstable_poles
 from workbench.uncertainty.matrix_covers.forms import MatrixForm, delta_shape
 from workbench.uncertainty.matrix_covers.responses import system_response
 
@@ -237,6 +238,19 @@ def test_a_known_plant_with_other_unstable_poles_is_refused_where_no_stable_delt
         with pytest.raises(InputError, match="plant two has 1 unstable poles, the nominal 0"):
             MatrixCover(responses, stable, form)
     solved(MatrixCover(responses, stable, "coprime", left_order=1, right_order=1))
+
+
+@pytest.mark.parametrize("dt", [0, 0.5])
+def test_an_integrator_counts_as_unstable_wherever_its_bits_round_it(dt):
+    rounded = set()
+    for seed in range(40):
+        T = np.linalg.qr(np.random.default_rng(seed).normal(size=(4, 4)))[0]
+        A = T @ np.diag([1.0, 0.5, 0.2, -0.3] if dt else [0.0, -1.0, -2.0, 3.0]) @ T.T
+        system = control.ss(A, np.ones((4, 1)), np.ones((1, 4)), 0.0, dt)
+        assert unstable_poles(system) == (1 if dt else 2)
+        poles = system.poles()
+        rounded.add(int(((abs(poles) >= 1) if dt else (poles.real >= 0)).sum()))
+    assert len(rounded) == 2  # eigenvalues alone do not tell
 
 
 def test_measured_data_of_python_control():
