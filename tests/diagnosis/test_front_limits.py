@@ -65,8 +65,12 @@ def test_the_excess_of_a_disc_and_of_a_half_plane():
     one = Limits(np.array([[2.0 + 0j]]), np.array([1.0 + 1j]), np.array([0.5]), 1.0)
     assert one.excess(np.array([0.5]), 0.5) == pytest.approx([0.0])  # |1j| over 0.5 + 0.5
     assert one.excess(np.array([0.5]), 0.0) == pytest.approx([1.0])
-    half = one._replace(half_plane=True)
+    half = one._replace(half_plane=True, d=0.0)
     assert half.excess(np.array([0.0]), 0.0)[0] < 0 < half.excess(np.array([0.5]), 0.0)[0]
+    factor = half._replace(d=np.array([1.0]))  # Re(1 + 1j - 2 x) >= 0.5 + 1 / E
+    assert factor.excess(np.array([0.0]), 2.0) == pytest.approx([0.0])
+    assert factor.excess(np.array([0.0]), 1.0) == pytest.approx([0.5 / 1.5])
+    assert factor.rows(np.array([True])).d == np.array([1.0])
 
 
 def test_a_solver_that_misses_its_limits_does_not_go_round_for_ever():

@@ -163,9 +163,8 @@ def few_states(
     if not F.C.any() and not F.D.any():  # F = 0, which needs no states
         import control
 
-        nothing = FaultFront(loop, frequency).least(
-            np.ones((len(frequency), 1)), error, leakage, peak
-        )
+        one = np.ones((len(frequency), 1), complex)
+        nothing = FaultFront(loop, frequency).least(one, error, leakage, peak)
         return certified_filter(loop, control.ss([], [], [], 0.0), nothing, error, leakage, peak)
     program = estimation(loop, error, leakage)
 

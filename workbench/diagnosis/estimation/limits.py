@@ -41,7 +41,7 @@ class Limits(NamedTuple):
 
     def rows(self, chosen: RealArray) -> Limits:
         """The limits at some of the frequencies."""
-        d = np.broadcast_to(self.d, self.b.shape)[chosen]
+        d = self.d[chosen] if isinstance(self.d, np.ndarray) else self.d
         return self._replace(A=self.A[chosen], c=self.c[chosen], b=self.b[chosen], d=d)
 
 

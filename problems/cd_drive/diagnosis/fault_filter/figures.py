@@ -57,7 +57,9 @@ def front(answer: Dataset) -> Figure:
         style: Any = {"color": COLOURS[name], "label": f"{NAMES[name]}, every plant"}
         panel.plot(one.sel(quantity="error"), 1e6 * total(one), mark, markersize=size, **style)
     words = "largest relative error of the estimate above 1.5 kHz"
-    label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", log="y")
+    share = float(answer["set_share"])
+    title = "" if share >= 1.0 else f"for {share:.3g} of the set, which the loop itself bears"
+    label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", title, log="y")
     panel.set_ylim(bottom=2e5 * least)
     legend_below(figure, panel, columns=2)
     return figure

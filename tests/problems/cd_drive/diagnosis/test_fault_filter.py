@@ -1,5 +1,7 @@
 """The fault filter's loop, front, bound and filters, against formulas and members of the set."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -21,6 +23,11 @@ from workbench.plants.cd_drive.diagnosis.fault_filter.loop import (
     grid,
 )
 from workbench.plants.cd_drive.diagnosis.fault_filter.peers import defect_weight, peer_filters
+from workbench.plants.cd_drive.diagnosis.fault_filter.problem import (
+    FaultFilterStudy,
+    allowed_leakage,
+    stadiums_of,
+)
 from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.drive.red_book import envelope
 
@@ -146,8 +153,41 @@ def test_an_exact_inverse_estimates_a_defect_of_its_drive_exactly(loops):
 def test_the_whole_study():
     run = wb.run("cd/focus/fault-filter")
     assert run.certificate.holds
-    # 0.3 with the stored cover; one made anew may need the next of the front.
-    assert run.metrics["fault_error"] <= float(run.data["allowed"]) <= 0.5
-    assert run.metrics["leakage"] <= 0.5e-6
+    # As asked with the stored cover; one made anew may allow a little less.
+    assert run.metrics["fault_error"] <= run.metrics["error_allowed"] <= 1.1 * 0.3
+    assert run.metrics["leakage"] <= run.metrics["leakage_allowed"] <= 1.1 * 0.5e-6
+    assert run.metrics["set_share"] > 0.9
     assert run.metrics["peak"] < 1.0
     assert run.metrics["order_discrete"] <= 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("axis", "wider", "share"), [("focus", 1.2, 0.956), ("radial", 2.0, 0.73)])
+def test_a_cover_that_is_too_wide_ends_in_the_best_filter(reference, axis, wider, share):
+    """The loop is unstable on plants of it: a valid answer for the share that the loop bears.
+
+    One that claims more is rejected.
+    """
+    model = stadiums_of(reference(f"cd/{axis}/cover-for-control"))
+    model = replace(model, W_c=replace(model.W_c, gain=wider * model.W_c.gain))
+    study = FaultFilterStudy(axis, model, 0.3, allowed_leakage(axis), 10, 1.0)
+    found = wb.solve(study)
+    assert found.certificate.holds
+    metrics = found.metrics
+    assert metrics["set_share"] == pytest.approx(share, rel=0.02)
+    assert metrics["error_allowed"] == pytest.approx(metrics["demand_factor"] * 0.3)
+    assert 1.0 <= metrics["demand_factor"] < 1.1
+    assert metrics["fault_error"] <= metrics["error_allowed"]
+    assert metrics["leakage"] <= metrics["leakage_allowed"]
+    assert "no: " in study.tables(found.answer)["demand"]
+    whole = found.answer.assign(set_share=1.0)
+    assert {"full: gain", "discrete: gain"} <= set(failed(study, whole))
+    tighter = found.answer.assign(
+        {name: 0.9 * found.answer[name] for name in ("demand_factor", "allowed", "leakage_allowed")}
+    )
+    assert {"full: error", "discrete: error"} <= set(failed(study, tighter))
+
+
+def failed(study, answer):
+    """Names of the checks that an answer fails."""
+    return [one.name for one in study.checks(answer, 1e-6) if not one.holds]
