@@ -72,6 +72,7 @@ def test_wheel_runs_a_named_problem_from_another_folder(elsewhere, tmp_path):
     assert list((tmp_path / "results").glob("cd/red-book/*/SHA256SUMS"))
 
 
+@pytest.mark.slow  # what it needs beside the sources is looked for below, file by file
 def test_wheel_reports_what_was_run(elsewhere, tmp_path):
     stored = Path("results") / "cd" / "focus" / "circles"
     shutil.copytree(

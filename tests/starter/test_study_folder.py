@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 import workbench as wb
 from workbench.bench.project import use_problems
+from workbench.bench.verify import verify_folder
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.starter import study_folder, write_study
@@ -51,7 +52,7 @@ def untried(monkeypatch):
     monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
 
 
-def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatch):
+def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path):
     asked = ["init", str(tmp_path / "my-servo"), "--data", str(records)]
     said = CliRunner().invoke(main, asked)
     assert said.exit_code == 0, said.output
@@ -72,20 +73,33 @@ def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatc
     nbformat.validate(
         nbformat.from_dict(json.loads((folder / "notebooks/my_servo.ipynb").read_text()))
     )
-    monkeypatch.chdir(folder)
+
+
+@pytest.fixture
+def study(records, tmp_path, monkeypatch):
+    """A study in its folder, with its first choices."""
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
+    write_study(tmp_path / "my-servo", str(records))
+    monkeypatch.chdir(tmp_path / "my-servo")
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
     use_problems([])
+
+
+@pytest.mark.usefixtures("study")
+def test_parameters_of_a_study_that_do_not_fit_are_named():
     for parameter in ("bandwidth", "effort"):
         with pytest.raises(InputError, match=rf"{parameter}='-5' does not fit: .*greater than 0"):
             wb.run("my-servo/controller", **{parameter: "-5"})
+
+
+@pytest.mark.usefixtures("study")
+def test_a_study_runs_from_the_records_to_the_code():
     board = wb.run("my-servo/board")
     assert board.certificate.holds
     assert wb.run("my-servo/controller").metrics["peak"] < 1
     code = (board.path / "controller.h").read_text()
     assert code == board.answer.code()
     (board.path / "controller.h").write_text(code + "\n")
-    from workbench.bench.verify import verify_folder
-
     problems = verify_folder(board.path).problems
     assert any("controller.h is not what the arrays give" in one for one in problems)
 
