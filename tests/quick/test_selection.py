@@ -119,6 +119,7 @@ def test_the_tests_named_fail_with_the_edit(edit, tmp_path):
         capture_output=True,
         text=True,
     )
+    assert name in done.stdout and "ArithmeticError" in done.stdout, done.stdout
     for test in tests:
         failed = any(f"{word} {test}" in done.stdout for word in ("FAILED", "ERROR"))
         assert failed, f"{test}\n{done.stdout}"

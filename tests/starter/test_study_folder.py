@@ -1,6 +1,8 @@
 """`workbench init`: a folder from records, or an error that says what to name."""
 
 import json
+import shutil
+from pathlib import Path
 
 import nbformat
 import numpy as np
@@ -14,6 +16,7 @@ from workbench.cli import main
 from workbench.errors import InputError
 from workbench.starter import study_folder, write_study
 
+ROOT = Path(__file__).parents[2]
 RATE, SAMPLES = 200.0, 512
 
 
@@ -93,14 +96,26 @@ def test_parameters_of_a_study_that_do_not_fit_are_named():
 
 
 @pytest.mark.usefixtures("study")
+def test_a_study_has_a_controller_for_every_plant_of_its_records():
+    assert wb.run("my-servo/controller").metrics["peak"] < 1
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("study")
 def test_a_study_runs_from_the_records_to_the_code():
     board = wb.run("my-servo/board")
     assert board.certificate.holds
-    assert wb.run("my-servo/controller").metrics["peak"] < 1
     code = (board.path / "controller.h").read_text()
     assert code == board.answer.code()
-    (board.path / "controller.h").write_text(code + "\n")
-    problems = verify_folder(board.path).problems
+
+
+def test_code_that_is_not_of_the_arrays_is_found(tmp_path):
+    stored = ROOT / "results" / "reference" / "unstable-first-order"
+    shutil.copytree(stored, tmp_path / stored.name)  # with the controller that it needs
+    (code,) = (tmp_path / stored.name / "board").glob("*/controller.h")
+    assert not any("controller.h" in one for one in verify_folder(code.parent).problems)
+    code.write_text(code.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    problems = verify_folder(code.parent).problems
     assert any("controller.h is not what the arrays give" in one for one in problems)
 
 
