@@ -7,6 +7,7 @@ processes that it started and waited for count too.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,8 @@ import pytest
 
 LIMIT = 5.0
 """Most processor seconds of a test that is not marked slow."""
+MODULES = 50
+"""A test that is the first of its process to import so many modules is not judged by `LIMIT`."""
 KEPT = "cpu_seconds.txt"
 """File below pytest's cache folder with the processor seconds of each test of the last session."""
 NAME = "cpu_seconds"
@@ -30,12 +33,12 @@ class CpuSeconds:
     """Measures each test from the begin of its setup to the end of its call."""
 
     def __init__(self, config: pytest.Config) -> None:
-        self.root, self.begun, self.since = config.rootpath, 0.0, 0.0
+        self.root, self.begun, self.since, self.modules = config.rootpath, 0.0, 0.0, 0
         self.seconds: dict[str, float] = {}
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self) -> None:
-        self.begun, self.since = spent(), time.time()
+        self.begun, self.since, self.modules = spent(), time.time(), len(sys.modules)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -46,7 +49,7 @@ class CpuSeconds:
             seconds = spent() - self.begun
             report.user_properties.append((NAME, seconds))
             slow = item.get_closest_marker("slow") is not None
-            if report.passed and seconds > LIMIT and not slow and not self._compiled():
+            if report.passed and seconds > LIMIT and not slow and not self._is_first():
                 report.outcome = "failed"
                 report.longrepr = (
                     f"{item.nodeid} took {seconds:.1f} s of processor time, a test that is not "
@@ -55,8 +58,13 @@ class CpuSeconds:
                 )
         return report
 
-    def _compiled(self) -> bool:
-        """Whether anything was compiled since the test began, which happens once in a checkout."""
+    def _is_first(self) -> bool:
+        """Whether much was imported since the test began, or anything compiled.
+
+        The one happens once in a process, the other once in a checkout, whichever test comes first.
+        """
+        if len(sys.modules) - self.modules >= MODULES:
+            return True
         own = os.environ.get("NUMBA_CACHE_DIR")
         folders = [Path(own)] if own else [self.root / "workbench", self.root / "problems"]
         files = (file for folder in folders for file in folder.rglob("*.nbi"))

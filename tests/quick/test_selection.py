@@ -1,6 +1,7 @@
 """What `make quick` runs is what an edit can break."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -88,37 +89,45 @@ def test_cases_are_told_apart_by_the_problem_that_they_are_about(graph):
     assert found.distance(*place, "cd/radial-error/0a1b2c3d") == FAR
 
 
-@pytest.mark.slow
-@each_edit
-def test_the_tests_named_fail_with_the_edit(edit, tmp_path):
-    """In a copy of the sources, which the processes of a test see too."""
+@pytest.fixture
+def copy(tmp_path):
+    """A copy of the sources in a folder of its own."""
     for folder in ("workbench", "problems", "tests", "docs"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("*.nb?"))
     for file in ("pyproject.toml", "robust_workbench.py"):
         shutil.copy(ROOT / file, tmp_path)
     (tmp_path / "results").symlink_to(ROOT / "results")
-    file, name = edit
-    text = (ROOT / file).read_text(encoding="utf-8")
-    (tmp_path / file).write_text(raising(text, name), encoding="utf-8")
-    tests = [f"{where}::{test}" for where, test in EDITS[edit]]
+    return tmp_path
+
+
+def failed(copy, tests):
+    """Which of some tests fail in a copy, whose sources the processes of a test see too."""
+    names = [f"{file}::{test}" for file, test in tests]
+    words = ["-m", "pytest", "-q", "-n0", "-m", "not slow", "-p", "no:cacheprovider", *names]
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "-n0",
-            "-m",
-            "not slow",
-            "-p",
-            "no:cacheprovider",
-            *tests,
-        ],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        [sys.executable, *words],
+        cwd=copy,
+        env=os.environ | {"PYTHONPATH": str(copy)},
         capture_output=True,
         text=True,
     )
-    for test in tests:
-        failed = any(f"{word} {test}" in done.stdout for word in ("FAILED", "ERROR"))
-        assert failed, f"{test}\n{done.stdout}"
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    return [
+        (file, test)
+        for file, test in tests
+        if re.search(rf"^(FAILED|ERROR) {file}::{test}\b", done.stdout, re.MULTILINE)
+    ]
+
+
+@pytest.mark.slow
+@each_edit
+def test_the_tests_named_fail_with_the_edit(edit, copy):
+    file, name = edit
+    text = (ROOT / file).read_text(encoding="utf-8")
+    (copy / file).write_text(raising(text, name), encoding="utf-8")
+    assert failed(copy, EDITS[edit]) == EDITS[edit]
+
+
+@pytest.mark.slow
+def test_the_tests_named_pass_without_an_edit(copy):
+    assert failed(copy, sorted({test for tests in EDITS.values() for test in tests})) == []

@@ -1,6 +1,8 @@
 """`workbench init`: a folder from records, or an error that says what to name."""
 
 import json
+import shutil
+from pathlib import Path
 
 import nbformat
 import numpy as np
@@ -9,10 +11,12 @@ from click.testing import CliRunner
 
 import workbench as wb
 from workbench.bench.project import use_problems
+from workbench.bench.verify import verify_folder
 from workbench.cli import main
 from workbench.errors import InputError
 from workbench.starter import study_folder, write_study
 
+ROOT = Path(__file__).parents[2]
 RATE, SAMPLES = 200.0, 512
 
 
@@ -51,7 +55,7 @@ def untried(monkeypatch):
     monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
 
 
-def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatch):
+def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path):
     asked = ["init", str(tmp_path / "my-servo"), "--data", str(records)]
     said = CliRunner().invoke(main, asked)
     assert said.exit_code == 0, said.output
@@ -72,21 +76,46 @@ def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatc
     nbformat.validate(
         nbformat.from_dict(json.loads((folder / "notebooks/my_servo.ipynb").read_text()))
     )
-    monkeypatch.chdir(folder)
+
+
+@pytest.fixture
+def study(records, tmp_path, monkeypatch):
+    """A study in its folder, with its first choices."""
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
+    write_study(tmp_path / "my-servo", str(records))
+    monkeypatch.chdir(tmp_path / "my-servo")
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
     use_problems([])
+
+
+@pytest.mark.usefixtures("study")
+def test_parameters_of_a_study_that_do_not_fit_are_named():
     for parameter in ("bandwidth", "effort"):
         with pytest.raises(InputError, match=rf"{parameter}='-5' does not fit: .*greater than 0"):
             wb.run("my-servo/controller", **{parameter: "-5"})
+
+
+@pytest.mark.usefixtures("study")
+def test_a_study_has_a_controller_for_every_plant_of_its_records():
+    assert wb.run("my-servo/controller").metrics["peak"] < 1
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("study")
+def test_a_study_runs_from_the_records_to_the_code():
     board = wb.run("my-servo/board")
     assert board.certificate.holds
-    assert wb.run("my-servo/controller").metrics["peak"] < 1
     code = (board.path / "controller.h").read_text()
     assert code == board.answer.code()
-    (board.path / "controller.h").write_text(code + "\n")
-    from workbench.bench.verify import verify_folder
 
-    problems = verify_folder(board.path).problems
+
+def test_code_that_is_not_of_the_arrays_is_found(tmp_path):
+    stored = ROOT / "results" / "reference" / "unstable-first-order"
+    shutil.copytree(stored, tmp_path / stored.name)  # with the controller that it needs
+    (code,) = (tmp_path / stored.name / "board").glob("*/controller.h")
+    assert not any("controller.h" in one for one in verify_folder(code.parent).problems)
+    code.write_text(code.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    problems = verify_folder(code.parent).problems
     assert any("controller.h is not what the arrays give" in one for one in problems)
 
 
