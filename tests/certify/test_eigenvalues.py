@@ -6,6 +6,7 @@ import pytest
 from workbench.certify.eigenvalues import (
     Discs,
     linear_discs,
+    pencil_discs,
     pole_discs,
     static_discs,
     touched,
@@ -96,3 +97,37 @@ def test_discs_of_a_pencil_hold_the_roots_within_reach(seed):
     within = float(np.median(np.abs(a)))
     found = linear_discs(exact(T @ np.diag(a) @ S), exact(T @ S), within)
     assert holds(found, a[np.abs(a) <= within])
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius", "proven"),
+    [
+        ([2.0, -1.0], [0.5, 0.1], True),
+        ([2.0, -1.0], [0.5, 10.0], False),  # both eigenvalues may be in the larger disc
+        ([2.0, 3.0, -1.0], [0.6, 0.6, 0.1], True),
+        ([2.0, 3.0, -1.0], [0.6, 0.6, 2.5], False),  # by way of the disc at 2 all three touch
+        ([2.0, -1.0], [1.0, 2.0], False),  # where they just touch, rounding decides nothing
+        ([2.0, 0.0], [0.5, np.inf], False),
+        ([-2.0, -1.0], [0.5, 0.1], False),
+    ],
+)
+def test_a_disc_on_the_right_proves_a_pole_only_where_it_touches_no_other_kind(
+    centre, radius, proven
+):
+    discs = Discs(np.array(centre), np.array(radius))
+    assert discs.proves_some(discs.centre > discs.radius) == proven
+
+
+def test_a_stable_matrix_is_never_proven_unstable():
+    """Far from normal: discs are wide, and some lie wholly on the right."""
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(40):
+        T = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-4, 4, (6, 1))
+        A = T @ np.diag(-rng.uniform(0.1, 2.0, 6)) @ np.linalg.inv(T)
+        V = np.linalg.eig(A)[1] + 1e-3 * rng.standard_normal((6, 6))
+        found = pencil_discs(exact(np.linalg.inv(V) @ A @ V), exact(np.eye(6)))
+        right = found.centre.real > found.radius
+        wrong += int(right.any())
+        assert not found.proves_some(right)
+    assert wrong

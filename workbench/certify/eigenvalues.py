@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import EPS, Array, RealArray
+from workbench.arrays import EPS, Array, BoolArray, RealArray
 from workbench.certify.modes.real_eigenvalues import real_pencil
 from workbench.certify.rounding import (
     UPWARD,
@@ -58,6 +58,20 @@ class Discs:
     def rightmost(self) -> float:
         """Upper bound of the real parts; -inf without discs."""
         return float((self.centre.real + self.radius).max(initial=-np.inf))
+
+    def proves_some(self, among: BoolArray) -> bool:
+        """Whether some eigenvalue is in these discs (n,).
+
+        A group of discs that touches no other holds as many eigenvalues as it has discs (Gershgorin);
+        a disc that touches others may hold none.
+        """
+        if not among.any():
+            return False
+        with np.errstate(all="ignore"):
+            apart = np.abs(self.centre[:, None] - self.centre) * (1 - 4 * EPS)
+            touching = ~(apart > (self.radius[:, None] + self.radius) * (1 + 4 * EPS))
+        count, group = connected_components(touching, directed=False)
+        return any(among[group == k].all() for k in range(count))
 
     def doubtful(self, sharp: float = SHARP_ENOUGH) -> int:
         """Number of discs that meet the real axis and are not small."""

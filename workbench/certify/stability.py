@@ -89,7 +89,7 @@ def _worst(discs: Discs, sampled: bool) -> tuple[float, complex | None, bool]:
     place = int(np.argmax(farthest))
     bound = float(farthest[place])
     sharp = discs.radius[place] <= SHARP_SHARE * np.abs(distance[place])
-    decided = bool(bound < 0 and sharp) or bool((distance > discs.radius).any())
+    decided = bool(bound < 0 and sharp) or discs.proves_some(distance > discs.radius)
     return bound, complex(discs.centre[place]), decided
 
 

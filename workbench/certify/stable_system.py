@@ -381,8 +381,8 @@ def _spread(discs: Discs) -> float:
 
 
 def _unstable(discs: Discs) -> bool:
-    """Whether a disc lies right of the imaginary axis."""
-    return bool((discs.centre.real > discs.radius).any())
+    """Whether some pole is proven to lie right of the imaginary axis."""
+    return discs.proves_some(discs.centre.real > discs.radius)
 
 
 def _condition(A: RealArray) -> float:
