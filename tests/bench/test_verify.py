@@ -508,3 +508,42 @@ def test_a_stored_dataset_opens_with_xarray_alone(run):
     with xr.open_dataset(run.path / "data.nc", engine="h5netcdf") as data:
         assert data["x"].attrs["units"] == "m"
     assert json.loads((run.path / "metrics.json").read_text())["count"] == 3
+
+
+GAPS = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from workbench import Study, problem
+from workbench.study import array
+
+
+@dataclass(frozen=True)
+class Gaps(Study):
+    relative_metrics: ClassVar[tuple[str, ...]] = ("gap",)
+
+    number = array("number", "1", "some", lambda self: [1.0])
+
+    def metrics(self, answer):
+        return {"gap": 1e-8, "length": 1e-8}
+
+
+@problem("gaps")
+def gaps() -> Gaps:
+    '''Two small numbers.'''
+    return Gaps()
+"""
+
+
+def test_metrics_that_are_logarithms_are_compared_as_numbers_near_1(project):
+    """A gap of 1e-8 has the rounding of 1; a length of 1e-8 has its own."""
+    project.write("plants/gaps.py", GAPS)
+    folder = wb.run("gaps").path
+    for stored, problems in (
+        ({"gap": 1.00001e-8}, ()),
+        ({"length": 1.00001e-8}, ("metrics.json: length says 1.00001e-08, recomputed 1e-08",)),
+        ({"gap": 1e-6, "length": 1e-8}, ("metrics.json: gap says 1e-06, recomputed 1e-08",)),
+    ):
+        edit(folder, "metrics.json", lambda metrics, stored=stored: metrics.update(stored))
+        seal(folder)
+        assert wb.verify(folder).problems == problems

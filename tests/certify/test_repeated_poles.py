@@ -108,3 +108,12 @@ def test_blocks_are_those_of_every_matrix_enclosed():
     assert separate_pole_discs(apart).rightmost == pytest.approx(-1.0)
     assert separate_pole_discs(joined).rightmost >= math.sqrt(2) - 1
     assert separate_pole_discs(Enclosure(np.zeros((0, 0)), np.zeros((0, 0)))).rightmost == -math.inf
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_distance_of_repeated_poles_is_sharp(seed):
+    """Doubles alone tell a tenth to a half of it, or nothing, as the last bits will have it."""
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]
+    A = turn @ (-np.eye(6) + np.diag(np.full(5, 1.7), -1)) @ turn.T
+    found = stability_of(control.ss(A, np.ones((6, 1)), np.ones((1, 6)), 0.0))
+    assert found.value == pytest.approx(-1.0, abs=0.01)

@@ -165,6 +165,14 @@ def test_a_worst_value_that_is_no_number_fails(answer):
     assert not found.holds and np.isnan(found.value)
 
 
+def test_numbers_of_single_precision_are_widened_before_they_are_used(answer):
+    """Their sums and moduli would be of single precision, and differ between processors."""
+    narrow = answer.assign(size=answer["size"].astype(np.float32))
+    get = Lags()._getter(narrow)
+    assert get("size").dtype == get("answer")["size"].dtype == float
+    assert narrow["size"].dtype == np.float32  # what is stored stays narrow
+
+
 def test_metrics_by_label_template_and_name(answer):
     numbers = Lags().metrics(answer)
     assert list(numbers) == [

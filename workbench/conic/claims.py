@@ -120,7 +120,7 @@ class NoSolution(_ConicClaim):
         ]
 
     def gap(self, answer: Vectors) -> tuple[str, float]:
-        radius = excluded_radius(self.form, settled_ray(self.form, answer["y"]))
+        radius = excluded_radius(self.form, self.ray(answer))
         statement = "1 / R, where no solution has max |x| < R = -b'y / sum |A'y|, decided exactly"
         return statement, 1.0 / radius if radius else math.inf
 
@@ -129,7 +129,22 @@ class NoSolution(_ConicClaim):
         return super().certify(answer, 0.0, optimal=True)
 
     def metrics(self, answer: Vectors) -> dict[str, float]:
-        return {"radius": excluded_radius(self.form, settled_ray(self.form, answer["y"]))}
+        return {"radius": excluded_radius(self.form, self.ray(answer))}
+
+    def ray(self, answer: Vectors) -> Sequence[Rational]:
+        """The y that is judged."""
+        return answer["y"]
+
+
+class NoSolutionOfComputed(NoSolution):
+    """As `NoSolution`, of a form that a Program computes: each processor has its own.
+
+    Its doubles differ in their last bits, which leave of A'y = 0 a residual; y is moved until there
+    is none.
+    """
+
+    def ray(self, answer: Vectors) -> Sequence[Rational]:
+        return settled_ray(self.form, answer["y"])
 
 
 class NoLeastValue(_ConicClaim):

@@ -18,7 +18,7 @@ from workbench.certify.cones.rays import dot, excluded_radius, transposed
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.conic import ConicallyStated
-from workbench.conic.claims import parsed_rational
+from workbench.conic.claims import NoSolutionOfComputed, parsed_rational
 from workbench.conic.ray_search import dual_point, dual_ray, settled_point, settled_ray
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -153,9 +153,9 @@ class FeedbackFromRecords(ConicallyStated):
 
     def claim_task(self, claim: Outcome) -> Task | None:
         """A claim of no answer is proven by the smaller inequality of the rate 1."""
-        if claim is Outcome.INFEASIBLE and self.criterion != "decay":
-            return self.stabilising.claim_task(claim)
-        return super().claim_task(claim)
+        if claim is not Outcome.INFEASIBLE:
+            return super().claim_task(claim)
+        return NoSolutionOfComputed(self.stabilising.conic_form())
 
     # --- objective ----------------------------------------------------------------------------
 
