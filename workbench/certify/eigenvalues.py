@@ -62,8 +62,8 @@ class Discs:
     def proves_some(self, among: BoolArray) -> bool:
         """Whether some eigenvalue is in these discs (n,).
 
-        A group of discs that touches no other holds as many eigenvalues as it has discs (Gershgorin);
-        a disc that touches others may hold none.
+        A group of discs that touches no other holds as many eigenvalues as it has discs
+        (Gershgorin); a disc that touches others may hold none.
         """
         if not among.any():
             return False
