@@ -221,8 +221,11 @@ def _largest(
     else:
         # D_r > 0 implies D_l > 0, because both consist of the same blocks.
         values, vectors = np.linalg.eigh(R)
-        least = values[..., 0] - allowances * allowance * _norm(R)
-        proper = proper & (least > 0)
+        room = allowance * _norm(R)
+        proper = proper & (values[..., 0] > allowances * room)
+        # The error is that of one allowance: what a check searches for is then searched for too
+        # where it is said.
+        least = values[..., 0] - room
         root = np.where(proper[..., None], values, 1.0) ** -0.5
         N = root[..., :, None] * (vectors.conj().mT @ A @ vectors) * root[..., None, :]
         stretch = 1 + _norm(R) / np.where(proper, least, 1.0)
@@ -276,7 +279,7 @@ def _searched(
     guess = np.where((guess > 0) & (nearer > 0) & np.isfinite(nearer), nearer, guess)
 
     sharp = SHARPNESS if allowances <= 1.0 else SAID_SHARPNESS
-    low, high, found = _around(holds, guess, sharp)
+    low, high, found, held = _around(holds, guess, sharp)
     rest = np.flatnonzero(~found)
     low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
@@ -289,7 +292,7 @@ def _searched(
         high[open_] = np.where(passed, middle, high[open_])
     if allowances > 1.0:  # the search of a check ends by its sharpness above the least it can prove
         high = high * (1 + 2 * SHARPNESS)
-    return np.where(found, high, np.inf)
+    return np.minimum(np.where(found, high, np.inf), held)
 
 
 Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
@@ -298,9 +301,13 @@ Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
 
 def _around(
     holds: Test, guess: NDArray[np.float64], sharp: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+    """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found.
+
+    Besides, where it holds at all that were tried, the least of these (F,); infinite elsewhere.
+    """
     low, high, found = np.zeros_like(guess), np.zeros_like(guess), np.zeros(len(guess), bool)
+    held = np.full_like(guess, np.inf)
     left = np.flatnonzero(guess > 0)
     below = holds(guess[left], left)
     for side, numbers in ((-1, left[below]), (1, left[~below])):
@@ -315,7 +322,9 @@ def _around(
             low[now], high[now] = ends if side > 0 else ends[::-1]
             last[numbers] = t
             numbers, share = numbers[~inside], WIDENING * share
-    return low, high, found
+        if side < 0:
+            held[numbers] = last[numbers]
+    return low, high, found, held
 
 
 def _bracketed(

@@ -105,6 +105,29 @@ def best_design(
     ------
     SolverError
         Where no design is found with limits up to 163 times as large.
+
+    Examples
+    --------
+    A stand-in for a design, which needs limits 1.5 times as large:
+
+    >>> import control
+    >>> from workbench.diagnosis import EstimationDemands, FaultLoop, best_design
+    >>> from workbench.fitting import Rational
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> room = control.ss(-0.1, 0.1, 3e-3, 0.0)  # of a room's temperature [K]
+    >>> demands = EstimationDemands(
+    ...     0.5, 0.05, gain=2.0, disturbance=room, noise=1e-4, noise_band=1.0
+    ... )
+    >>> K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(-30.0, 30.0, 1.0, 0.0)
+    >>> heater, W_c = (Rational([], [-p], gain) for p, gain in ((0.2, 0.2), (2.0, 0.2)))
+    >>> loop = FaultLoop(UncertaintyModel(heater, W_c), K, H, demands)
+    >>> reached, design = best_design(
+    ...     [loop],
+    ...     lambda reached: 1.2,
+    ...     lambda reached: "a filter" if reached.factor >= 1.5 else None,
+    ... )
+    >>> reached.share, round(reached.factor, 2), design
+    (1.0, 1.51, 'a filter')
     """
     asked = Reached(1.0, 1.0)
     found = designed(asked)

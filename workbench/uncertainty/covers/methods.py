@@ -25,8 +25,11 @@ TRIAL_FREQUENCIES, TRIAL_POWERS = 100, (4, 16)
 """Largest number of frequencies at which starts are tried, and powers of the norms there."""
 FINAL_FREQUENCIES, FINAL_POWERS = 1000, (16, 64, 256)
 """The same for the search from the smallest of what the starts lead to."""
-CONTINUED = 3
+CONTINUED = 6
 """Number of models, the smallest of those tried, that are searched again."""
+DRAWN, DRAWN_SPREAD = 4, 0.5
+"""Number of searches from starts drawn about each of these models, and the standard deviation of
+the starts in units of the parameters: where one search ends may hang on the data's last bits."""
 ALIKE = 1e-3
 """Relative difference of sizes below which two models count as the same local optimum."""
 
@@ -78,6 +81,12 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel
         said.append(f"{model.size:.4g} from {name}")
         if math.isfinite(model.size):
             found.append(model)
+    for model in _apart(found)[:CONTINUED]:
+        drawn = [
+            smallest_model(program, model, TRIAL_POWERS, context, DRAWN_SPREAD)
+            for _ in range(DRAWN)
+        ]
+        found += [each for each in drawn if math.isfinite(each.size)]
     return found, f"mean square size {'; '.join(said)}"
 
 

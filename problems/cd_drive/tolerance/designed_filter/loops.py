@@ -27,8 +27,6 @@ from ...laboratory.bench_setup import PERIOD
 
 CONDITIONS = ("sensitivity", "robust stability", "robust sensitivity")
 """Norm of the nominal loop, mu of stability and of performance; the sensitivity over its limit."""
-PEAK_WIDTH = 1e-2
-"""Relative width of the intervals that show these for filters which may not meet them."""
 
 
 def delayed_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> MarginsOfPlants:
@@ -50,7 +48,7 @@ def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
 
     F: discrete. peak: the sensitivity that is allowed.
     """
-    found = removal_conditions(loop, bilinear_continuous(F), peak, PEAK_WIDTH)
+    found = removal_conditions(loop, bilinear_continuous(F), peak)
     every = (found.nominal_performance, found.robust_stability, found.robust_performance)
     return np.array([[np.inf] * 2 if one is None else [one.lower, one.upper] for one in every])
 

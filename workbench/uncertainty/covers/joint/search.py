@@ -199,19 +199,26 @@ NO_FACTORS = (
 
 
 def smallest_model(
-    program: UncertaintyCover, start: FoundModel, powers: tuple[int, ...], context: Context
+    program: UncertaintyCover,
+    start: FoundModel,
+    powers: tuple[int, ...],
+    context: Context,
+    spread: float = 0.0,
 ) -> FoundModel:
     """The model of the smallest sets found from a start; a local optimum.
 
-    The search takes quasi-Newton steps on the coefficients of quadratic factors, and approaches the
-    largest ratio of a needed radius to the complex weight by norms of given powers, which are
-    powers of two and rise.
+    The search begins at random about the start, with a standard deviation of ``spread`` units of
+    each parameter. It takes quasi-Newton steps on the coefficients of quadratic factors, and
+    approaches the largest ratio of a needed radius to the complex weight by norms of given powers,
+    which are powers of two and rise.
     """
     size = ModelSize.of(program, start)
     vector, omega = size.start, program.responses.axis
     unit = size.unit
     inverse = np.zeros((vector.size, vector.size))
     value, x = np.inf, vector / unit
+    if spread:
+        x = x + spread * context.rng.standard_normal(x.size)
     for power in context.track(powers, "smallest sets"):
         value, x, inverse = least_size(x, unit, inverse, size.data, power, MAX_BFGS_STEPS)
     own = np.split(x * unit, size.ends[1:-1])
