@@ -40,7 +40,8 @@ ORDER = list(PROGRAMS)
 
 @pytest.fixture(autouse=True)
 def kept(monkeypatch):
-    """Solvers that a test adds are gone behind it."""
+    """Solvers that a test adds are gone behind it, and no others: methods are imported before."""
+    methods(SmallestCircle(POINTS))
     monkeypatch.setattr(solvers, "_CONIC", [*solvers._CONIC])
     known = {kind: dict(entries) for kind, entries in program._METHODS.items()}
     monkeypatch.setattr(program, "_METHODS", known)
@@ -188,10 +189,13 @@ def test_an_entry_point_that_leads_nowhere_costs_its_own_part_and_is_named(
 
 def test_a_project_names_its_solvers(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[tool.workbench]\nsolvers = ["qoco"]\n')
-    words = ("compare", "cd/focus/circles", "--methods", "qoco", "--accuracy", "middle", "--json")
-    status, out, said = ran(tmp_path, *words)
+    words = ("compare", "cd/focus/circles", "--set", "frequencies=20", "--methods", "qoco")
+    status, out, said = ran(tmp_path, *words, "--accuracy", "middle", "--json")
     assert status == 0, said
     assert json.loads(out)["cells"][0]["verdict"] == "solved"
+
+
+def test_solvers_of_a_project_that_are_none_are_named(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[tool.workbench]\nsolvers = ["hihgs"]\n')
     status, out, said = ran(tmp_path, "run", "cd/focus/circles", "--set", "frequencies=50")
     assert status == 0 and "solver hihgs of pyproject.toml: " in said and "holds" in out
