@@ -9,7 +9,7 @@ import pytest
 CONFTEST = """
 import cpu_seconds
 
-cpu_seconds.LIMIT = 0.05
+cpu_seconds.LIMIT = 0.02
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "slow: takes long")
