@@ -20,7 +20,7 @@ REFERENCE = 0.045
 """Processor seconds of `yardstick` where the limit was set; on a slower processor, or one that is
 shared, a test may take longer in proportion."""
 NOISE = 1.5
-"""Processor seconds of one test differ by so much with what else the processor does: 3.9 to 5.6 were
+"""Processor seconds of a test differ with what else the processor does: for one, 3.9 to 5.6 were
 seen. Only above this multiple of the limit is it certain that a test is beyond it."""
 MODULES = 50
 """A test that is the first of its process to import so many modules is not judged by `LIMIT`."""

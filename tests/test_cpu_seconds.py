@@ -61,4 +61,4 @@ def test_a_fast_test_above_the_limit_fails(report):
     outcomes |= {"its_child": "FAILED", "slow": "PASSED", "compiles": "PASSED"}
     for name, outcome in outcomes.items():
         assert f"{outcome} test_some.py::test_{name}" in report, report
-    assert "s of processor time, a test that is not marked slow at most 0.05 s" in report
+    assert "s of processor time, a test that is not marked slow at most 0.02 s" in report
