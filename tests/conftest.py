@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Property tests try fewer examples where the slow tests are left out (`lanes.examples`)."""
-    config.pluginmanager.register(CpuSeconds(config))
+    config.pluginmanager.register(CpuSeconds(config), "cpu-seconds")
     if "not slow" in config.getoption("markexpr"):
         os.environ[lanes.ENVIRONMENT] = "1"
     else:

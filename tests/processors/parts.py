@@ -60,7 +60,9 @@ class Part:
         pytest = [python, "-m", "pytest", "-n", str(workers), "--dist", "worksteal", "-rfE"]
         chosen = ["-m", "not slow"] if self.kind == "tests" else []
         files = files_of(self.kind)[self.chunk :: CHUNKS[self.kind]]
-        return [*pytest, "-p", "no:cacheprovider", *chosen, *files]
+        # Processor seconds are those of another processor, and of threads that wait for each other.
+        left_out = ["-p", "no:cacheprovider", "-p", "no:cpu-seconds"]
+        return [*pytest, *left_out, *chosen, *files]
 
 
 PARTS = {
