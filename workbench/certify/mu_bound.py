@@ -108,6 +108,17 @@ def certified_bound(
     return structured_bound(M, structure, *multipliers, allowances=allowances)
 
 
+def said_bound(
+    M: ComplexArray,
+    structure: Structure,
+    D_left: ComplexArray,
+    D_right: ComplexArray,
+    G: ComplexArray,
+) -> NDArray[np.float64]:
+    """As `certified_bound`, with the room of a bound that every processor is to prove."""
+    return certified_bound(M, structure, D_left, D_right, G, allowances=SAID_ALLOWANCES)
+
+
 def structured_bound(
     M: ComplexArray,
     structure: Structure,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, ComplexArray, RealArray
-from workbench.certify.mu_bound import SAID_ALLOWANCES, certified_bound
+from workbench.certify.mu_bound import said_bound
 from workbench.mu.upper.alone import closed_form, is_alone
 from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.batch import solve_each
@@ -54,7 +54,7 @@ def path_multipliers(
     alone = places is None and is_alone(structure)
     if alone:
         first_D, first_G, mu = closed_form(M, structure)
-        first = _said(M, structure, first_D, first_G)
+        first = said_bound(M, structure, first_D, first_D, first_G)
         exact = first <= (1 + accuracy) * mu
         D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
     rest = np.flatnonzero(~(gaps <= accuracy))
@@ -63,11 +63,7 @@ def path_multipliers(
         solve_each(M[rest], pattern, accuracy, level, *found)
         D[rest], G[rest], gaps[rest], iterations[rest] = found
         if alone:  # where eigenvectors are nearly dependent, they may still prove more than a path
-            better = rest[first[rest] < _said(M[rest], structure, D[rest], G[rest])]
+            path = said_bound(M[rest], structure, D[rest], D[rest], G[rest])
+            better = rest[first[rest] < path]
             D[better], G[better] = first_D[better], first_G[better]
     return D, G, gaps, iterations
-
-
-def _said(M: ComplexArray, structure: Structure, D: ComplexArray, G: ComplexArray) -> RealArray:
-    """The bounds (F,) that multipliers prove on any processor, which those of one may not."""
-    return certified_bound(M, structure, D, D, G, allowances=SAID_ALLOWANCES)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from workbench.arrays import ComplexArray
-from workbench.certify.mu_bound import SAID_ALLOWANCES, certified_bound
+from workbench.certify.mu_bound import certified_bound, said_bound
 from workbench.mu.upper.balance import balanced_batch
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import IM, Pattern, expanded_multipliers, fill
@@ -116,7 +116,7 @@ def _proper(
     trials_G[~np.isfinite(trials_G)] = 0.0
     tiled = np.broadcast_to(M, (len(trials_D), *M.shape))
     multipliers = expanded_multipliers(pattern, trials_D, trials_G)
-    values = certified_bound(tiled, structure, *multipliers, allowances=SAID_ALLOWANCES)
+    values = said_bound(tiled, structure, *multipliers)
     best = int(np.argmin(values))
     return trials_D[best], trials_G[best], float(values[best])
 

@@ -74,11 +74,8 @@ def _finished(smoothed: Smoothed, end: End) -> End:
     best = End(end.y, smoothed(end.y, LAST_POWERS[-1])[0])
     for _ in range(LAST_ROUNDS):
         found = _descended(smoothed, best.y, LAST_POWERS, LAST_STEPS)
-        if not found.mu < best.mu:
-            break
-        gain = 1 - found.mu / best.mu
-        best = found
-        if gain < LEAST_GAIN:
+        before, best = best, min(best, found, key=lambda each: each.mu)
+        if best.mu > (1 - LEAST_GAIN) * before.mu:
             break
     return best
 
