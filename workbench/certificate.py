@@ -54,6 +54,18 @@ THIS_SYSTEM = "for this one system"
 """What is said of the stability of a system or loop; it claims nothing of a set of plants."""
 
 
+def these(count: int, one: str, several: str) -> str:
+    """Words of a quantifier over a number of given things.
+
+    Examples
+    --------
+    >>> from workbench.certificate import these
+    >>> these(1, "matrix", "matrices"), these(12, "matrix", "matrices")
+    ('for this one matrix', 'for these 12 matrices')
+    """
+    return f"for this one {one}" if count == 1 else f"for these {count} {several}"
+
+
 def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
     """The checks, each of which quantifies over this where it does not say over what it does.
 

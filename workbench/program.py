@@ -13,12 +13,10 @@ import functools
 import importlib
 import inspect
 import sys
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
-
-import numpy as np
 
 from workbench.accuracy import (
     ANY_ACCURACY_ALIKE,
@@ -26,7 +24,7 @@ from workbench.accuracy import (
     EVERY_ACCURACY,
     AccuracyRange,
 )
-from workbench.certificate import Certificate, Check, Gap, quantified
+from workbench.checker import Checker
 from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
@@ -39,7 +37,7 @@ Claim = tuple[Any, Outcome, str]
 # --- programs and studies ---------------------------------------------------------------------
 
 
-class Task(ABC):
+class Task(Checker):
     """A Program or a Study: its answer can be checked, stored and shown."""
 
     headline: ClassVar[str] = ""
@@ -53,14 +51,6 @@ class Task(ABC):
     """Whether limits of `checks` depend on the tolerance. Otherwise they are absolute: the same at
     every accuracy."""
 
-    @property
-    def quantifier(self) -> str:
-        """What the checks quantify over that do not say it themselves: frequencies, plants, data.
-
-        Such as "at the 400 given frequencies, for these 12 plants".
-        """
-        return ""
-
     def of_stored(self, data: Dataset) -> Task:
         """The question about the data that a results folder stores, which are the same to rounding.
 
@@ -70,38 +60,8 @@ class Task(ABC):
         return self
 
     @abstractmethod
-    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
-        """Validity checks of an answer from the data alone, decided by the kernel."""
-
-    def witnessed(self, answer: Any) -> Any:
-        """The answer with what its second opinion looks at, found once and stored.
-
-        `solve` asks for it, so that `verify` searches nothing.
-        """
-        return answer
-
-    def second_opinion(self, answer: Any) -> Sequence[Check]:
-        """Checks that share neither code nor mathematics with `checks`, of a valid answer.
-
-        They try the same claims in another way, and fail only if something is wrong.
-        """
-        return ()
-
-    def gap(self, answer: Any) -> tuple[str, float] | None:
-        """Relative optimality gap by an independent bound, and what it says; None without one."""
-        return None
-
-    @abstractmethod
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
-
-    def facts(self, answer: Any) -> Sequence[str]:
-        """What the certificate of a valid answer tells besides, such as a controller's order."""
-        return ()
-
-    def figures(self, answer: Any) -> dict[str, Figure]:
-        """Figures by file stem; returned, never written."""
-        return {}
 
     def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:
         """What draws the figures, by name: each of them can be called where another one fails."""
@@ -177,18 +137,6 @@ class Task(ABC):
         """
         return None
 
-    def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
-        """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
-        with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
-            checks = tuple(quantified(self.quantifier, self.checks(answer, tolerance)))
-            facts: tuple[str, ...] = ()
-            if all(check.holds for check in checks):
-                opinion = quantified(self.quantifier, self.second_opinion(answer))
-                checks += tuple(replace(check, opinion=True) for check in opinion)
-                facts = tuple(self.facts(answer))
-            gap = self.gap(answer)
-        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal), facts)
-
 
 class ProofTask(Task):
     """A claim of no answer, which its answer proves; there is no method to choose."""
@@ -246,7 +194,7 @@ class Program(Task):
         if objective is None:
             return None
         distance = gap * self.objective_scale(answer)
-        arithmetic = 4 * float(np.finfo(float).eps) * (abs(objective) + abs(distance))
+        arithmetic = 4 * sys.float_info.epsilon * (abs(objective) + abs(distance))
         return objective - distance - self.objective_rounding(answer) - arithmetic
 
     # --- its methods ------------------------------------------------------------------------------

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from workbench.answer import Answer
 from workbench.certificate import Certificate
 from workbench.errors import InputError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
@@ -47,13 +49,16 @@ class Solution:
         if self.message:
             lines[0] += f" ({_cut(self.message)})"
         if self.answer is not None:
-            lines += [f"  {line}" for line in _cut(repr(self.answer), LONGEST).splitlines()]
+            said = self.answer.said() if isinstance(self.answer, Answer) else repr(self.answer)
+            lines += [f"  {line}" for line in _cut(said, LONGEST).splitlines()]
         if self.certificate is not None:
             failed = self.certificate.failures
             said = (
                 "; ".join(failed) if failed else f"all {len(self.certificate.checks)} checks hold"
             )
             lines.append(f"  certificate: {_cut(said)}{self._headline}")
+            over = self._answered.quantifier if self._answered is not None else ""
+            lines += [f"  {_cut(over)}"] if over else []
         return "\n".join(lines)
 
     @property
@@ -68,6 +73,17 @@ class Solution:
     def _answered(self) -> Task | None:
         """The task that the answer belongs to."""
         return self.proof or self.task
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a certificate and it holds."""
+        return self.certificate is not None and self.certificate.holds
+
+    @property
+    def value(self) -> float:
+        """The metric that the task is known by; NaN where it has none, or nothing was checked."""
+        task = self._answered
+        return math.nan if task is None else self.metrics.get(task.headline, math.nan)
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -223,6 +239,8 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         message = f"{reason}; the method said: {said.message}" if said.message else reason
         return replace(said, answer=None, message=message, trace=traceback.format_exc())
     seconds = {**said.seconds, "check": time.perf_counter() - start}
+    if isinstance(answer, Answer):
+        answer.checked_by(task, tolerance, optimal=optimal, certificate=certificate)
     return replace(said, answer=answer, certificate=certificate, seconds=seconds)
 
 

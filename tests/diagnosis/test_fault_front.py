@@ -156,10 +156,10 @@ def test_a_bounded_sensitivity_holds_on_members_and_costs_leakage(loop):
 def test_conditions_of_a_removal_hold_and_fail(loop):
     nothing = control.ss(-1.0, 0.0, 0.0, 0.0)
     plain = removal_conditions(loop, nothing, 10.0, 1e-2)
-    assert plain.hold
+    assert plain.met
     assert plain.nominal_stability
     strict = removal_conditions(loop, nothing, 1.0, 1e-2)
-    assert not strict.hold
+    assert not strict.met
     positive = control.ss(-1.0, 1.0, 400.0, 0.0)
     assert not removal_conditions(loop, positive, 10.0, 1e-2).nominal_stability
     with pytest.raises(InputError, match="peak"):

@@ -9,7 +9,8 @@ import pytest
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
 from workbench.mu import destabilising, lower_bound
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.structure import Complex, Full, Real, Structure
 
 STRUCTURES = [

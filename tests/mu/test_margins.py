@@ -6,7 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions
 from workbench.structure import Full, Structure
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -24,8 +25,8 @@ CONVERSION_ROUNDING = 1e-9
 """Relative error of a response that is rounding of the roots only."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rational:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rational(ProgramAnswer):
     """gain * prod(s - zeros) / prod(s - poles), proper, with real coefficients.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.answer import ProgramAnswer, answer_of
 from workbench.arrays import EPS
 from workbench.conic import ConeFactor, ConeKind, ConicallyStated, ConicForm
 from workbench.errors import SolverError
@@ -18,12 +19,12 @@ from workbench.geometry.cover import Cover, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
 from workbench.heavy_types import Dataset
-from workbench.program import Claim, find_method, method
+from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 
 
-@dataclass(frozen=True)
-class Circle:
+@dataclass(frozen=True, repr=False)
+class Circle(ProgramAnswer):
     """Circles, one for each set: arrays of complex ``center`` and real ``radius``."""
 
     center: np.ndarray
@@ -95,7 +96,7 @@ def smallest_circle(
     -------
     Circle
         ``center`` (complex) and ``radius``, of shape (...). The radius is rounded upward, so that
-        every point is inside. ``solve(SmallestCircle(points))`` gives a certificate too.
+        every point is inside. Its `certificate` is made when somebody asks for it.
 
     Raises
     ------
@@ -104,21 +105,20 @@ def smallest_circle(
     SolverError
         The method gave no answer.
     """
-    return uncertified_answer(SmallestCircle(points), method, options)
+    return finite_answer(SmallestCircle(points), method, options)
 
 
-def uncertified_answer(program: Cover, name: str, options: Options | None) -> Any:
-    """Answer of the method ``name``, not certified.
+def finite_answer(program: Cover, name: str, options: Options | None) -> Any:
+    """Answer of the method ``name``.
 
     Raises
     ------
     SolverError
         The method gave no answer, or a radius that is not finite.
     """
-    chosen = find_method(program, name)
-    answer, outcome, message = chosen.answer(program, Context(options or Options()))
-    if answer is None or not np.all(np.isfinite(answer.radius)):
-        raise SolverError(f"{name}: {outcome}. {message}")
+    answer = answer_of(program, name, options)
+    if not np.all(np.isfinite(answer.radius)):
+        raise SolverError(f"{name}: a radius is not finite")
     return answer
 
 

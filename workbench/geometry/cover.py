@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench.arrays import EPS
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, these, worst
 from workbench.errors import InputError
 from workbench.geometry.figures import shape_figures
 from workbench.geometry.points import as_points
@@ -99,7 +99,8 @@ class Cover(Program):
 
     @property
     def quantifier(self) -> str:
-        return f"for these {math.prod(self.batch)} sets of {self.points.shape[-1]} points"
+        points = f"of {self.points.shape[-1]} points"
+        return these(math.prod(self.batch), f"set {points}", f"sets {points}")
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
         center, radius = np.asarray(answer.center), np.asarray(answer.radius)

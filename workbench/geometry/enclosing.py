@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import EPS
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
@@ -23,8 +24,8 @@ ANGLE_TOLERANCE = 1e-12
 """Largest difference [rad], modulo pi, of the answer's angle from a given one: rounding only."""
 
 
-@dataclass(frozen=True)
-class Stadium:
+@dataclass(frozen=True, repr=False)
+class Stadium(ProgramAnswer):
     """Stadiums, one for each set: arrays of ``center``, ``radius``, ``half_length`` and ``angle``.
 
     The centre is complex; the angle [rad] is in [0, pi).

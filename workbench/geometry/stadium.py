@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.geometry.bounds import least_half_width
-from workbench.geometry.circle import uncertified_answer
+from workbench.geometry.circle import finite_answer
 from workbench.geometry.cover import relative
 from workbench.geometry.enclosing import EnclosingStadium, Stadium
 from workbench.geometry.exact_stadium import exact_stadium
@@ -125,7 +125,7 @@ def narrowest_stadium(
     SolverError
         The method gave no answer.
     """
-    return uncertified_answer(NarrowestStadium(points, center, angle), method, options)
+    return finite_answer(NarrowestStadium(points, center, angle), method, options)
 
 
 @method(NarrowestStadium, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

@@ -6,7 +6,9 @@ from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
-    from workbench.mu.frequency.peak import Peak, peak, with_complex_part
+    from workbench.mu.frequency.complex_part import with_complex_part
+    from workbench.mu.frequency.peak import peak
+    from workbench.mu.frequency.peak_bounds import Peak
     from workbench.mu.frequency.sweep import Sweep, frequency_sweep
     from workbench.mu.lower.bound import lower_bound
     from workbench.mu.lower.program import LowerBound, MuLowerBound
@@ -22,18 +24,15 @@ if TYPE_CHECKING:
     from workbench.mu.robust.destabilising import destabilising
     from workbench.mu.robust.element_sensitivity import margin_sensitivity
     from workbench.mu.robust.gain_room import GainRoom, gain_room
-    from workbench.mu.robust.margin import (
-        PerformanceMargin,
-        StabilityMargin,
-        robust_performance,
-        robust_stability,
-    )
+    from workbench.mu.robust.margin import robust_performance, robust_stability
+    from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
     from workbench.mu.robust.performance import performance_peak, performance_sweep
     from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
     from workbench.mu.robust.sensitivity import sensitivity
     from workbench.mu.robust.skew import SkewBounds, skew_bounds
-    from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
-    from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
+    from workbench.mu.robust.skewed_bounds import SkewedPeak, WorstCaseGain
+    from workbench.mu.robust.skewed_peak import skewed_peak
+    from workbench.mu.robust.worst_case import worst_case_gain
     from workbench.mu.upper.bound import upper_bound
     from workbench.mu.upper.gradient import gradient
     from workbench.mu.upper.program import MuUpperBound, UpperBound

@@ -28,7 +28,8 @@ from workbench.diagnosis.estimation.weighting import (
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
-from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
+from workbench.mu.frequency.peak_bounds import peak_checks
+from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
 from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.figures import DrawnController
@@ -47,7 +48,7 @@ class Channel(NamedTuple):
     band: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FaultFilter(DrawnController):
     """A filter u_f = K y with certified bounds of its errors on the whole set of plants.
 
@@ -87,7 +88,7 @@ class FaultFilter(DrawnController):
         """The filter."""
         return self.K
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return (
             f"FaultFilter: {in_words(self.K)}\n"
             f"  errors over those required from {self.lower:.4g} to {self.upper:.4g}"

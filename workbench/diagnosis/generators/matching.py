@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from workbench.answer import Answer
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.generators.generator import Poles, ResidualGenerator, realised, transfer
@@ -34,8 +35,8 @@ RESPONSE_RANK_SHARE = 1e-10
 """A singular value of a response counts as 0 below this share of the largest."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModelMatch:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelMatch(Answer):
     """A generator, its error R - [M_r 0] from faults and noise, and the error's certified norm.
 
     Examples

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
+from workbench.answer import Answer
 from workbench.arrays import Array
 from workbench.diagnosis.generators.generator import structure_matrix, transfer
 from workbench.diagnosis.models.detectability import need_faults
@@ -36,8 +37,8 @@ VANISHED_GAIN_SHARE = 1e-6
 """At a zero on the axis, a gain from the faults counts as 0 below this share of the largest."""
 
 
-@dataclass(frozen=True, eq=False)
-class PerformanceIndex:
+@dataclass(frozen=True, eq=False, repr=False)
+class PerformanceIndex(Answer):
     """Bounds of every residual's index; ``lower`` is its value at ``omega`` [rad/s].
 
     Examples

@@ -18,7 +18,7 @@ from workbench.arrays import ComplexArray
 from workbench.executor import Context
 from workbench.geometry.area.bound import least_area
 from workbench.geometry.area.search import smallest_area
-from workbench.geometry.circle import uncertified_answer
+from workbench.geometry.circle import finite_answer
 from workbench.geometry.cover import relative
 from workbench.geometry.each_set import UnitFrame, each_set
 from workbench.geometry.enclosing import EnclosingStadium, Stadium
@@ -146,8 +146,8 @@ def smallest_area_stadium(
     -------
     Stadium
         ``center`` (complex), ``radius``, ``half_length`` and ``angle`` in [0, pi), of shape (...).
-        The radius is rounded upward. ``solve(SmallestAreaStadium(...))`` gives a certificate too,
-        whose gap tells how far from the smallest area it is.
+        The radius is rounded upward. The gap of its `certificate`, which is made when somebody
+        asks for it, tells how far from the smallest area it is.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def smallest_area_stadium(
     >>> 0.4 < float(stadium.radius) < 2.0
     True
     """
-    return uncertified_answer(SmallestAreaStadium(points, center, angle), method, options)
+    return finite_answer(SmallestAreaStadium(points, center, angle), method, options)
 
 
 @method(SmallestAreaStadium, "search", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench.answer import ProgramAnswer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, excess, worst
 from workbench.errors import InputError
@@ -39,8 +40,8 @@ LEAST_INFORMATION = 1e-12
 """Least eigenvalue of the information that counts as one, beside that of equal powers."""
 
 
-@dataclass(frozen=True, eq=False)
-class DesignedSpectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignedSpectrum(ProgramAnswer):
     """Powers (K,) of the lines, and the worst cost that they leave.
 
     Examples

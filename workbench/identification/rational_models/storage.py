@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import ProgramAnswer
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import Dataset, StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 
 
-@dataclass(frozen=True, eq=False)
-class RationalModels:
+@dataclass(frozen=True, eq=False, repr=False)
+class RationalModels(ProgramAnswer):
     """Fitted models of rising order, and the number of the one that is chosen.
 
     Examples

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 from workbench.identification.innovations.model import InnovationsModel
@@ -15,8 +16,8 @@ MODELS = ("predictor", "simulator")
 """Model for each of the uses."""
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedModels:
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedModels(ProgramAnswer):
     """A model for each use, and the validation fits that chose their orders.
 
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of

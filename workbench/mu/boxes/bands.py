@@ -11,7 +11,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.certify.cover import BoundsAt, FrequencyBounds, without
 from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem
-from workbench.mu.frequency.peak import with_complex_part
+from workbench.mu.frequency.complex_part import with_complex_part
 from workbench.mu.frequency.sweep import bounds_at
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import starting_grid

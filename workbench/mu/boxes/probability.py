@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import RealArray
+from workbench.certificate import Check
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import need_count, need_positive
@@ -22,6 +25,7 @@ from workbench.mu.boxes.partition import BoxPart, Partition, Weight, corner_sign
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.upper.bound import upper_bound
+from workbench.second_opinion import members
 from workbench.structure import Complex, Structure
 from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.realisation import realisation
@@ -34,8 +38,8 @@ ROUNDING = 1e-12
 """What one part's probability may be off by rounding of distribution functions."""
 
 
-@dataclass(frozen=True, eq=False)
-class GuaranteedProbability:
+@dataclass(frozen=True, eq=False, repr=False)
+class GuaranteedProbability(Answer):
     """The probability of what was asked lies between ``lower`` and ``upper``.
 
     ``parts`` is how many parts of the box of parameters were examined.
@@ -57,7 +61,7 @@ class GuaranteedProbability:
     parts: int
     asked: str
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return (
             f"GuaranteedProbability: from {self.lower:.6g} to {self.upper:.6g} that the system is "
             f"{self.asked}; {self.parts} parts"
@@ -117,7 +121,8 @@ def guaranteed_probability(
     need_count("parts", parts)
     if gain is not None:
         need_positive(gain, "gain")
-    weight = _weight(found, distributions or {})
+    laws = distributions or {}
+    weight = _weight(found, laws)
     question = _Question(found, gain)
     partition = Partition(Growing(len(found.elements)).box(1.0), weight)
     good, bad, count = 0.0, 0.0, 0
@@ -133,7 +138,33 @@ def guaranteed_probability(
             bad += weight(part.centre, part.width)
     asked = "stable" if gain is None else f"stable with a gain below {gain:g}"
     slack = ROUNDING * count
-    return GuaranteedProbability(max(good - slack, 0.0), min(1 - bad + slack, 1.0), count, asked)
+    bounds = max(good - slack, 0.0), min(1 - bad + slack, 1.0)
+    again = partial(
+        guaranteed_probability,
+        found,
+        gain,
+        distributions=laws,
+        tolerance=tolerance,
+        parts=parts,
+    )
+    checker = ProbabilityChecker(again, "for all values of the parameters", found, gain, laws)
+    return GuaranteedProbability(*bounds, count, asked).checked_by(checker)
+
+
+@dataclass(frozen=True, eq=False)
+class ProbabilityChecker(RepeatedChecker):
+    """Computes the bounds again, and draws members whose share must not contradict them."""
+
+    system: UncertainSystem
+    gain: float | None
+    laws: Mapping[str, Any]
+
+    def second_opinion(self, answer: GuaranteedProbability) -> list[Check]:
+        elements = self.system.elements.values()
+        ranges = {one.name: (one.low, one.high) for one in elements if isinstance(one, RealElement)}
+        values = members.drawn_values(ranges, self.laws)
+        counts = members.good_share(self.system.at, values, self.gain)
+        return [members.probability_agrees(counts, answer.lower, answer.upper)]
 
 
 class _Question:

@@ -13,7 +13,7 @@ from workbench.certify.cover import BandCover, refined_bounds
 from workbench.certify.proofs.peak_proof import gaps
 from workbench.certify.proofs.scaled_system import ScalingFunctions, scaled_interval
 from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
-from workbench.mu.frequency.peak import Peak
+from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
 from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
 from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Structure
@@ -67,4 +67,5 @@ def scaled_peak(
     need_agreement(below.value, upper, "the peak of mu", upper_claim=SCALINGS_PROVE)
     message = f"scalings from {ends[0]:.3g} to {ends[1]:.3g} rad/s"
     intervals = tuple(cover.intervals)
-    return Peak(below.value, upper, below.omega, below.Delta, intervals, message, scalings=scalings)
+    parts = below.value, upper, below.omega, below.Delta, intervals, message
+    return Peak(*parts, scalings=scalings).checked_by(PeakChecker(system, structure))

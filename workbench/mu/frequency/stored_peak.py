@@ -1,4 +1,4 @@
-"""A peak in a dataset, and the checks that prove it again without any search."""
+"""A peak in a dataset."""
 
 from __future__ import annotations
 
@@ -7,56 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certificate import Check, excess
-from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
-from workbench.certify.proofs.peak_proof import proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
-from workbench.certify.stable_system import angular_frequency, stable_system
+from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import Dataset
-from workbench.mu.frequency.peak import Peak
-from workbench.structure import Structure
-
-REPROVEN_LOWER = 1e-9
-"""Share by which a lower bound may exceed what its perturbation proves again, on a machine that
-rounds the loop's realisation in another way."""
-
-
-def peak_checks(
-    system: Any, structure: Structure, lower: float, upper: float, found: Peak | None
-) -> list[Check]:
-    """Checks of claimed bounds of a peak by the multipliers and the perturbation of a `Peak`.
-
-    Parameters
-    ----------
-    system
-        The stable system that Delta closes.
-    structure
-        Blocks of Delta.
-    lower, upper
-        The claimed bounds.
-    found
-        What proves them; None: nothing does.
-    """
-    fault, proven = "no proof is stored", 0.0
-    if found is not None:
-        stable = stable_system(system, sampled=True)
-        if found.proof is not None:
-            fault = proves(stable, structure, found.proof, upper)
-        if lower > 0 and np.isfinite(found.Delta).all():
-            proven = proven_at(stable, structure, found.Delta, stable.plane(found.omega))
-            if proven < lower:
-                proven = max(proven, proven_over_frequency(stable, structure, found.Delta))
-    short = 0.0 if lower <= proven else excess(lower, proven)
-    return [
-        Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
-        Check(
-            "lower",
-            "claimed lower bound over what its perturbation proves, less 1",
-            short,
-            REPROVEN_LOWER,
-        ),
-        Check("order", "claimed lower over claimed upper bound, less 1", excess(lower, upper), 0.0),
-    ]
+from workbench.mu.frequency.peak_bounds import Peak
 
 
 def stored_peak(name: str, found: Peak) -> dict[str, Any]:

@@ -10,27 +10,85 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench import figures
+from workbench.answer import Answer
 from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import FrequencyBounds, refined_bounds
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
+from workbench.checker import Checker
 from workbench.errors import InputError
+from workbench.heavy_types import Figure
 from workbench.input_checks import need_structure
 from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.upper.bound import upper_bound
+from workbench.mu.upper.program import MuUpperBound, UpperBound
+from workbench.second_opinion.responses import plain_response
 from workbench.structure import Structure
+from workbench.systems.conversion import as_system
 
+RESPONSE_ROUNDING = 1e-6
+"""Difference of responses that are computed in two ways, relative."""
 MET = 1e-3
 """Relative distance at which a lower bound meets the upper one, and no further search is made."""
 
 
-@dataclass(frozen=True)
-class Sweep(FrequencyBounds):
+@dataclass(frozen=True, repr=False)
+class Sweep(Answer, FrequencyBounds):
     """Bounds of mu over frequency; ``Delta`` (F, r, c) proves the lower bounds ``lower`` (F,)."""
 
     lower: RealArray
     Delta: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SweepChecker(Checker):
+    """Checks a `Sweep` of a system, as given to `frequency_sweep`, and its structure."""
+
+    system: Any
+    structure: Structure
+    frequencies: int
+
+    @property
+    def quantifier(self) -> str:
+        return f"at {self.frequencies} frequencies, between them nothing"
+
+    def checks(self, answer: Sweep, tolerance: float) -> list[Check]:
+        stable = stable_system(self.system, sampled=True)
+        M = stable.response(stable.plane(answer.omega))
+        upper = UpperBound(answer.upper, answer.D_left, answer.D_right, answer.G)
+        lower = LowerBound(answer.lower, answer.Delta)
+        found = [
+            *MuUpperBound(answer.M, self.structure).checks(upper, tolerance),
+            *MuLowerBound(answer.M, self.structure).checks(lower, tolerance),
+        ]
+        return [_same_response(M, answer.M), *found]
+
+    def second_opinion(self, answer: Sweep) -> list[Check]:
+        M = plain_response(as_system(self.system, "system"), answer.omega)
+        return [_same_response(M, answer.M)]
+
+    def figures(self, answer: Sweep) -> dict[str, Figure]:
+        """Both bounds over frequency."""
+        figure, (panel,) = figures.axes()
+        hertz = answer.omega / (2 * np.pi)
+        shown = (hertz > 0) & np.isfinite(hertz)
+        for values, name in ((answer.upper, "upper bound"), (answer.lower, "lower bound")):
+            panel.semilogx(hertz[shown], values[shown], label=name)
+        figures.label(panel, "frequency [Hz]", "mu [1]")
+        figures.legend_below(figure, panel)
+        return {"mu": figure}
+
+
+def _same_response(M: ComplexArray, claimed: ComplexArray) -> Check:
+    """The response, relative to its largest entry at each frequency."""
+    size = np.abs(M).max(axis=(1, 2), initial=0.0)
+    apart = np.abs(M - claimed).max(axis=(1, 2), initial=0.0) / np.where(size > 0, size, 1.0)
+    statement = "largest difference of the response that was bounded, relative"
+    return Check("response", statement, float(apart.max(initial=0.0)), RESPONSE_ROUNDING)
 
 
 def frequency_sweep(
@@ -91,7 +149,8 @@ def frequency_sweep(
         found.D_right,
         found.G,
     )
-    return Sweep(*parts, value, Delta)
+    checker = SweepChecker(system, structure, found.omega.size)
+    return Sweep(*parts, value, Delta).checked_by(checker)
 
 
 def _below(

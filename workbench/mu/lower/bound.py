@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from workbench.errors import SolverError
-from workbench.executor import Context
+from workbench.answer import answer_of
 from workbench.mu.lower.program import LowerBound, MuLowerBound
-from workbench.program import find_method
 from workbench.solvers import Options
 from workbench.structure import Structure
 
@@ -32,9 +30,9 @@ def lower_bound(
     -------
     LowerBound
         ``value`` (...) and ``Delta`` (..., rows, columns), no larger than 1 / value. Where nothing
-        was found, or nothing that could be proven, the value is 0 and Delta is NaN. For a
-        certificate use ``solve(MuLowerBound(M, structure))``. `MuLowerBound` says how little a
-        lower bound means where all blocks are real.
+        was found, or nothing that could be proven, the value is 0 and Delta is NaN. Its
+        `certificate` is made when somebody asks for it. `MuLowerBound` says how little a lower
+        bound means where all blocks are real.
 
     Raises
     ------
@@ -43,11 +41,5 @@ def lower_bound(
     SolverError
         The method gave no answer.
     """
-    program = MuLowerBound(M, structure)
-    answer, outcome, message = find_method(program, method).answer(
-        program, Context(options or Options())
-    )
-    if answer is None:
-        raise SolverError(f"{method}: {outcome}. {message}")
-    bound: LowerBound = answer
+    bound: LowerBound = answer_of(MuLowerBound(M, structure), method, options)
     return bound

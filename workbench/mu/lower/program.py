@@ -10,23 +10,23 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
-from workbench.certificate import Check, worst
+from workbench.answer import Answer
+from workbench.certificate import Check, these, worst
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import as_matrices
 from workbench.program import Program
+from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
 from workbench.structure import Full, Real, Structure
 
 SIZE_ROUNDING = 1e-12
 """Share by which the computed size of Delta may exceed 1 / value: the rounding errors of both."""
-NEARLY_SINGULAR = 1e-6
-"""Largest distance of I - M Delta from a singular matrix in the second opinion, relative."""
 
 
-@dataclass(frozen=True)
-class LowerBound:
+@dataclass(frozen=True, repr=False)
+class LowerBound(Answer):
     """Proven lower bounds (...,) of mu and the Deltas (..., rows, columns) that prove them.
 
     Within rounding errors of each Delta lies one that makes I - M Delta exactly singular and is no
@@ -101,7 +101,7 @@ class MuLowerBound(Program):
 
     @property
     def quantifier(self) -> str:
-        return f"for these {math.prod(self.batch)} matrices, between them nothing"
+        return these(math.prod(self.batch), "matrix", "matrices, between them nothing")
 
     def of_stored(self, data: Dataset) -> MuLowerBound:
         return replace(self, M=data["M"].values)
@@ -171,7 +171,7 @@ class MuLowerBound(Program):
         value, Delta = np.asarray(answer.value), np.asarray(answer.Delta)
         distance = np.zeros(self.batch)
         for index in map(tuple, np.argwhere(value > 0)):
-            distance[index] = _regularity(self.M[index] @ Delta[index])
+            distance[index] = regularity(self.M[index] @ Delta[index])
         largest, where = worst(distance, self.place)
         statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
         return [Check("nearly singular", statement, largest, NEARLY_SINGULAR, where)]
@@ -227,13 +227,3 @@ class MuLowerBound(Program):
         count = len(self.batch)
         names = [f"matrix_{axis}" for axis in range(count)] if count > 1 else ["matrix"] * count
         return xr.DataArray(self.M, dims=[*names, "input", "output"])
-
-
-def _regularity(loop: np.ndarray) -> float:
-    """Smallest singular value of I less the loop, balanced, relative to the loop's norm."""
-    from scipy.linalg import matrix_balance
-
-    # A similarity by powers of two keeps the singularity and removes the units of the signals.
-    loop = matrix_balance(loop, permute=False)[0]
-    least = np.linalg.svd(np.eye(len(loop)) - loop, compute_uv=False)[-1]
-    return float(least / max(1.0, np.linalg.norm(loop, 2)))

@@ -16,12 +16,14 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
+from workbench.answer import Answer
 from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.mu.margins.classical_checks import ClassicalChecker, closed
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
@@ -41,8 +43,8 @@ SAME = 1e-7
 """Relative distance of crossings that are one."""
 
 
-@dataclass(frozen=True, eq=False)
-class ClassicalMargins:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClassicalMargins(Answer):
     """Every crossing of a loop that is closed with negative feedback, and the least margins.
 
     ``gains`` (K, 2): factors on the loop's gain with which the closed loop has a pole at a
@@ -82,7 +84,7 @@ class ClassicalMargins:
         """The least delay margin [s]; infinite without a crossing."""
         return float(self.delays[:, 0].min(initial=math.inf))
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         low, high = self.gain
         state = "" if self.stable else "the closed loop is UNSTABLE; "
         return (
@@ -144,19 +146,11 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     omega = angular(unit)
     phases = np.column_stack([phase, omega])
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / np.maximum(omega, 1e-300), omega])
-    closed = _closed(L)
-    stable = closed is not None and bool(stability_of(closed).holds)
-    modulus = 1.0 / certified_norm(closed) if stable and closed is not None else 0.0
-    return ClassicalMargins(gains, phases, delays, modulus, stable)
-
-
-def _closed(L: StateSpace) -> StateSpace | None:
-    """1 / (1 + L); None where the loop is singular."""
-    direct = 1.0 + float(L.D[0, 0])
-    if direct == 0.0:
-        return None
-    A, B, C = L.A - L.B @ L.C / direct, L.B / direct, -L.C / direct
-    return realisation((A, B, C, np.array([[1.0 / direct]])), L.dt or 0.0)
+    loop = closed(L)
+    stable = loop is not None and bool(stability_of(loop).holds)
+    modulus = 1.0 / certified_norm(loop) if stable and loop is not None else 0.0
+    found = ClassicalMargins(gains, phases, delays, modulus, stable)
+    return found.checked_by(ClassicalChecker(L))
 
 
 def _at_zero(L: StateSpace) -> float:

@@ -18,13 +18,20 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, PartsChecker
+from workbench.certificate import Check, excess
 from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.channels import even_channels
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.margin import values_of
-from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
+from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
+from workbench.mu.robust.skewed_bounds import SkewedPeak
+from workbench.mu.robust.skewed_peak import skewed_peak
+from workbench.second_opinion import peaks
+from workbench.second_opinion.responses import plain_response
 from workbench.structure import Complex, Structure
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
@@ -34,8 +41,8 @@ INFINITE_FACTOR = 1e-6
 """Denominator of a factor's direct term up to which the factor counts as infinite."""
 
 
-@dataclass(frozen=True, eq=False)
-class DiskMargin:
+@dataclass(frozen=True, eq=False, repr=False)
+class DiskMargin(Answer):
     """What the loop bears in all of ``channels`` at once, each with a factor of its own.
 
     It is proven stable for every |delta| below ``lower``; at ``upper`` there are factors, ``worst``
@@ -71,7 +78,7 @@ class DiskMargin:
         """Largest phase [deg] of the proven disk at gain 1, in every channel at once."""
         return disk_phase(self.lower, self.skew)
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         low, high = self.gain
         over = "" if self.plant is None else ", every plant of the set"
         return (
@@ -79,6 +86,51 @@ class DiskMargin:
             f"at {self.omega:.5g} rad/s; gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} "
             "degrees"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class DiskChecker(PartsChecker):
+    """Checks a `DiskMargin` of a closed loop.
+
+    ``returned`` leads from what is added to the signals of the channels to the signals without it.
+    """
+
+    returned: UncertainSystem
+
+    @property
+    def quantifier(self) -> str:
+        plants = "for every plant of the set" if self.returned.elements else "for this one plant"
+        return f"{plants}, for all factors of the disk"
+
+    def parts(self, answer: DiskMargin) -> Mapping[str, Answer]:
+        return {"mu": answer.proof}
+
+    def checks(self, answer: DiskMargin, tolerance: float) -> list[Check]:
+        lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
+        statement = "by which share it is better than the reciprocal of a proven bound of the peak"
+        return [
+            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
+            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
+        ]
+
+    def second_opinion(self, answer: DiskMargin) -> list[Check]:
+        if answer.worst is None:
+            return []
+        member = self.returned.at(**(answer.plant or {}))
+        omega = np.array([answer.omega])
+        changes = [plain_response(f, omega)[0, 0, 0] - 1.0 for f in answer.worst.values()]
+        loop = plain_response(member, omega)[0] @ np.diag(changes)
+        statement = "smallest singular value of the loop with the worst factors, relative"
+        return [
+            Check(
+                "worst factors",
+                statement,
+                peaks.regularity(loop),
+                peaks.NEARLY_SINGULAR,
+                f"at {answer.omega:.6g} rad/s",
+                over="for the worst plant",
+            )
+        ]
 
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
@@ -128,8 +180,7 @@ def disk_of(
         found = skewed_peak(plane, structure, list(range(len(uncertain))), tolerance)
     else:
         found = peak(plane, structure, tolerance)
-    lower = 1.0 / found.upper if found.upper > 0 else math.inf
-    upper = 1.0 / found.lower if found.lower > 0 else math.inf
+    lower, upper = reciprocal(found.upper), reciprocal(found.lower)
     omega = found.omega
     worst: dict[str, StateSpace] | None = None
     plant: dict[str, Any] | None = None
@@ -145,7 +196,8 @@ def disk_of(
     elif uncertain:
         plant = {}
     omega = float(angular_frequency(omega, period))  # half the sampling rate of infinity
-    return DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
+    answer = DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
+    return answer.checked_by(DiskChecker(part))
 
 
 def _destabilising(

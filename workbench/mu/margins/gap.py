@@ -9,19 +9,27 @@ Imperial College Press (2001).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, PartsChecker
+from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
-from workbench.certify.stable_system import angular_frequency
+from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.loop import need_matching, need_stable_loop, returned_loop
+from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
+from workbench.second_opinion.distances import chordal_distance, loop_distance
+from workbench.second_opinion.loops import SAMPLED_ROUNDING
+from workbench.second_opinion.responses import tried_frequencies
 from workbench.structure import Full, Structure
 from workbench.systems.balancing import balanced, singular
 from workbench.systems.bilinear import bilinear_continuous
@@ -31,8 +39,8 @@ from workbench.systems.riccati import right_factors
 from workbench.uncertainty.algebra.system import uncertain
 
 
-@dataclass(frozen=True)
-class NuGap:
+@dataclass(frozen=True, repr=False)
+class NuGap(Answer):
     """Bounds of the nu-gap of two plants, from 0 to 1.
 
     ``omega`` [rad/s] is where their chordal distance is largest. Where ``winding`` is False the
@@ -46,13 +54,103 @@ class NuGap:
     winding: bool | None
 
 
-@dataclass(frozen=True)
-class CoprimeMargin:
+@dataclass(frozen=True, repr=False)
+class CoprimeMargin(Answer):
     """Bounds of b(P, K): the nu-gap below which every plant is stabilised by the controller."""
 
     lower: float
     upper: float
     omega: float
+
+
+@dataclass(frozen=True, eq=False)
+class NuGapChecker(PartsChecker):
+    """Checks a `NuGap` of two plants in continuous time, which stand for sampled ones.
+
+    ``distance`` is the peak of their chordal distance, ``period`` [s] that of the sampled ones.
+    """
+
+    first: StateSpace
+    second: StateSpace
+    period: float
+    distance: Peak
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_FREQUENCY}, for these two plants"
+
+    def parts(self, answer: NuGap) -> Mapping[str, Peak]:
+        return {"chordal distance": self.distance}
+
+    def checks(self, answer: NuGap, tolerance: float) -> list[Check]:
+        factors = right_factors(self.first, "first"), right_factors(self.second, "second")
+        winding = _winds_not(*factors)
+        lower = 1.0 if winding is False else self.distance.lower
+        upper = self.distance.upper if winding else 1.0
+        statement = "by which share it is better than the proven one"
+        return [
+            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
+            Check("upper", statement, excess(min(upper, 1.0), answer.upper), RECIPROCAL_ROUNDING),
+        ]
+
+    def second_opinion(self, answer: NuGap) -> list[Check]:
+        """Check by the formula of both plants' responses, without coprime factors."""
+        poles = np.concatenate([one.poles() for one in (self.first, self.second)])
+        omega = tried_frequencies(poles, bilinear_frequency(answer.omega, self.period))
+        omega = omega[(omega > 0) & np.isfinite(omega)]
+        chord = chordal_distance(self.first, self.second, omega)
+        worst = int(np.argmax(chord))
+        return [
+            Check(
+                "sampled distance",
+                "largest chordal distance over the claimed gap, less 1",
+                excess(float(chord[worst]), answer.upper),
+                SAMPLED_ROUNDING,
+                over=f"at {omega.size} frequencies",
+            )
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class CoprimeChecker(PartsChecker):
+    """Checks a `CoprimeMargin`; ``norm`` is the peak of which it is the reciprocal."""
+
+    plant: StateSpace
+    controller: StateSpace
+    norm: Peak
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_FREQUENCY}, for this one loop"
+
+    def parts(self, answer: CoprimeMargin) -> Mapping[str, Peak]:
+        return {"norm": self.norm}
+
+    def checks(self, answer: CoprimeMargin, tolerance: float) -> list[Check]:
+        lower, upper = reciprocal(self.norm.upper), reciprocal(self.norm.lower)
+        statement = "by which share it is better than the reciprocal of the proven norm"
+        return [
+            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
+            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
+        ]
+
+    def second_opinion(self, answer: CoprimeMargin) -> list[Check]:
+        """Check by the chordal distance of the plant from the controller's inverse."""
+        P, K = self.plant, self.controller
+        poles = np.concatenate([P.poles(), K.poles()])
+        omega = tried_frequencies(poles, answer.omega, P.dt)
+        omega = omega[(omega > 0) & np.isfinite(omega)]
+        margin = loop_distance(P, K, omega)
+        worst = int(np.argmin(margin))
+        return [
+            Check(
+                "sampled margin",
+                "claimed margin over the least of those sampled, less 1",
+                excess(answer.lower, float(margin[worst])),
+                SAMPLED_ROUNDING,
+                over=f"at {omega.size} frequencies",
+            )
+        ]
 
 
 def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
@@ -99,10 +197,10 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     found = peak(chord, Structure([Full(m, p)]), tolerance)
     omega = float(angular_frequency(found.omega, period))
     winding = _winds_not(G1, G2)
-    if winding is False:
-        return NuGap(1.0, 1.0, omega, False)
-    upper = min(found.upper, 1.0) if winding else 1.0
-    return NuGap(min(found.lower, upper), upper, omega, winding)
+    lower, upper = min(found.lower, 1.0), min(found.upper, 1.0)
+    if not winding:
+        lower, upper = (1.0 if winding is False else lower), 1.0
+    return NuGap(lower, upper, omega, winding).checked_by(NuGapChecker(P1, P2, period, found))
 
 
 def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> CoprimeMargin:
@@ -124,7 +222,8 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     signs = np.diag([-1.0] * m + [1.0] * p)
     whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
     found = peak(whole, Structure([Full(m + p, m + p)]), tolerance)
-    return CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
+    margin = CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
+    return margin.checked_by(CoprimeChecker(P, K, found))
 
 
 def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, PartsChecker
 from workbench.errors import InputError
 from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_tolerance
@@ -25,8 +26,8 @@ MEMBERS = 20
 """Random plants of a set whose loops are drawn."""
 
 
-@dataclass(frozen=True, eq=False)
-class LoopMargins:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins(Answer):
     """Margins of the loop of a plant and a controller with negative feedback, u = -K y.
 
     ``loops`` has the response L of each channel by name, opened there and closed elsewhere, at the
@@ -62,7 +63,7 @@ class LoopMargins:
                  "disk phase [deg]", "at [Hz]"]  # fmt: skip
         return markdown(heads, rows)
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         first = self.first
         over = ", for every plant of the set" if first.plant is not None else ""
         lines = [
@@ -80,9 +81,23 @@ class LoopMargins:
                 )
         return "\n".join(lines)
 
-    def plot(self) -> Figure:
+
+class LoopChecker(PartsChecker):
+    """Checks `LoopMargins` by those of its parts; its figure has the disks that curves avoid."""
+
+    def parts(self, answer: LoopMargins) -> Mapping[str, Answer]:
+        groups: dict[str, Mapping[str, Answer]] = {
+            "margins": answer.classical,
+            "disk": answer.disks,
+            "disk of": answer.together,
+            "nominal disk": answer.nominal,
+        }
+        return {f"{kind} {name}": one for kind, of in groups.items() for name, one in of.items()}
+
+    def figures(self, answer: LoopMargins) -> dict[str, Figure]:
         """Nyquist curves with the disks that they avoid, and gains with phases that all bear."""
-        return drawn.figure_of(self.loops, self.disks, self.together.get("all"), self.members)
+        together = answer.together.get("all")
+        return {"margins": drawn.figure_of(answer.loops, answer.disks, together, answer.members)}
 
 
 def loop_margins(
@@ -145,7 +160,7 @@ def loop_margins(
         every(nominal, single | groups) if returned.elements else {},
         scalar.sample(MEMBERS) if scalar is not None and scalar.elements else [],
         float(skew),
-    )
+    ).checked_by(LoopChecker())
 
 
 def matched_loop(plant: Any, controller: Any) -> tuple[UncertainSystem, dict[int, str]]:

@@ -16,15 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
+from workbench.certificate import Check, excess
 from workbench.certify.stable_system import stable_system
+from workbench.checker import Checker
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import even_channels
-from workbench.mu.margins.classical import classical_margins
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.loop import matched_loop, opened_channel
 from workbench.mu.margins.set_delay import DelayBounds, delay_bounds
 from workbench.structure import Block, Complex, Full, Real, Structure
@@ -35,10 +38,12 @@ LARGEST_CHANGE = 1e3
 """Largest t of a gain that is looked for."""
 LARGEST_TURN = 1e3
 """Largest t of a phase; it stands for 179.9 degrees."""
+DRAWN, DRAWN_ROUNDING = 20, 1e-6
+"""Plants that are drawn in a check, and the share by which their crossings may be off."""
 
 
-@dataclass(frozen=True, eq=False)
-class SetMargins:
+@dataclass(frozen=True, eq=False, repr=False)
+class SetMargins(Answer):
     """Margins of one channel that every plant of a set keeps.
 
     The loops of all plants are stable for a gain between the ends of ``gain``, for a phase up to
@@ -68,7 +73,7 @@ class SetMargins:
     delay_lost: float
     plants: Mapping[str, Mapping[str, float]]
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         (low, high), (lost_low, lost_high) = self.gain, self.gain_lost
         return (
             f"SetMargins: gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} degrees, delay "
@@ -115,6 +120,19 @@ def set_margins(
     if not loop.elements or not any(isinstance(block, Real) for block in loop.structure):
         raise InputError("the plant has no uncertain real parameter; `loop_margins` serves it")
 
+    return {
+        name: margins_of_channel(loop, k, tolerance, parts).checked_by(
+            SetChecker(loop, k, tolerance, parts)
+        )
+        for k, name in channels.items()
+    }
+
+
+def margins_of_channel(
+    loop: UncertainSystem, channel: int, tolerance: float, parts: int
+) -> SetMargins:
+    """The margins of one channel of a `matched_loop`; the rest as of `set_margins`."""
+
     def parameters(whole: StateSpace, structure: Structure) -> RealParameters:
         return RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
 
@@ -122,37 +140,78 @@ def set_margins(
         given = parameters(whole, structure)
         return box_margin(given, LastGrowing(len(given.places)), tolerance, parts, largest)
 
-    found = {}
-    for k, name in channels.items():
-        rise = bounded(*_with_rise(loop, k), LARGEST_CHANGE)
-        fall = bounded(*_with_fall(loop, k), LARGEST_CHANGE)
-        turn = bounded(*_with_phase(loop, k), LARGEST_TURN)
-        late = delay_bounds(
-            parameters(*_with_delay(loop, k)),
-            partial(_delay_of, loop, k),
-            tolerance,
-            parts,
+    rise = bounded(*_with_rise(loop, channel), LARGEST_CHANGE)
+    fall = bounded(*_with_fall(loop, channel), LARGEST_CHANGE)
+    turn = bounded(*_with_phase(loop, channel), LARGEST_TURN)
+    late = delay_bounds(
+        parameters(*_with_delay(loop, channel)), partial(_delay_of, loop, channel), tolerance, parts
+    )
+    kinds: dict[str, BoxMargin | DelayBounds] = {
+        "rise": rise,
+        "fall": fall,
+        "phase": turn,
+        "delay": late,
+    }
+    return SetMargins(
+        (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
+        math.degrees(2 * math.atan(turn.lower)),
+        (1.0 / (1.0 + fall.upper), 1.0 + rise.upper),
+        math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
+        late.lower,
+        late.upper,
+        {kind: _plant(loop, one.values) for kind, one in kinds.items() if one.values is not None},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SetChecker(Checker):
+    """Checks the `SetMargins` of one channel of a `matched_loop`; the rest as of `set_margins`."""
+
+    loop: UncertainSystem
+    channel: int
+    tolerance: float
+    boxes: int
+
+    @property
+    def quantifier(self) -> str:
+        return "for every plant of the set"
+
+    def checks(self, answer: SetMargins, tolerance: float) -> list[Check]:
+        """Every margin is computed again: nothing shorter proves that boxes are excluded."""
+        again = margins_of_channel(self.loop, self.channel, self.tolerance, self.boxes)
+        kept = (
+            ("least gain", again.gain[0], answer.gain[0]),
+            ("largest gain", answer.gain[1], again.gain[1]),
+            ("phase", answer.phase, again.phase),
+            ("delay", answer.delay, again.delay),
         )
-        kinds: dict[str, BoxMargin | DelayBounds] = {
-            "rise": rise,
-            "fall": fall,
-            "phase": turn,
-            "delay": late,
-        }
-        found[name] = SetMargins(
-            (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
-            math.degrees(2 * math.atan(turn.lower)),
-            (1.0 / (1.0 + fall.upper), 1.0 + rise.upper),
-            math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
-            late.lower,
-            late.upper,
-            {
-                kind: _plant(loop, one.values)
-                for kind, one in kinds.items()
-                if one.values is not None
-            },
+        statement = "by which share it is better than the one computed again"
+        return [
+            Check(name, statement, excess(one, other), REPEATED_ROUNDING)
+            for name, one, other in kept
+        ]
+
+    def second_opinion(self, answer: SetMargins) -> list[Check]:
+        """Plants that are drawn keep the margins by their own crossings; the lost one does not."""
+        members = [self._crossings(member) for member in self.loop.sample(DRAWN)]
+        low = max(one.gain[0] for one in members)
+        high = min(one.gain[1] for one in members)
+        phase = min(one.phase for one in members)
+        delay = min(one.delay for one in members)
+        kept = (
+            ("least gain", low, answer.gain[0]),
+            ("largest gain", answer.gain[1], high),
+            ("phase", answer.phase, phase),
+            ("delay", answer.delay, delay),
         )
-    return found
+        over, statement = f"for {DRAWN} plants", "by which share a plant that is drawn keeps less"
+        return [
+            Check(f"drawn: {name}", statement, excess(one, other), DRAWN_ROUNDING, over=over)
+            for name, one, other in kept
+        ]
+
+    def _crossings(self, member: StateSpace) -> ClassicalMargins:
+        return classical_margins(opened_channel(uncertain(member), self.channel))
 
 
 def _channel(loop: UncertainSystem, channel: int) -> StateSpace:

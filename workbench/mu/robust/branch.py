@@ -17,11 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real as Number
 from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, RepeatedChecker
+from workbench.certificate import Check, excess
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound, said
@@ -31,6 +34,7 @@ from workbench.mu.boxes.recentred import real_perturbation
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
+from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
@@ -49,8 +53,8 @@ Upper = Callable[[np.ndarray, Structure], Any]
 """An upper bound of mu for matrices (B, columns, rows): an object with ``value`` (B,)."""
 
 
-@dataclass(frozen=True)
-class MuBounds:
+@dataclass(frozen=True, repr=False)
+class MuBounds(Answer):
     """Bounds ``lower`` and ``upper`` of mu of one matrix.
 
     ``Delta`` (rows, columns) is no larger than 1 / lower and proves that bound; where ``lower`` is
@@ -131,7 +135,33 @@ def branch_and_bound(
             if not search.lower < level < search.upper or not search.decide(level):
                 break
     need_agreement(search.lower, search.upper, upper_claim=PARTS_EXCLUDED)
-    return MuBounds(search.lower, search.upper, search.Delta, search.nodes)
+    again = partial(
+        branch_and_bound, M, structure, gap=gap, nodes=nodes, upper=upper, options=options
+    )
+    found = MuBounds(search.lower, search.upper, search.Delta, search.nodes)
+    return found.checked_by(MatrixChecker(again, "for this one matrix", M, structure))
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixChecker(RepeatedChecker):
+    """Computes the `MuBounds` of one matrix again, and tries its perturbation."""
+
+    M: np.ndarray
+    structure: Structure
+
+    def checks(self, answer: MuBounds, tolerance: float) -> list[Check]:
+        found, proven = super().checks(answer, tolerance), 0.0
+        if answer.lower > 0:
+            proven = proven_bound(balls(self.M), self.structure, answer.Delta)
+        statement = "claimed lower bound over what its perturbation proves, less 1"
+        return [*found, Check("proof", statement, excess(answer.lower, proven), 0.0)]
+
+    def second_opinion(self, answer: MuBounds) -> list[Check]:
+        if answer.lower == 0:
+            return []
+        statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
+        distance = regularity(self.M @ answer.Delta)
+        return [Check("nearly singular", statement, distance, NEARLY_SINGULAR)]
 
 
 class _Search:

@@ -11,15 +11,23 @@ Robust and Fault Tolerant Control of CD-players (2003), section 6.2):
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, PartsChecker
 from workbench.arrays import Array
+from workbench.certificate import Check
 from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
-from workbench.mu.frequency.peak import INTERVALS_COVER, Peak, peak
+from workbench.certify.stability import stability_of
+from workbench.heavy_types import StateSpace
+from workbench.mu.frequency.peak import INTERVALS_COVER, peak
+from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.robust.margin_bounds import reciprocal
+from workbench.second_opinion import loops
+from workbench.second_opinion.peaks import destabilised
 from workbench.structure import Full, Real, Structure
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
@@ -29,8 +37,8 @@ COMPLEX_PART = 0.01
 without it mu is not continuous over frequency."""
 
 
-@dataclass(frozen=True, eq=False)
-class Conditions:
+@dataclass(frozen=True, eq=False, repr=False)
+class Conditions(Answer):
     """The four conditions of a loop; each peak is certified between grid points.
 
     ``pole`` is the rightmost pole of the nominal loop [rad/s], of a sampled loop the largest (None:
@@ -61,7 +69,7 @@ class Conditions:
     ... )
     >>> K = control.tf([2.0], [1.0])
     >>> found = conditions(plant, K)
-    >>> found.hold, bool(found.stability_margin[0] > 1)
+    >>> found.met, bool(found.stability_margin[0] > 1)
     (True, True)
     """
 
@@ -78,10 +86,23 @@ class Conditions:
         return abs(self.pole) < 1.0 if self.dt else self.pole.real < 0.0
 
     @property
-    def hold(self) -> bool:
+    def met(self) -> bool:
         """Whether the nominal loop is stable and every peak is proven to be below 1."""
         peaks = (self.nominal_performance, self.robust_stability, self.robust_performance)
         return self.nominal_stability and all(p is None or p.upper < 1 for p in peaks)
+
+    def said(self) -> str:
+        lines = [
+            f"Conditions: {'met' if self.met else 'NOT met'}; nominal pole {self.pole:.5g}"
+            if self.pole is not None
+            else f"Conditions: {'met' if self.met else 'NOT met'}"
+        ]
+        for name in ("nominal_performance", "robust_stability", "robust_performance"):
+            found = getattr(self, name)
+            if found is not None:
+                bounds = f"{found.lower:.5g} to {found.upper:.5g}"
+                lines.append(f"  {name.replace('_', ' ')}: mu from {bounds}")
+        return "\n".join(lines)
 
     @property
     def stability_margin(self) -> tuple[float, float] | None:
@@ -101,6 +122,35 @@ class Conditions:
         channel stays below 1 / 1.3. For performance alone see `worst_case_gain`.
         """
         return _margin(self.robust_performance)
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionsChecker(PartsChecker):
+    """Checks the `Conditions` of a nominal loop."""
+
+    loop: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return "for the loop of the nominal plant"
+
+    def parts(self, answer: Conditions) -> Mapping[str, Peak | None]:
+        return {
+            "nominal performance": answer.nominal_performance,
+            "robust stability": answer.robust_stability,
+            "robust performance": answer.robust_performance,
+        }
+
+    def checks(self, answer: Conditions, tolerance: float) -> list[Check]:
+        if answer.nominal_stability:
+            return [stability_of(self.loop)]
+        peaks = [one for one in self.parts(answer).values() if one is not None]
+        return [Check("unstable", "number of peaks claimed of it", float(len(peaks)), 0.0)]
+
+    def second_opinion(self, answer: Conditions) -> list[Check]:
+        if answer.nominal_stability:
+            return [loops.powers_fall(self.loop.A, self.loop.dt)]
+        return [destabilised([self.loop])]
 
 
 def conditions(
@@ -172,7 +222,7 @@ def conditions(
     out = np.abs(poles) - 1.0 if dt else poles.real
     pole = complex(poles[np.argmax(out)]) if len(poles) else None
     if pole is not None and out.max() >= 0:
-        return Conditions(pole, None, None, None, dt)
+        return Conditions(pole, None, None, None, dt).checked_by(ConditionsChecker(N))
 
     structure = plant.structure
     rows, columns = (structure.columns, structure.rows) if structure else (0, 0)
@@ -186,7 +236,7 @@ def conditions(
     performs = min(len(z), len(w)) > 0
     nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if performs else None
     if structure is None:
-        return Conditions(pole, nominal, None, nominal, dt)
+        return Conditions(pole, nominal, None, nominal, dt).checked_by(ConditionsChecker(N))
     real = all(isinstance(block, Real) for block in structure)
     stability = of(y, u, structure, complex_part if real else 0.0)
     robust = None
@@ -203,15 +253,11 @@ def conditions(
                     f"the peak of its part, {name}, is at least that: {SINGULAR_PROVEN}",
                     INTERVALS_COVER,
                 )
-    return Conditions(pole, nominal, stability, robust, dt)
+    return Conditions(pole, nominal, stability, robust, dt).checked_by(ConditionsChecker(N))
 
 
 def _margin(found: Peak | None) -> tuple[float, float] | None:
     """Lower and upper bound of the reciprocal of a peak; None without a peak."""
     if found is None:
         return None
-    return _reciprocal(found.upper), _reciprocal(found.lower)
-
-
-def _reciprocal(value: float) -> float:
-    return 1 / value if value > 0 else math.inf
+    return reciprocal(found.upper), reciprocal(found.lower)

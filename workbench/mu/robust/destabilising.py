@@ -20,7 +20,7 @@ from workbench.arrays import Array
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
-from workbench.mu.frequency.peak import Peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.frequency.sweep import fitting
 from workbench.structure import Full, Real, Structure
 from workbench.systems.bilinear import bilinear_sampled

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real as Number
 from typing import Any
 
+from workbench.answer import Answer, PartsChecker
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.input_checks import need_tolerance
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.performance import performance_peak
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -17,8 +21,8 @@ FIRST_STEP = 1.25
 """First factor tried upwards and downwards; each further step squares it."""
 
 
-@dataclass(frozen=True)
-class GainRoom:
+@dataclass(frozen=True, repr=False)
+class GainRoom(Answer):
     """Factors of a gain: ``low`` and ``high`` are proven to keep robust performance.
 
     At ``below`` and ``above`` it is proven not to be kept, by a perturbation or because the nominal
@@ -56,6 +60,12 @@ class GainRoom:
     low: float
     high: float
     above: float
+
+    def said(self) -> str:
+        return (
+            f"GainRoom: factors from {self.low:.5g} to {self.high:.5g} keep robust performance; "
+            f"{self.below:.5g} and {self.above:.5g} do not"
+        )
 
 
 def gain_room(
@@ -117,7 +127,35 @@ def gain_room(
         return None
     high, above = _edge(plant, K, tolerance, float(most), 1.0)
     low, below = _edge(plant, K, tolerance, float(most), -1.0)
-    return GainRoom(below, low, high, above)
+    return GainRoom(below, low, high, above).checked_by(RoomChecker(plant, K))
+
+
+@dataclass(frozen=True, eq=False)
+class RoomChecker(PartsChecker):
+    """Checks a `GainRoom` by the peaks of mu at its factors."""
+
+    plant: GeneralisedPlant
+    K: Any
+
+    @property
+    def quantifier(self) -> str:
+        return "for every plant of the set, at the two factors"
+
+    def parts(self, answer: GainRoom) -> Mapping[str, Peak | None]:
+        return {
+            name: performance_peak(self.plant, factor * self.K, PEAK_TOLERANCE)
+            for name, factor in (("low", answer.low), ("high", answer.high))
+        }
+
+    def checks(self, answer: GainRoom, tolerance: float) -> list[Check]:
+        wanted = [("low", answer.low, True), ("high", answer.high, True)]
+        lost = (("below", answer.below), ("above", answer.above))
+        wanted += [(name, factor, False) for name, factor in lost if 0 < factor < float("inf")]
+        statement = "whether robust performance is not kept, or lost, as claimed"
+        return [
+            Check(name, statement, float(_kept(self.plant, self.K, factor) is not kept), 0.0)
+            for name, factor, kept in wanted
+        ]
 
 
 def _kept(plant: GeneralisedPlant, K: Any, factor: float) -> bool | None:

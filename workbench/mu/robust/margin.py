@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,15 @@ from workbench.mu.boxes.margin import Growing, box_margin
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import Attained, destabilised
 from workbench.mu.frequency.channels import analysed, even_channels
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.margin_bounds import (
+    PerformanceChecker,
+    PerformanceMargin,
+    StabilityChecker,
+    StabilityMargin,
+)
 from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
@@ -32,79 +39,6 @@ BISECTIONS = 40
 """Most sizes of uncertainty that are tried for a margin of performance."""
 MOST_GROWTH = 1e6
 """A margin beyond this, or below its reciprocal, is looked for no further."""
-
-
-@dataclass(frozen=True, eq=False)
-class StabilityMargin:
-    """Bounds of the factor by which all uncertainty may grow before the system is unstable.
-
-    Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
-    of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
-    parameters, and dynamics as systems (None where no perturbation was found, and ``upper`` is
-    infinite). Above 1 the system is stable for all of its uncertainty. ``peak`` is the peak of mu
-    that this rests on; where all elements are real there is none, but a number of ``parts`` of
-    their box (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] all of this is about the
-    sampled system, whose perturbations are sampled with it: for a continuous plant under a sampled
-    controller see `workbench.synthesis.sampled_robustness`.
-    """
-
-    lower: float
-    upper: float
-    omega: float
-    worst: Mapping[str, Any] | None
-    peak: Peak | None
-    parts: int = 0
-    dt: float = 0.0
-
-    def __repr__(self) -> str:
-        verdict = "not decided for all of its uncertainty"
-        if self.lower > 1:
-            verdict = "stable for all of its uncertainty"
-        elif self.upper < 1:
-            verdict = "NOT stable for all of its uncertainty"
-        lines = [
-            f"StabilityMargin: from {self.lower:.5g} to {self.upper:.5g}, {verdict}",
-            f"  at {self.omega:.5g} rad/s",
-        ]
-        for name, value in (self.worst or {}).items():
-            order = getattr(value, "nstates", None)
-            shown = f"{value:.6g}" if order is None else f"a system of order {order}"
-            lines.append(f"  worst {name}: {shown}")
-        if self.dt:
-            lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
-        return "\n".join(lines)
-
-
-@dataclass(frozen=True, eq=False)
-class PerformanceMargin:
-    """Bounds of the factor by which all uncertainty may grow before a gain exceeds its level.
-
-    For every perturbation of a size up to ``lower`` the largest gain is proven to stay below
-    ``gain``; for some of size ``upper`` it is proven to reach it, at ``omega`` [rad/s]. Both are 0
-    where the nominal gain reaches the level.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.mu import robust_performance
-    >>> from workbench.uncertainty import feedback, real, tf
-    >>> k = real("k", 10, percent=40)
-    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
-    >>> margin = robust_performance(closed, gain=3.0)
-    >>> margin.gain, margin.omega >= 0
-    (3.0, True)
-    """
-
-    lower: float
-    upper: float
-    omega: float
-    gain: float
-
-    def __repr__(self) -> str:
-        return (
-            f"PerformanceMargin: gain below {self.gain:g} for uncertainty up to {self.lower:.5g} "
-            f"to {self.upper:.5g} times its size, at {self.omega:.5g} rad/s"
-        )
 
 
 def robust_stability(
@@ -150,7 +84,9 @@ def robust_stability(
         asked.append(with_damping(given, damping))
     margins = [_margin(one, tolerance, parts) for one in asked]
     first = min(margins, key=lambda one: one.upper)
-    return replace(first, lower=min(one.lower for one in margins), dt=given.dt or 0.0)
+    found = replace(first, lower=min(one.lower for one in margins), dt=given.dt or 0.0)
+    again = partial(robust_stability, given, tolerance, decay=decay, damping=damping, parts=parts)
+    return found.checked_by(StabilityChecker(tuple(asked), again))
 
 
 def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMargin:
@@ -239,21 +175,30 @@ def robust_performance(
         return peak(N, closed, tolerance / 4)
 
     low, high, omega = 0.0, math.inf, math.nan
-    if (nominal := bounded(0.0)).upper >= 1.0:
-        omega = angular_frequency(nominal.omega, period)
-        return PerformanceMargin(0.0, 0.0 if nominal.lower >= 1 else math.inf, omega, gain)
+    proven: dict[float, Peak] = {}
+
+    def at(t: float) -> Peak:
+        if t not in proven:
+            proven[t] = bounded(t)
+        return proven[t]
+
+    def margin(lower: float, upper: float, omega: float) -> PerformanceMargin:
+        found = PerformanceMargin(lower, upper, angular_frequency(omega, period), gain)
+        return found.checked_by(PerformanceChecker(proven.get(lower), proven.get(upper)))
+
+    if (nominal := at(0.0)).upper >= 1.0:
+        return margin(0.0, 0.0 if nominal.lower >= 1 else math.inf, nominal.omega)
     t = 1.0
     for _ in range(BISECTIONS):
-        at = bounded(t)
-        if at.upper < 1.0:
+        if at(t).upper < 1.0:
             low = max(low, t)
-        elif at.lower >= 1.0:
-            high, omega = min(high, t), at.omega
+        elif at(t).lower >= 1.0:
+            high, omega = min(high, t), at(t).omega
         else:  # between the bounds of mu itself: narrower ones decide no more than the tolerance
             below, above = t * (1 - tolerance / 4), t * (1 + tolerance / 4)
-            low = max(low, below) if bounded(below).upper < 1.0 else low
-            if (beyond := bounded(above)).lower >= 1.0:
-                high, omega = min(high, above), beyond.omega
+            low = max(low, below) if at(below).upper < 1.0 else low
+            if at(above).lower >= 1.0:
+                high, omega = min(high, above), at(above).omega
             break
         if high <= low * (1 + tolerance) or low > MOST_GROWTH or high < 1 / MOST_GROWTH:
             break
@@ -263,7 +208,7 @@ def robust_performance(
             t = high / 2.0
         else:
             t = math.sqrt(low * high)
-    return PerformanceMargin(low, high, angular_frequency(omega, period), gain)
+    return margin(low, high, omega)
 
 
 def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from workbench.certify.stability import stability_of
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.frequency.sweep import Sweep, frequency_sweep
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant

@@ -20,14 +20,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.answer import Answer
 from workbench.arrays import Array, RealArray
+from workbench.certificate import Check, excess, these
 from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
+from workbench.checker import Checker
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.input_checks import as_matrices
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
+from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
 from workbench.structure import Structure
 
 UPPER_ROOT_WIDTH = 1e-7
@@ -47,8 +51,8 @@ OUTWARD_FACTOR = 1 + 1e-13
 """Factor that rounds products of proven numbers outward."""
 
 
-@dataclass(frozen=True, eq=False)
-class SkewBounds:
+@dataclass(frozen=True, eq=False, repr=False)
+class SkewBounds(Answer):
     """Bounds of the skewed structured singular value, as arrays over the batch.
 
     ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) proves the lower bound: its fixed
@@ -122,7 +126,45 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
         lower.reshape(batch),
         upper.reshape(batch),
         Delta.reshape(*batch, structure.rows, structure.columns),
-    )
+    ).checked_by(SkewChecker(skew))
+
+
+@dataclass(frozen=True, eq=False)
+class SkewChecker(Checker):
+    """Checks `SkewBounds` of a batch in one axis; multipliers of the upper are found anew."""
+
+    skew: Skew
+
+    @property
+    def quantifier(self) -> str:
+        return these(len(self.skew.M), "matrix", "matrices, between them nothing")
+
+    def checks(self, answer: SkewBounds, tolerance: float) -> list[Check]:
+        M, structure, varies = self.skew.M, self.skew.structure, self.skew.blocks
+        lower, upper = np.ravel(answer.lower), np.ravel(answer.upper)
+        Delta = answer.Delta.reshape(len(M), structure.rows, structure.columns)
+        bounded = np.flatnonzero(np.isfinite(upper) & (upper > 0))
+        mu = upper_values(self.skew.scaled(bounded, upper[bounded]), structure)
+        short = [
+            excess(value, proven_skew(one, structure, varies, delta)) if value > 0 else 0.0
+            for one, value, delta in zip(M, lower, Delta, strict=True)
+        ]
+        statement = "mu of the matrix with the inputs of varying blocks divided by it, less 1"
+        return [
+            Check("upper", statement, float(mu.max(initial=0.0)) - 1.0, UPPER_ROOT_WIDTH),
+            Check(
+                "lower",
+                "claimed lower bound over what its perturbation proves, less 1",
+                max(short, default=0.0),
+                0.0,
+            ),
+        ]
+
+    def second_opinion(self, answer: SkewBounds) -> list[Check]:
+        loops = self.skew.M @ answer.Delta.reshape(len(self.skew.M), *answer.Delta.shape[-2:])
+        found = [regularity(one) for one in loops if np.isfinite(one).all()]
+        statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
+        return [Check("nearly singular", statement, max(found, default=0.0), NEARLY_SINGULAR)]
 
 
 def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,12 @@ from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import covered
 from workbench.mu.frequency.sweep import fitting
 from workbench.mu.robust.skew import Skew, numbers_of, upper_values
+from workbench.mu.robust.skewed_bounds import (
+    LEVEL_ROUNDING,
+    SkewedPeak,
+    SkewedPeakChecker,
+    divided,
+)
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import starting_grid
 
@@ -44,48 +49,8 @@ largest upper bound at one frequency doubles from one to the next."""
 NEGLIGIBLE_GAIN = 1e-9
 """Gains below this share of what varying blocks see directly and through one other block are not
 resolved."""
-LEVEL_ROUNDING = 1 + 1e-12
-"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
 PERTURBED_FREQUENCIES = 8
 """Frequencies at which a worst perturbation is searched for."""
-
-
-@dataclass(frozen=True, eq=False)
-class SkewedPeak:
-    """Bounds of the supremum of the skewed mu over all frequencies.
-
-    ``Delta`` (r, c) makes I - M(j omega) Delta singular at ``omega`` [rad/s], up to rounding, and
-    proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. Where
-    lower is infinite the fixed blocks alone do so. Delta is NaN where lower is 0. ``upper`` is
-    infinite where no bound was proven; the message says why.
-    ``proof`` proves that mu is below 1 once the inputs of the varying blocks are divided by
-    ``level``; it is None, and the level 0, for an infinite bound.
-
-    Examples
-    --------
-    >>> import control
-    >>> import numpy as np
-    >>> from workbench.mu import skewed_peak
-    >>> from workbench.structure import Complex, Structure
-    >>> system = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
-    >>> found = skewed_peak(system, Structure([Complex(1), Complex(1)]), fixed=[0])
-    >>> found.proof is not None, found.Delta.shape
-    (True, (2, 2))
-    """
-
-    lower: float
-    upper: float
-    omega: float
-    Delta: Array
-    message: str
-    level: float = 0.0
-    proof: PeakProof | None = None
-
-    def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}: from {self.lower:.5g} to {self.upper:.5g}, at "
-            f"{self.omega:.5g} rad/s; {self.message}"
-        )
 
 
 def skewed_peak(
@@ -136,7 +101,8 @@ def skewed_peak(
     lower, omega, Delta = search.attained()
     need_agreement(lower, upper, "the peak of the skewed mu")
     omega = float(stable.angular(omega))
-    return SkewedPeak(lower, upper, omega, Delta, message, level, proof)
+    found = SkewedPeak(lower, upper, omega, Delta, message, level, proof)
+    return found.checked_by(SkewedPeakChecker(system, structure, varies))
 
 
 class SkewSearch:
@@ -249,9 +215,3 @@ class SkewSearch:
         index = int(np.argmax(values))
         found = Delta[index] if values[index] > 0 else np.full_like(Delta[index], np.nan)
         return float(values[index]), float(omega[index]), found
-
-
-def divided(system: StableSystem, inputs: BoolArray, level: float) -> StableSystem:
-    """The system with some of its inputs (r,) divided by a level."""
-    outputs, every = (np.arange(count) for count in system.D.shape)
-    return system.channels(outputs, every, input_gains=np.where(inputs, 1.0 / level, 1.0))

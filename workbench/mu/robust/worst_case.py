@@ -18,27 +18,20 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
-from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
-from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
+from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.frequency.channels import even_channels
-from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewedPeak, SkewSearch
+from workbench.mu.robust.skewed_bounds import (
+    LEVEL_ROUNDING,
+    WorstCaseChecker,
+    WorstCaseGain,
+    attained_gain,
+)
+from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Structure
 from workbench.systems.joints import UncertainPart
 from workbench.uncertainty.algebra.system import UncertainSystem
-
-
-class WorstCaseGain(SkewedPeak):
-    """Bounds of the largest gain over all frequencies and perturbations.
-
-    ``lower`` is proven to be at most the largest singular value of F_u(N(j omega), Delta) for the
-    perturbation ``Delta`` (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where a
-    multiple of Delta, of size at most 1, is proven to make the loop singular. ``upper`` is infinite
-    where no bound was proven; the message says why.
-    ``proof`` proves that mu is below 1 once the exogenous inputs are divided by ``level``; it is
-    None, and the level 0, for an infinite bound. `worst_case_checks` proves it again.
-    """
 
 
 def worst_case_gain(
@@ -99,7 +92,8 @@ def worst_case_gain(
         "multipliers prove it on intervals that cover all frequencies",
     )
     omega = float(angular_frequency(stable.angular(omega), period))
-    return WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
+    found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
+    return found.checked_by(WorstCaseChecker(system, structure, period))
 
 
 def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:
@@ -112,20 +106,3 @@ def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, A
     ]
     index = int(np.argmax(gains))
     return gains[index], float(omega[index]), Delta[index]
-
-
-def attained_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
-    """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
-
-    A multiple of at most 1 of it then makes the loop singular at some frequency.
-    """
-    r, c = structure.rows, structure.columns
-    loop = system.channels(np.arange(c), np.arange(r))
-    gain = proven_gain(system, structure, Delta, float(omega))
-    if not Delta.any():
-        return gain
-    unstable = max(
-        proven_at(loop, structure, Delta, float(omega)),
-        proven_over_frequency(loop, structure, Delta),
-    )
-    return math.inf if unstable >= 1 else gain

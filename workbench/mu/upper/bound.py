@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import answer_of
 from workbench.errors import SolverError
-from workbench.executor import Context
 from workbench.mu.upper import ab13md as upper_ab13md
 from workbench.mu.upper import conic as upper_conic
 from workbench.mu.upper import fast as upper_fast
 from workbench.mu.upper.program import MuUpperBound, UpperBound
-from workbench.program import find_method
 from workbench.solvers import Options
 from workbench.structure import Structure
 
@@ -49,8 +48,8 @@ def upper_bound(
     Returns
     -------
     UpperBound
-        The bound that its own multipliers prove, rounded outward. For a certificate use
-        ``solve(MuUpperBound(M, structure))``.
+        The bound that its own multipliers prove, rounded outward. Its `certificate` is made when
+        somebody asks for it.
 
     Raises
     ------
@@ -59,11 +58,7 @@ def upper_bound(
     SolverError
         The method gave no answer.
     """
-    program = MuUpperBound(M, structure)
-    chosen = find_method(program, method)
-    answer, outcome, message = chosen.answer(
-        program, Context(options or Options(), executor=executor)
-    )
-    if answer is None or not np.all(np.isfinite(answer.value)):
-        raise SolverError(f"{method}: {outcome}. {message}")
-    return answer
+    bound: UpperBound = answer_of(MuUpperBound(M, structure), method, options, executor)
+    if not np.all(np.isfinite(bound.value)):
+        raise SolverError(f"{method}: a bound is not finite")
+    return bound

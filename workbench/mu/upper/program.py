@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench import figures
+from workbench.answer import Answer
 from workbench.arrays import ComplexArray
-from workbench.certificate import Check, worst
+from workbench.certificate import Check, these, worst
 from workbench.certify.mu_bound import (
     SAID_ALLOWANCES,
     certified_bound,
@@ -27,8 +28,8 @@ from workbench.program import Program
 from workbench.structure import Structure
 
 
-@dataclass(frozen=True)
-class UpperBound:
+@dataclass(frozen=True, repr=False)
+class UpperBound(Answer):
     """Upper bounds of mu and the multipliers that prove them, as arrays over the batch.
 
     ``value`` (...), ``D_left`` (..., c, c), ``D_right`` (..., r, r) and ``G`` (..., r, c), with
@@ -149,7 +150,7 @@ class MuUpperBound(Program):
 
     @property
     def quantifier(self) -> str:
-        return f"for these {math.prod(self.batch)} matrices, between them nothing"
+        return these(math.prod(self.batch), "matrix", "matrices, between them nothing")
 
     def of_stored(self, data: Dataset) -> MuUpperBound:
         return replace(self, M=data["M"].values)

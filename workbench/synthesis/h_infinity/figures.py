@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from workbench import figures
+from workbench.answer import ProgramAnswer
 from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.systems.generalised_plant import response
 
@@ -40,7 +41,7 @@ def controller(K: StateSpace, closed: StateSpace, unit: str = "") -> Figure:
     return figure
 
 
-class DrawnController(ABC):
+class DrawnController(ProgramAnswer, ABC):
     """An answer that is a controller and can be drawn."""
 
     @property
@@ -48,8 +49,13 @@ class DrawnController(ABC):
     def lti(self) -> StateSpace:
         """The controller."""
 
-    def plot(self) -> Figure:
-        """Bode plot of the controller or filter, or singular values of one of several channels."""
+    def plot(self, name: str | None = None) -> Figure:
+        """Bode plot of the controller or filter, or singular values of one of several channels.
+
+        With a name, that figure of its Program.
+        """
+        if name is not None:
+            return super().plot(name)
         K = self.lti
         if not K.issiso():
             return controller(K, K)

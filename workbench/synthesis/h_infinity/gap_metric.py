@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from workbench.answer import Answer
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
@@ -25,8 +26,8 @@ from workbench.systems.realisation import realisation, worst_pole
 from workbench.systems.riccati import right_factors
 
 
-@dataclass(frozen=True)
-class PlantGap:
+@dataclass(frozen=True, repr=False)
+class PlantGap(Answer):
     """Bounds of the gap of two plants, from 0 to 1: above by a Q, below by the nu-gap."""
 
     lower: float

@@ -37,7 +37,7 @@ CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 """Share by which the norm of a loop may exceed the claimed one."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the norm of its loop.
 
@@ -68,7 +68,7 @@ class HinfController(drawn.DrawnController):
         """The controller of the user's plant."""
         return self.whole or self.K
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         least = "" if math.isnan(self.least) else f", none found below {self.least:.6g}"
         return f"HinfController: {in_words(self.lti)}\n  norm {self.norm:.6g}{least}"
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -61,8 +62,8 @@ CHUNK = 2_000_000
 """Most responses that are held at once."""
 
 
-@dataclass(frozen=True, eq=False)
-class SampledRobustness:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledRobustness(Answer):
     """Bounds of the factor by which a continuous perturbation may grow before the loop is unstable.
 
     The loop, with its response between the samples too, is stable at ``frequencies`` for every
@@ -87,7 +88,7 @@ class SampledRobustness:
     frequencies: int
     aliases: int
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return (
             f"SampledRobustness: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} "
             f"rad/s\n  for continuous dynamics, between the samples too; at {self.frequencies} "

@@ -38,7 +38,7 @@ class FixedFormat:
     u_scale: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImplementedController(DrawnController):
     """A sampled controller with the coefficients that a computer has, and what its loop holds.
 
@@ -73,7 +73,7 @@ class ImplementedController(DrawnController):
         """The controller."""
         return self.K
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         mu = "" if self.peak is None else f"mu of the set at most {self.peak.upper:.4g}, "
         lines = [
             f"ImplementedController, {self.precision}, {self.found}: {in_words(self.K)}",

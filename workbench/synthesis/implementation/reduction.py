@@ -11,12 +11,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.answer import Answer
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
-from workbench.mu.frequency.peak import Peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
@@ -34,8 +35,8 @@ ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
 """Methods of order reduction; see `approximated`."""
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedController:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedController(Answer):
     """A controller with fewer states and the certified peak of its loop.
 
     The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
@@ -86,13 +87,13 @@ class ReducedController:
         """Number of states."""
         return int(self.K.nstates)
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         loop = f"peak {self.lower:.4g} to {self.upper:.4g}" if self.stable else "loop UNSTABLE"
         return f"ReducedController: {in_words(self.K)}; {loop}"
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedControllers:
+@dataclass(frozen=True, eq=False, repr=False)
+class ReducedControllers(Answer):
     """Reduced controllers of all orders tried, lowest first; the last one is the given controller.
 
     ``smallest`` is the controller of the least order that has a stable loop with a certified peak
@@ -130,7 +131,7 @@ class ReducedControllers:
     tried: tuple[ReducedController, ...]
     target: float
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         lines = [f"ReducedControllers, target {self.target:.4g}:"]
         lines += [f"  {in_words(one.K)}; " + repr(one).split("; ")[-1] for one in self.tried]
         return "\n".join(lines)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, root
 
+from workbench.answer import Answer
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
@@ -66,8 +67,8 @@ class SampledMargins:
     delay: float
 
 
-@dataclass(frozen=True, eq=False)
-class SampledConditions:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledConditions(Answer):
     """Stability of a sampled loop, its pole of largest modulus, and its margins.
 
     ``margins`` has an entry for each control signal; it is empty where the loop is unstable.

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.answer import Answer
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.synthesis.limits.loop_weights import LoopWeights
@@ -34,8 +35,8 @@ HALVINGS = 40
 halvings reaches the tolerance."""
 
 
-@dataclass(frozen=True)
-class LeastMu:
+@dataclass(frozen=True, repr=False)
+class LeastMu(Answer):
     """No controller has mu below ``lower`` (F,); one with ``T`` (F,) has ``upper`` (F,).
 
     Examples

@@ -17,8 +17,9 @@ from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
+from workbench.mu.frequency.peak_bounds import peak_checks
 from workbench.mu.frequency.scaled_peak import scaled_peak
-from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
+from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
 from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
 from workbench.solvers import Outcome
@@ -48,7 +49,7 @@ BOUND_ROUNDING = 1e-9
 """Relative difference between bounds of the same loop that counts as rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MuController(DrawnController):
     """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
 
@@ -98,7 +99,7 @@ class MuController(DrawnController):
         """The controller."""
         return self.K
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return (
             f"MuController: {in_words(self.K)}\n"
             f"  peak of mu from {self.lower:.4g} to {self.upper:.4g}, about {self.omega:.4g} rad/s"

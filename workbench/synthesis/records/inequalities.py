@@ -26,6 +26,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are
 from scipy.sparse import csr_array, vstack
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.rounding import nearest_power_of_two
@@ -37,8 +38,8 @@ Criterion = Literal["decay", "h2", "hinf"]
 """What the feedback minimises for the worst plant: a rate per sample, or a norm from w to z."""
 
 
-@dataclass(frozen=True, eq=False)
-class ProvenFeedback:
+@dataclass(frozen=True, eq=False, repr=False)
+class ProvenFeedback(ProgramAnswer):
     """A gain u = K x with what proves its level for every plant that the records allow.
 
     Y (n, n) is the inverse of the common Lyapunov matrix and ``multiplier`` the alpha of the

@@ -14,7 +14,7 @@ from scipy.linalg import schur, solve_sylvester, sqrtm
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
-from workbench.mu.frequency.peak import Peak
+from workbench.mu.frequency.peak_bounds import Peak
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.gramians import balancing_projections, gramian_factors

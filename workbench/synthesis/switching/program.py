@@ -27,6 +27,7 @@ from typing import ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench.answer import ProgramAnswer
 from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.errors import InputError
@@ -41,8 +42,8 @@ FALL_MARGIN = 1e-9
 """Least relative fall of V, far more than the rounding errors of the recomputed inequalities."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dwell:
+@dataclass(frozen=True, eq=False, repr=False)
+class Dwell(ProgramAnswer):
     """Shortest stay ``samples`` of the sought modes, and the ``P`` (modes, n, n) that prove it.
 
     Examples

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from workbench.answer import ProgramAnswer
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.model import UncertaintyModel
 
 
-@dataclass(frozen=True)
-class CoverSteps:
+@dataclass(frozen=True, repr=False)
+class CoverSteps(ProgramAnswer):
     """The fitted model of a cover, and the sets of each step.
 
     ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
@@ -34,7 +35,7 @@ class CoverSteps:
     second: Stadium
     third: Stadium
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return (
             f"CoverSteps at {self.second.radius.size} frequencies: sets about the nominal have a "
             f"radius up to {self.second.radius.max():.4g}, a half-length up to "

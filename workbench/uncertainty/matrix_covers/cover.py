@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import Array, RealArray
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
 from workbench.certify.norms import certified_norm
@@ -51,14 +52,14 @@ KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 """Forms of which all plants have as many unstable poles as the nominal."""
 
 
-@dataclass(frozen=True, eq=False)
-class FoundCover:
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundCover(ProgramAnswer):
     """A model, and the smallest sets at each frequency that weights of any order could have."""
 
     model: MatrixModel
     least: FoundSets
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         return repr(self.model)
 
     @property

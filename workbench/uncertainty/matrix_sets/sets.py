@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
@@ -51,8 +52,8 @@ SHAPED = 1e-9
 """Largest part of a weight that is not of its shape, relative."""
 
 
-@dataclass(frozen=True, eq=False)
-class FoundSets:
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundSets(ProgramAnswer):
     """Sets at F frequencies: centres Z, and weights W_1 and W_2.
 
     Parameters
@@ -75,7 +76,7 @@ class FoundSets:
     weights: RealArray
     of_loop: RealArray | None = None
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         size = self.radius
         return (
             f"sets at {size.size} frequencies, of mean radius {size.min():.4g} to {size.max():.4g}"

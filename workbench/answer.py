@@ -1,0 +1,227 @@
+"""One kind of answer: a number, what it quantifies over, and the certificate that proves it."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+from workbench.accuracy import DEFAULT_TOLERANCE
+from workbench.certificate import Certificate, Check, excess
+from workbench.checker import Checker
+from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.executor import Context
+from workbench.heavy_types import Figure
+from workbench.program import Program, Task
+from workbench.solvers import Options, Outcome
+
+REPEATED_ROUNDING = 1e-9
+"""Share by which a bound may be better than the one computed again, on another processor."""
+
+
+class Answer:
+    """What a method or a function answers, with what checks it.
+
+    The certificate is made when it is asked for first, by `certificate` or `holds`: until then an
+    answer costs what its computation costs. An answer that was made by hand, or changed by
+    `dataclasses.replace`, has none.
+
+    Examples
+    --------
+    >>> from workbench.geometry import smallest_circle
+    >>> circle = smallest_circle([0, 1, 1j])
+    >>> circle.holds, len(circle.certificate.checks)
+    (True, 2)
+    """
+
+    _checked_by: tuple[Checker, float, bool] | None = None
+    """Who checks it, to which tolerance, and whether it is claimed to be the best answer."""
+
+    def checked_by(
+        self,
+        checker: Checker,
+        tolerance: float = DEFAULT_TOLERANCE,
+        *,
+        optimal: bool = False,
+        certificate: Certificate | None = None,
+    ) -> Self:
+        """This answer, which remembers who certifies it; arguments as of `Checker.certify`.
+
+        ``certificate`` is the one that is made already.
+        """
+        vars(self)["_checked_by"] = checker, tolerance, optimal
+        vars(self).pop("certificate", None)
+        if certificate is not None:
+            vars(self)["certificate"] = certificate
+        return self
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """What was checked, by how much it holds and over what; None where nobody can check it."""
+        if self._checked_by is None:
+            return None
+        checker, tolerance, optimal = self._checked_by
+        return checker.certify(checker.witnessed(self), tolerance, optimal=optimal)
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is a certificate and it holds; makes it where nobody asked before."""
+        return self.certificate is not None and self.certificate.holds
+
+    def plot(self, name: str | None = None) -> Figure:
+        """A figure of the answer; None: the one that people look at. A notebook shows it.
+
+        Raises
+        ------
+        InputError, UnknownNameError
+            There is no figure; there is none of this name.
+        """
+        drawn = self._checked_by[0].figures(self) if self._checked_by else {}
+        if not drawn:
+            raise InputError(f"there is no figure of a {type(self).__name__}")
+        name = name or next(iter(drawn))
+        if name not in drawn:
+            raise UnknownNameError("figure", name, drawn)
+        return drawn[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What goes to another process; systems in a checker go by cloudpickle alone."""
+        state = dict(vars(self))
+        if self._checked_by is not None:
+            import cloudpickle
+
+            state["_checked_by"] = cloudpickle.dumps(self._checked_by)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        if "_checked_by" in state:
+            state = state | {"_checked_by": pickle.loads(state["_checked_by"])}
+        vars(self).update(state)
+
+    def __repr__(self) -> str:
+        return f"{self.said()}\n  {self._proof()}"
+
+    def said(self) -> str:
+        """The numbers, in one line or a few."""
+        if hasattr(self, "lower"):
+            numbers = f"from {_shown(self.lower)} to {_shown(self.upper)}"  # type: ignore[attr-defined]
+        else:
+            numbers = _shown(self.value)  # type: ignore[attr-defined]
+        return f"{type(self).__name__}: {numbers}"
+
+    def _proof(self) -> str:
+        """What the numbers quantify over, and how the certificate stands."""
+        if self._checked_by is None:
+            return "no certificate: made by hand, or changed"
+        over = self._checked_by[0].quantifier
+        found = vars(self).get("certificate")
+        if found is None:
+            state = "certificate made when asked for"
+        elif found.holds:
+            state = f"certificate holds, {len(found.checks)} checks"
+        else:
+            state = f"certificate FAILS: {'; '.join(found.failures)}"
+        return f"{over}; {state}" if over else state
+
+
+class ProgramAnswer(Answer):
+    """An answer of a Program, whose number is the metric that the Program is known by."""
+
+    @property
+    def value(self) -> float:
+        """That metric; NaN where no Program is known that it answers, or it has no such metric."""
+        task = self._checked_by[0] if self._checked_by else None
+        if not isinstance(task, Task) or not task.headline:
+            return math.nan
+        return task.metrics(self)[task.headline]
+
+
+class PartsChecker(Checker):
+    """Certifies an answer that consists of answers, each with a certificate of its own."""
+
+    @abstractmethod
+    def parts(self, answer: Any) -> Mapping[str, Answer | None]:
+        """The answers by name; None for one that is not there, of which nothing is claimed."""
+
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        """Checks of the answer beside those of its parts."""
+        return ()
+
+    def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
+        own = super().certify(answer, tolerance, optimal=optimal)
+        checks = list(own.checks)
+        for name, part in self.parts(answer).items():
+            if part is None:
+                continue
+            found = part.certificate
+            if found is None:
+                missing = "number of its certificates that are missing"
+                checks.append(Check(name, missing, 1.0, 0.0, over=self.quantifier))
+                continue
+            checks += [replace(check, name=f"{name}: {check.name}") for check in found.checks]
+        return replace(own, checks=tuple(checks))
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedChecker(Checker):
+    """Checks bounds by computing them again from the data alone: nothing shorter proves them."""
+
+    again: Callable[[], Any]
+    """Gives an answer with the same numbers."""
+    over: str
+    """What they quantify over."""
+
+    @property
+    def quantifier(self) -> str:
+        return self.over
+
+    def checks(self, answer: Any, tolerance: float) -> list[Check]:
+        found = self.again()
+        statement = "by which share the claimed bound is better than the one computed again"
+        crossed = float(answer.lower > answer.upper)
+        return [
+            Check("lower", statement, excess(answer.lower, found.lower), REPEATED_ROUNDING),
+            Check("upper", statement, excess(found.upper, answer.upper), REPEATED_ROUNDING),
+            Check("order", "whether the lower bound is above the upper one", crossed, 0.0),
+        ]
+
+
+def _shown(value: Any) -> str:
+    """A number, or the range of an array's numbers."""
+    import numpy as np
+
+    values = np.asarray(value, dtype=float)
+    if values.size == 1:
+        return f"{values.item():.6g}"
+    if not values.size:
+        return "none"
+    return f"{values.min():.6g} .. {values.max():.6g} ({values.size})"
+
+
+def answer_of(
+    program: Program,
+    method: str | None = None,
+    options: Options | None = None,
+    executor: Executor | None = None,
+) -> Any:
+    """The answer of a Program by a method, not certified before somebody asks.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        As `find_method`.
+    SolverError
+        The method gave no answer.
+    """
+    context = Context(options or Options(), executor=executor)
+    answer, claim, message = program.respond(method, context)
+    if answer is None:
+        raise SolverError(f"{method or program.default_method}: {claim}. {message}")
+    optimal = program.claims_optimum(method) and claim is not Outcome.TIME_LIMIT
+    tolerance = program.judging_tolerance(method, context.options.accuracy)
+    return answer.checked_by(program, tolerance, optimal=optimal)

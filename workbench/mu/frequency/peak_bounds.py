@@ -1,0 +1,173 @@
+"""Bounds of the supremum of mu over frequency, and the checks that prove them without a search."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.answer import Answer
+from workbench.arrays import Array
+from workbench.certificate import EVERY_PERTURBATION, Check, excess
+from workbench.certify.cover import CertifiedInterval
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.proofs.peak_proof import PeakProof, proves
+from workbench.certify.proofs.scaled_system import ScalingFunctions
+from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
+from workbench.checker import Checker
+from workbench.heavy_types import StateSpace
+from workbench.mu.frequency.complex_part import separated, with_complex_part
+from workbench.second_opinion import peaks
+from workbench.structure import Structure
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import realisation
+
+REPROVEN_LOWER = 1e-9
+"""Share by which a lower bound may exceed what its perturbation proves again, on a machine that
+rounds the loop's realisation in another way."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Peak(Answer):
+    """The supremum of mu over a band lies between ``lower`` and ``upper``.
+
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular up to rounding and proves the lower bound;
+    it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
+    Delta, or where there is none the frequency of the largest upper bound. ``intervals`` cover the
+    band unless upper is infinite.
+    ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
+    holds for this larger set of perturbations.
+    Of a system with sampling time ``period`` [s] the band ends at half the sampling rate, and
+    intervals are over v = 2 / period tan(omega period / 2).
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    intervals: tuple[CertifiedInterval, ...]
+    message: str
+    complex_part: float = 0.0
+    band: tuple[float, float] = (0.0, math.inf)
+    period: float = 0.0
+    scalings: ScalingFunctions | None = None
+
+    @property
+    def proof(self) -> PeakProof | None:
+        """What `proves` of `workbench.certify.proofs` proves again; None for an infinite bound.
+
+        Where there is a complex part, it is a proof for `with_complex_part` of the system.
+        """
+        if math.isinf(self.upper):
+            return None
+        return PeakProof(self.upper, self.intervals, self.intervals_band, self.scalings)
+
+    @property
+    def intervals_band(self) -> tuple[float, float]:
+        """The band in the frequency of the intervals."""
+        low, high = (bilinear_frequency(omega, self.period) for omega in self.band)
+        return low, high
+
+    def multipliers(self, structure: Structure) -> tuple[Array, Array, Array] | None:
+        """D_left (c, c), D_right (r, r) and G (r, c) of the proof at ``omega``; None: none."""
+        of = next((one for one in self.intervals if one.low <= self.omega <= one.high), None)
+        if of is not None:
+            return of.multipliers(self.omega)
+        if self.scalings is None:
+            return None
+        return self.scalings.multipliers(structure, self.omega)
+
+    def said(self) -> str:
+        return f"Peak: from {self.lower:.6g} to {self.upper:.6g}, at {self.omega:.6g} rad/s"
+
+
+@dataclass(frozen=True, eq=False)
+class PeakChecker(Checker):
+    """Checks a `Peak` of mu over frequency of a system, as given to `peak`, and its structure."""
+
+    system: Any
+    structure: Structure
+    band: tuple[float, float] = (0.0, math.inf)
+
+    @property
+    def quantifier(self) -> str:
+        low, high = self.band
+        if (low, high) == (0.0, math.inf):
+            return EVERY_PERTURBATION
+        return f"from {low:.6g} to {high:.6g} rad/s, for every perturbation of the structure"
+
+    def checks(self, answer: Peak, tolerance: float) -> list[Check]:
+        system, structure, Delta = self._claimed_of(answer)
+        return peak_checks(system, structure, answer.lower, answer.upper, answer, Delta)
+
+    def second_opinion(self, answer: Peak) -> list[Check]:
+        system, structure, Delta = self._claimed_of(answer)
+        omega = answer.omega
+        if isinstance(system, StableSystem):
+            system, omega = in_doubles(system), system.plane(omega)
+        else:
+            system = as_system(system, "system")
+        found = [peaks.singular(system, Delta, omega)] if answer.lower > 0 else []
+        if math.isfinite(answer.upper) and self.band == (0.0, math.inf):
+            found += peaks.upper_tried(system, structure, answer.upper)
+        return found
+
+    def _claimed_of(self, answer: Peak) -> tuple[Any, Structure, Array]:
+        """System, structure and perturbation of the claim, with the complex part that it adds."""
+        if not answer.complex_part:
+            return self.system, self.structure, answer.Delta
+        larger = with_complex_part(self.system, self.structure, answer.complex_part)
+        return *larger, separated(answer.Delta, self.structure, answer.complex_part)
+
+
+def in_doubles(system: StableSystem) -> StateSpace:
+    """The realisation in doubles, in continuous time."""
+    return realisation((system.A, system.B, system.C, system.D), 0.0)
+
+
+def peak_checks(
+    system: Any,
+    structure: Structure,
+    lower: float,
+    upper: float,
+    found: Peak | None,
+    Delta: Array | None = None,
+) -> list[Check]:
+    """Checks of claimed bounds of a peak by the multipliers and the perturbation of a `Peak`.
+
+    Parameters
+    ----------
+    system
+        The stable system that Delta closes.
+    structure
+        Blocks of Delta.
+    lower, upper
+        The claimed bounds.
+    found
+        What proves them; None: nothing does.
+    Delta
+        The perturbation of the lower bound; None: that of ``found``.
+    """
+    fault, proven = "no proof is stored", 0.0
+    if found is not None:
+        stable = stable_system(system, sampled=True)
+        if found.proof is not None:
+            fault = proves(stable, structure, found.proof, upper)
+        Delta = found.Delta if Delta is None else Delta
+        if lower > 0 and np.isfinite(Delta).all():
+            proven = proven_at(stable, structure, Delta, stable.plane(found.omega))
+            if proven < lower:
+                proven = max(proven, proven_over_frequency(stable, structure, Delta))
+    short = 0.0 if lower <= proven else excess(lower, proven)
+    return [
+        Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
+        Check(
+            "lower",
+            "claimed lower bound over what its perturbation proves, less 1",
+            short,
+            REPROVEN_LOWER,
+        ),
+        Check("order", "claimed lower over claimed upper bound, less 1", excess(lower, upper), 0.0),
+    ]

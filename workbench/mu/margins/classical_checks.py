@@ -1,0 +1,116 @@
+"""Checks of the crossings of a loop: each is one, and none is missed at frequencies tried."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certify.norms import certified_norm
+from workbench.certify.stability import stability_of
+from workbench.checker import Checker
+from workbench.heavy_types import StateSpace
+from workbench.second_opinion.powers import growth
+from workbench.second_opinion.responses import plain_response, tried_frequencies
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import realisation
+
+CROSSING_ROUNDING = 1e-6
+"""Distance from -1, or from the unit circle, up to which a response counts as lying there."""
+GAINS = 7
+"""Gains between the least and the largest at which the closed loop is tried."""
+WITHIN = 1e-3
+"""Share of the range of gains, in logarithms, that is left out at either end."""
+WIDEST = 1e3
+"""Largest factor of a gain that is tried."""
+
+
+def closed(L: StateSpace, gain: float = 1.0) -> StateSpace | None:
+    """1 / (1 + gain L); None where the loop is singular."""
+    direct = 1.0 + gain * float(L.D[0, 0])
+    if direct == 0.0:
+        return None
+    A, B, C = L.A - gain * L.B @ L.C / direct, L.B / direct, -gain * L.C / direct
+    return realisation((A, B, C, np.array([[1.0 / direct]])), L.dt or 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicalChecker(Checker):
+    """Checks the `ClassicalMargins` of a loop of one channel."""
+
+    loop: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return "for this one loop, at its crossings"
+
+    def checks(self, answer: Any, tolerance: float) -> list[Check]:
+        factor, at = answer.gains.T
+        phase, omega = answer.phases.T
+        L = response(self.loop, omega)[:, 0, 0]
+        turned = np.angle(-L * np.exp(-1j * np.radians(phase)))
+        delay = np.radians(np.mod(phase, 360.0)) / np.maximum(omega, 1e-300)
+        late = np.abs(answer.delays[:, 0] - delay) * omega
+        loop = closed(self.loop)
+        stable = loop is not None and bool(stability_of(loop).holds)
+        modulus = 1.0 / certified_norm(loop) if stable and loop is not None else 0.0
+        gains = 1.0 + factor * response(self.loop, at)[:, 0, 0]
+        return [
+            _crossing("gains", "distance of the loop with a factor from -1", np.abs(gains)),
+            _crossing("unit gain", "distance of |L| from 1", np.abs(np.abs(L) - 1.0)),
+            _crossing("phases", "phase beyond the one claimed [rad]", np.abs(turned)),
+            _crossing("delays", "phase of a delay beyond the one claimed [rad]", late),
+            Check("stability", "whether it is not as claimed", float(stable != answer.stable), 0.0),
+            Check(
+                "modulus",
+                "by which share the claimed distance of L from -1 exceeds the proven one",
+                excess(answer.modulus, modulus),
+                CROSSING_ROUNDING,
+                over="at every frequency",
+            ),
+        ]
+
+    def second_opinion(self, answer: Any) -> list[Check]:
+        found = [self._missed(answer.phases[:, 1])]
+        if answer.stable:
+            found.append(self._between(*answer.gain))
+        return found
+
+    def _missed(self, crossings: RealArray) -> Check:
+        """Between two frequencies where |L| passes 1 lies a crossing."""
+        loop = closed(self.loop)
+        every = [np.linalg.eigvals(one.A) for one in (self.loop, loop) if one is not None]
+        omega = tried_frequencies(np.concatenate(every), dt=self.loop.dt)
+        omega = omega[(omega > 0) & np.isfinite(omega)]
+        above = np.abs(plain_response(self.loop, omega)[:, 0, 0]) - 1.0
+        passed = (above[1:] * above[:-1] < 0) & (np.abs(above) > CROSSING_ROUNDING)[1:]
+        passed &= (np.abs(above) > CROSSING_ROUNDING)[:-1]
+        inside = np.histogram(crossings, omega)[0] > 0 if omega.size > 1 else passed
+        missed = np.flatnonzero(passed & ~inside)
+        where = f"the first above {omega[missed[0]]:.6g} rad/s" if missed.size else ""
+        statement = "number of crossings of the unit circle that are missed"
+        over = f"between {omega.size} frequencies"
+        return Check("missed", statement, float(missed.size), 0.0, where, over=over)
+
+    def _between(self, low: float, high: float) -> Check:
+        """The loop is stable for gains between the nearest factors."""
+        ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
+        room = WITHIN * (ends[1] - ends[0])
+        fastest = -math.inf
+        for gain in np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS)):
+            loop = closed(self.loop, float(gain))
+            rate, rounding = (math.inf, 0.0) if loop is None else growth(loop.A, loop.dt)
+            fastest = max(fastest, rate - rounding)
+        statement = "logarithmic growth of a loop per sample, less its rounding"
+        over = f"for {GAINS} gains between the nearest factors"
+        return Check("stable between", statement, fastest, 0.0, over=over)
+
+
+def _crossing(name: str, statement: str, distance: RealArray) -> Check:
+    """The largest distance of a claimed crossing from being one."""
+    largest = float(distance.max(initial=0.0))
+    return Check(name, statement, largest, CROSSING_ROUNDING, over=THIS_SYSTEM)

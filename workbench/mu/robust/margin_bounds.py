@@ -1,0 +1,159 @@
+"""Margins of robust stability and performance, and the checks that prove them again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from workbench.answer import Answer, PartsChecker, RepeatedChecker
+from workbench.certificate import EVERY_FREQUENCY, Check, excess
+from workbench.mu.frequency.peak_bounds import Peak
+from workbench.second_opinion import peaks
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+RECIPROCAL_ROUNDING = 1e-15
+"""Share by which the reciprocal of a bound may exceed it, rounded."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StabilityMargin(Answer):
+    """Bounds of the factor by which all uncertainty may grow before the system is unstable.
+
+    Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
+    of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
+    parameters, and dynamics as systems (None where no perturbation was found, and ``upper`` is
+    infinite). Above 1 the system is stable for all of its uncertainty. ``peak`` is the peak of mu
+    that this rests on; where all elements are real there is none, but a number of ``parts`` of
+    their box (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] all of this is about the
+    sampled system, whose perturbations are sampled with it: for a continuous plant under a sampled
+    controller see `workbench.synthesis.sampled_robustness`.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    worst: Mapping[str, Any] | None
+    peak: Peak | None
+    parts: int = 0
+    dt: float = 0.0
+
+    def said(self) -> str:
+        verdict = "not decided for all of its uncertainty"
+        if self.lower > 1:
+            verdict = "stable for all of its uncertainty"
+        elif self.upper < 1:
+            verdict = "NOT stable for all of its uncertainty"
+        lines = [
+            f"StabilityMargin: from {self.lower:.5g} to {self.upper:.5g}, {verdict}",
+            f"  at {self.omega:.5g} rad/s",
+        ]
+        for name, value in (self.worst or {}).items():
+            order = getattr(value, "nstates", None)
+            shown = f"{value:.6g}" if order is None else f"a system of order {order}"
+            lines.append(f"  worst {name}: {shown}")
+        if self.dt:
+            lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PerformanceMargin(Answer):
+    """Bounds of the factor by which all uncertainty may grow before a gain exceeds its level.
+
+    For every perturbation of a size up to ``lower`` the largest gain is proven to stay below
+    ``gain``; for some of size ``upper`` it is proven to reach it, at ``omega`` [rad/s]. Both are 0
+    where the nominal gain reaches the level.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import robust_performance
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> margin = robust_performance(closed, gain=3.0)
+    >>> margin.gain, margin.omega >= 0
+    (3.0, True)
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    gain: float
+
+    def said(self) -> str:
+        return (
+            f"PerformanceMargin: gain below {self.gain:g} for uncertainty up to {self.lower:.5g} "
+            f"to {self.upper:.5g} times its size, at {self.omega:.5g} rad/s"
+        )
+
+
+def reciprocal(value: float) -> float:
+    """1 / value; infinite for 0."""
+    return 1 / value if value > 0 else math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityChecker(PartsChecker):
+    """Checks a `StabilityMargin` of systems whose poles must all lie left of the axis.
+
+    ``again`` computes it anew; it decides where no peak proves the bounds, or not all of them.
+    """
+
+    systems: tuple[UncertainSystem, ...]
+    again: Callable[[], StabilityMargin]
+
+    @property
+    def quantifier(self) -> str:
+        return "for every perturbation of a size below the lower bound"
+
+    def parts(self, answer: StabilityMargin) -> Mapping[str, Peak | None]:
+        return {"mu": answer.peak}
+
+    def checks(self, answer: StabilityMargin, tolerance: float) -> list[Check]:
+        if answer.peak is None or len(self.systems) > 1:
+            return RepeatedChecker(self.again, self.quantifier).checks(answer, tolerance)
+        lower, upper = reciprocal(answer.peak.upper), reciprocal(answer.peak.lower)
+        statement = "by which share it is better than the reciprocal of a proven bound of the peak"
+        return [
+            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
+            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
+        ]
+
+    def second_opinion(self, answer: StabilityMargin) -> list[Check]:
+        found = []
+        if 0.0 < answer.lower < math.inf:
+            found += [
+                peaks.sampled_loops(one.system, one.structure, 1 / answer.lower)
+                for one in self.systems
+            ]
+        if answer.worst is not None:
+            members = [one.at(**answer.worst) for one in self.systems]
+            found.append(peaks.destabilised(members))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class PerformanceChecker(PartsChecker):
+    """Checks a `PerformanceMargin` by the peaks at its two factors; None: nothing was proven."""
+
+    at_lower: Peak | None
+    at_upper: Peak | None
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_FREQUENCY}, for every perturbation of a size up to the lower bound"
+
+    def parts(self, answer: PerformanceMargin) -> Mapping[str, Peak | None]:
+        return {"lower": self.at_lower, "upper": self.at_upper}
+
+    def checks(self, answer: PerformanceMargin, tolerance: float) -> list[Check]:
+        low, high = self.at_lower, self.at_upper
+        kept = answer.lower == 0.0 or (low is not None and low.upper < 1.0)
+        lost = math.isinf(answer.upper) or (high is not None and high.lower >= 1.0)
+        return [
+            Check("kept", "whether no peak below 1 proves the lower bound", float(not kept), 0.0),
+            Check("lost", "whether no peak from 1 on proves the upper bound", float(not lost), 0.0),
+        ]

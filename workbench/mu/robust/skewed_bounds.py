@@ -1,0 +1,259 @@
+"""Bounds of a skewed mu over frequency and of a worst-case gain, and the checks that prove them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from flint import ctx
+
+from workbench.answer import Answer
+from workbench.arrays import EPS, Array, BoolArray
+from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
+from workbench.certify.balls import response_of
+from workbench.certify.modes.modal_form import PRECISIONS
+from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
+from workbench.certify.proofs.peak_proof import PeakProof, proves
+from workbench.certify.skewed import proven_skew_of
+from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
+from workbench.checker import Checker
+from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, in_doubles
+from workbench.second_opinion import peaks
+from workbench.structure import Structure
+
+LEVEL_ROUNDING = 1 + 1e-12
+"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
+CHECKED_ROUNDING = LEVEL_ROUNDING * (1 - 16 * EPS)
+"""Factor as LEVEL_ROUNDING, in a check. What is said has more, so that no last bit counts."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SkewedPeak(Answer):
+    """Bounds of the supremum of the skewed mu over all frequencies.
+
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular at ``omega`` [rad/s], up to rounding, and
+    proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. Where
+    lower is infinite the fixed blocks alone do so. Delta is NaN where lower is 0. ``upper`` is
+    infinite where no bound was proven; the message says why.
+    ``proof`` proves that mu is below 1 once the inputs of the varying blocks are divided by
+    ``level``; it is None, and the level 0, for an infinite bound.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import skewed_peak
+    >>> from workbench.structure import Complex, Structure
+    >>> system = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
+    >>> found = skewed_peak(system, Structure([Complex(1), Complex(1)]), fixed=[0])
+    >>> found.proof is not None, found.Delta.shape
+    (True, (2, 2))
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    message: str
+    level: float = 0.0
+    proof: PeakProof | None = None
+
+    def said(self) -> str:
+        text = f"{type(self).__name__}: from {self.lower:.5g} to {self.upper:.5g}"
+        return f"{text}, at {self.omega:.5g} rad/s; {self.message}"
+
+
+class WorstCaseGain(SkewedPeak):
+    """Bounds of the largest gain over all frequencies and perturbations.
+
+    ``lower`` is proven to be at most the largest singular value of F_u(N(j omega), Delta) for the
+    perturbation ``Delta`` (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where a
+    multiple of Delta, of size at most 1, is proven to make the loop singular. ``upper`` is infinite
+    where no bound was proven; the message says why.
+    ``proof`` proves that mu is below 1 once the exogenous inputs are divided by ``level``; it is
+    None, and the level 0, for an infinite bound.
+    """
+
+
+@dataclass(frozen=True, eq=False)
+class SkewedPeakChecker(Checker):
+    """Checks a `SkewedPeak` of a stable system; ``varies`` (blocks,) marks the varying blocks."""
+
+    system: Any
+    structure: Structure
+    varies: BoolArray
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_PERTURBATION
+
+    def checks(self, answer: SkewedPeak, tolerance: float) -> list[Check]:
+        stable = stable_system(self.system, sampled=True)
+        proven = 0.0
+        if answer.lower > 0:
+            with ctx.workprec(PRECISIONS[1]):
+                M = response_of(stable, stable.plane(answer.omega))
+            if M is not None:
+                proven = proven_skew_of(M, self.structure, self.varies, answer.Delta)
+        return bound_checks(stable, self.structure, self._inputs, answer, proven)
+
+    def second_opinion(self, answer: SkewedPeak) -> list[Check]:
+        stable = stable_system(self.system, sampled=True)
+        found = []
+        if answer.lower > 0:
+            found.append(
+                peaks.singular(in_doubles(stable), answer.Delta, stable.plane(answer.omega))
+            )
+        return found + level_tried(stable, self.structure, self._inputs, answer)
+
+    @property
+    def _inputs(self) -> BoolArray:
+        return np.repeat(self.varies, [block.rows for block in self.structure])
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCaseChecker(Checker):
+    """Checks a `WorstCaseGain` of a system in continuous time that stands for a sampled one.
+
+    ``period`` [s] is that of the sampled one, 0 where the system stands for itself.
+    """
+
+    system: Any
+    structure: Structure
+    period: float = 0.0
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_PERTURBATION
+
+    def checks(self, answer: WorstCaseGain, tolerance: float) -> list[Check]:
+        return worst_case_checks(self.system, self.structure, self._in_plane(answer))
+
+    def second_opinion(self, answer: WorstCaseGain) -> list[Check]:
+        stable, claim = stable_system(self.system, sampled=True), self._in_plane(answer)
+        inputs = np.arange(stable.D.shape[1]) >= self.structure.rows
+        found = level_tried(stable, whole_structure(stable, self.structure), inputs, claim)
+        if 0.0 < claim.lower < math.inf:
+            omega = stable.plane(claim.omega)
+            found.append(peaks.attains(in_doubles(stable), claim.Delta, omega, claim.lower))
+        return found
+
+    def _in_plane(self, answer: WorstCaseGain) -> WorstCaseGain:
+        return replace(answer, omega=float(bilinear_frequency(answer.omega, self.period)))
+
+
+def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -> list[Check]:
+    """Checks of a worst-case gain by its multipliers and its perturbation alone.
+
+    Parameters
+    ----------
+    system, structure
+        As given to `worst_case_gain`.
+    found
+        The claimed bounds and what proves them. An infinite upper bound claims nothing.
+
+    Raises
+    ------
+    InputError
+        As `worst_case_gain`.
+    """
+    stable = stable_system(system, sampled=True)
+    exogenous = np.arange(stable.D.shape[1]) >= structure.rows
+    attained = attained_gain(stable, structure, found.Delta, stable.plane(found.omega))
+    whole = whole_structure(stable, structure)
+    return quantified(EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained))
+
+
+def bound_checks(
+    stable: StableSystem,
+    structure: Structure,
+    inputs: BoolArray,
+    found: SkewedPeak,
+    proven: float,
+) -> list[Check]:
+    """Checks of claimed bounds: of the upper by multipliers, of the lower by what is proven of it.
+
+    Parameters
+    ----------
+    structure
+        All blocks that the multipliers belong to.
+    inputs
+        Which inputs (r,) the level of the proof divides.
+    proven
+        The lower bound that the perturbation proves.
+    """
+    fault = level_fault(stable, structure, inputs, found) if math.isfinite(found.upper) else ""
+    lower = found.lower
+    short = 0.0 if lower <= proven else excess(lower, proven)
+    return [
+        Check("upper", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
+        Check(
+            "lower",
+            "claimed lower bound over what its perturbation proves, less 1",
+            short,
+            REPROVEN_LOWER,
+        ),
+        Check(
+            "order",
+            "whether the lower bound is above the upper one",
+            float(lower > found.upper),
+            0.0,
+        ),
+    ]
+
+
+def level_fault(
+    stable: StableSystem, structure: Structure, inputs: BoolArray, found: SkewedPeak
+) -> str:
+    """What keeps the multipliers from proving the upper bound; the empty text for nothing."""
+    if found.proof is None:
+        return "no proof is stored"
+    beta = found.proof.beta
+    if not beta < 1:
+        return f"the proof is one of mu {beta:.6g}, which is not below 1"
+    if not found.level * beta * CHECKED_ROUNDING <= found.upper:
+        return f"the proof is one of the bound {found.level * beta:.9g}"
+    if found.level == 0:
+        return proves(stable, structure, found.proof, beta)
+    return proves(divided(stable, inputs, found.level), structure, found.proof, beta)
+
+
+def level_tried(
+    stable: StableSystem, structure: Structure, inputs: BoolArray, found: SkewedPeak
+) -> list[Check]:
+    """The upper bound, tried by drawn perturbations of the system with its inputs divided by it."""
+    if not 0.0 < found.upper < math.inf:
+        return []
+    scaled = divided(stable, inputs, found.upper)
+    return peaks.upper_tried(in_doubles(scaled), structure, 1.0)
+
+
+def whole_structure(stable: StableSystem, structure: Structure) -> Structure:
+    """The blocks of the perturbation with one for the performance channels."""
+    outputs, inputs = stable.D.shape
+    return structure.with_performance(outputs - structure.columns, inputs - structure.rows)
+
+
+def attained_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
+    """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
+
+    A multiple of at most 1 of it then makes the loop singular at some frequency.
+    """
+    r, c = structure.rows, structure.columns
+    loop = system.channels(np.arange(c), np.arange(r))
+    gain = proven_gain(system, structure, Delta, float(omega))
+    if not Delta.any():
+        return gain
+    unstable = max(
+        proven_at(loop, structure, Delta, float(omega)),
+        proven_over_frequency(loop, structure, Delta),
+    )
+    return math.inf if unstable >= 1 else gain
+
+
+def divided(system: StableSystem, inputs: BoolArray, level: float) -> StableSystem:
+    """The system with some of its inputs (r,) divided by a level."""
+    outputs, every = (np.arange(count) for count in system.D.shape)
+    return system.channels(outputs, every, input_gains=np.where(inputs, 1.0 / level, 1.0))

@@ -1,0 +1,79 @@
+"""Members of a set, drawn by the distributions of their parameters, and how many are good."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from workbench.arrays import RealArray
+from workbench.certificate import Check
+from workbench.second_opinion import SEED
+from workbench.second_opinion.powers import growth
+from workbench.second_opinion.responses import plain_response, tried_frequencies
+
+MEMBERS = 300
+"""Members that are drawn."""
+LEVEL = 1e-9
+"""Probability of a contradiction by chance."""
+CLOSE = 1e-3
+"""Relative distance from the level up to which a sampled gain leaves a member undecided."""
+TRIES = 10_000
+"""Draws after which a distribution counts as having nothing in its range."""
+
+
+def drawn_values(
+    ranges: Mapping[str, tuple[float, float]], laws: Mapping[str, Any]
+) -> dict[str, RealArray]:
+    """Values (MEMBERS,) of each parameter in its closed range, uniform where it has no law."""
+    rng = np.random.default_rng(SEED)
+    found = {}
+    for name, (low, high) in ranges.items():
+        if name not in laws or not hasattr(laws[name], "rvs"):
+            found[name] = rng.uniform(low, high, MEMBERS)
+            continue
+        kept = np.empty(0)
+        for _ in range(TRIES):
+            drawn = np.asarray(laws[name].rvs(size=MEMBERS, random_state=rng), dtype=float)
+            kept = np.append(kept, drawn[(drawn >= low) & (drawn <= high)])
+            if kept.size >= MEMBERS:
+                break
+        found[name] = kept[:MEMBERS]
+    return found
+
+
+def good_share(
+    member: Callable[..., Any], values: Mapping[str, RealArray], gain: float | None
+) -> tuple[int, int, int]:
+    """Fewest and most good members, and of how many: some are too close to the border to tell.
+
+    ``member`` gives the StateSpace of values by name. Good ones are stable, and with a gain have no
+    larger singular value.
+    """
+    fewest, most, count = 0, 0, min(len(one) for one in values.values())
+    for k in range(count):
+        system = member(**{name: float(one[k]) for name, one in values.items()})
+        rate, rounding = growth(system.A, system.dt)
+        sure, possible = rate < -rounding, rate < rounding
+        if possible and gain is not None:
+            omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
+            size = float(np.linalg.norm(plain_response(system, omega), 2, axis=(-2, -1)).max())
+            sure, possible = sure and size < (1 - CLOSE) * gain, size < (1 + CLOSE) * gain
+        fewest, most = fewest + sure, most + possible
+    return fewest, most, count
+
+
+def probability_agrees(counts: tuple[int, int, int], lower: float, upper: float) -> Check:
+    """Check by an exact binomial test that drawn members do not contradict a probability."""
+    fewest, most, count = counts
+    too_many = float(stats.binom.sf(fewest - 1, count, upper))
+    too_few = float(stats.binom.cdf(most, count, lower))
+    return Check(
+        "drawn members",
+        "negative logarithm of the probability of what was drawn, to base 10",
+        float(-np.log10(max(min(too_many, too_few), np.finfo(float).tiny))),
+        -np.log10(LEVEL),
+        over=f"for {count} members, of which {fewest} to {most} are good",
+    )

@@ -1,0 +1,119 @@
+"""Claimed bounds of a peak of mu, tried by drawn perturbations and by plain responses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
+from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
+from workbench.second_opinion.powers import growth
+from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
+from workbench.structure import Real, Structure
+
+DRAWN, LOOPS = 16, 6
+"""Perturbations drawn for responses, and for loops."""
+NEARLY_SINGULAR = 1e-6
+"""Largest distance of I - M Delta from a singular matrix, relative to M Delta."""
+ENLARGED, BORDER = 1.0 + 1e-4, 1e-12
+"""Factor that moves a destabilising perturbation beyond the border, and the growth per sample that
+counts as none there."""
+BORDER_DECAY = 1e-5
+"""Decay per sample up to which a system counts as one on the border of stability."""
+
+
+def upper_tried(system: Any, structure: Structure, claimed: float) -> list[Check]:
+    """Checks of a claimed peak of mu of a stable StateSpace by perturbations that are drawn."""
+    found = [sampled_loops(system, structure, claimed)]
+    if not any(isinstance(block, Real) for block in structure):
+        found.append(sampled_gain(system, structure, claimed))
+    return found
+
+
+def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
+    """Check that no eigenvalue of M(j omega) Delta exceeds the claimed peak, |Delta| at most 1.
+
+    The phase of all blocks turns any eigenvalue to a real one, so no block may be real.
+    """
+    omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
+    drawn = vertex_perturbations(structure, DRAWN)
+    size = np.abs(np.linalg.eigvals(plain_response(system, omega)[:, None] @ drawn))
+    where = omega[int(np.argmax(size.max(axis=(1, 2))))]
+    return Check(
+        "sampled perturbations",
+        "largest eigenvalue of M Delta over the claimed peak, less 1",
+        excess(float(size.max()), claimed),
+        SAMPLED_ROUNDING,
+        f"at {where:.6g} rad/s",
+        over=f"for {DRAWN} perturbations at {omega.size} frequencies",
+    )
+
+
+def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
+    """Check that loops of constant perturbations smaller than 1 / claimed are stable."""
+    radius = INSIDE / claimed if claimed > 0 else 1.0
+    fastest = -math.inf
+    for Delta in radius * constant_perturbations(structure, LOOPS):
+        rate, rounding = growth(perturbed(system, Delta)[0], system.dt)
+        fastest = max(fastest, rate - rounding)
+    return Check(
+        "sampled loops are stable",
+        "logarithmic growth of a loop per sample, less its rounding",
+        fastest,
+        0.0,
+        over=f"for {LOOPS} loops",
+    )
+
+
+def singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
+    """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if enlarged."""
+    M = plain_response(system, np.array([omega]))[0]
+    distance = regularity(M @ Delta)
+    if distance > NEARLY_SINGULAR and not Delta.imag.any():
+        rate, rounding = growth(perturbed(system, ENLARGED * Delta.real)[0], system.dt)
+        distance = 0.0 if rate + rounding > -BORDER else distance
+    return Check(
+        "nearly singular",
+        "smallest singular value of I - M Delta, balanced, relative to M Delta; 0 where the loop "
+        "of Delta is unstable",
+        distance,
+        NEARLY_SINGULAR,
+        f"at {omega:.6g} rad/s",
+    )
+
+
+def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> Check:
+    """Check that the system closed by Delta has at least the claimed gain at `omega` [rad/s]."""
+    M = plain_response(system, np.array([omega]))[0]
+    gain = float(np.linalg.norm(upper_closed(M, Delta), 2))
+    return Check(
+        "attained gain",
+        "claimed gain over that with the perturbation, less 1",
+        excess(claimed, gain),
+        SAMPLED_ROUNDING,
+        f"at {omega:.6g} rad/s",
+    )
+
+
+def destabilised(members: Sequence[Any]) -> Check:
+    """Check that one of some systems is unstable, or on the border of stability."""
+    decay = math.inf
+    for one in members:
+        rate, rounding = growth(one.A, one.dt)
+        decay = min(decay, -rate - rounding)
+    statement = "logarithmic decay per sample of the system with the worst perturbation"
+    return Check("destabilised", statement, decay, BORDER_DECAY, over=THIS_SYSTEM)
+
+
+def regularity(loop: ComplexArray) -> float:
+    """Smallest singular value of I - loop in balanced coordinates, relative to the loop."""
+    from scipy.linalg import matrix_balance
+
+    balanced = matrix_balance(loop, permute=False)[0]
+    size = max(float(np.linalg.norm(balanced, 2)), 1.0)
+    return float(np.linalg.norm(np.eye(len(loop)) - balanced, -2)) / size
