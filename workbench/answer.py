@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
+import numpy as np
+
 from workbench.accuracy import DEFAULT_TOLERANCE
-from workbench.certificate import Certificate, Check, excess
-from workbench.checker import Checker
+from workbench.certificate import Certificate, Check, Checker, excess
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Figure
-from workbench.program import Program, Task
+from workbench.program import Program
 from workbench.solvers import Options, Outcome
 
 REPEATED_ROUNDING = 1e-9
@@ -134,11 +135,8 @@ class ProgramAnswer(Answer):
 
     @property
     def value(self) -> float:
-        """That metric; NaN where no Program is known that it answers, or it has no such metric."""
-        task = self._checked_by[0] if self._checked_by else None
-        if not isinstance(task, Task) or not task.headline:
-            return math.nan
-        return task.metrics(self)[task.headline]
+        """That metric; NaN where nobody is known who checks it, or it has no such metric."""
+        return self._checked_by[0].number(self) if self._checked_by else math.nan
 
 
 class PartsChecker(Checker):
@@ -183,18 +181,22 @@ class RepeatedChecker(Checker):
     def checks(self, answer: Any, tolerance: float) -> list[Check]:
         found = self.again()
         statement = "by which share the claimed bound is better than the one computed again"
-        crossed = float(answer.lower > answer.upper)
+        crossed = np.any(np.asarray(answer.lower) > answer.upper)
         return [
-            Check("lower", statement, excess(answer.lower, found.lower), REPEATED_ROUNDING),
-            Check("upper", statement, excess(found.upper, answer.upper), REPEATED_ROUNDING),
-            Check("order", "whether the lower bound is above the upper one", crossed, 0.0),
+            Check("lower", statement, _largest(answer.lower, found.lower), REPEATED_ROUNDING),
+            Check("upper", statement, _largest(found.upper, answer.upper), REPEATED_ROUNDING),
+            Check("order", "whether a lower bound is above the upper", float(crossed), 0.0),
         ]
+
+
+def _largest(values: Any, claimed: Any) -> float:
+    """The largest `excess` of numbers or arrays."""
+    pairs = np.broadcast(np.asarray(values, dtype=float), np.asarray(claimed, dtype=float))
+    return max((excess(float(one), float(other)) for one, other in pairs), default=0.0)
 
 
 def _shown(value: Any) -> str:
     """A number, or the range of an array's numbers."""
-    import numpy as np
-
     values = np.asarray(value, dtype=float)
     if values.size == 1:
         return f"{values.item():.6g}"
@@ -208,19 +210,22 @@ def answer_of(
     method: str | None = None,
     options: Options | None = None,
     executor: Executor | None = None,
+    usable: Callable[[Any], bool] = lambda answer: True,
 ) -> Any:
     """The answer of a Program by a method, not certified before somebody asks.
+
+    ``usable`` says whether an answer is one at all, such as of finite numbers.
 
     Raises
     ------
     UnknownNameError, InputError
         As `find_method`.
     SolverError
-        The method gave no answer.
+        The method gave no usable answer.
     """
     context = Context(options or Options(), executor=executor)
     answer, claim, message = program.respond(method, context)
-    if answer is None:
+    if answer is None or not usable(answer):
         raise SolverError(f"{method or program.default_method}: {claim}. {message}")
     optimal = program.claims_optimum(method) and claim is not Outcome.TIME_LIMIT
     tolerance = program.judging_tolerance(method, context.options.accuracy)

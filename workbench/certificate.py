@@ -1,14 +1,16 @@
-"""Certificates: checks of an answer from the data alone, and by how much they hold."""
+"""Certificates: checks of an answer from the data alone, and what makes them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from workbench.heavy_types import Figure
 from workbench.solvers import Outcome
 
 
@@ -222,3 +224,94 @@ def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float,
         int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
     )
     return float(values[place]), labels(tuple(int(i) for i in place))
+
+
+class Checker(ABC):
+    """The data of a question, and what checks an answer from them: `certify` issues a certificate.
+
+    Every Program and every Study is one. So is what a function leaves with its `Answer`.
+    """
+
+    @property
+    def quantifier(self) -> str:
+        """What the checks quantify over that do not say it themselves: frequencies, plants, data.
+
+        Such as "at the 400 given frequencies, for these 12 plants".
+        """
+        return ""
+
+    @abstractmethod
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        """Validity checks of an answer from the data alone, decided by the kernel."""
+
+    def witnessed(self, answer: Any) -> Any:
+        """The answer with what its second opinion looks at, found once and stored.
+
+        `solve` asks for it, so that `verify` searches nothing.
+        """
+        return answer
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        """Checks that share neither code nor mathematics with `checks`, of a valid answer.
+
+        They try the same claims in another way, and fail only if something is wrong.
+        """
+        return ()
+
+    def gap(self, answer: Any) -> tuple[str, float] | None:
+        """Relative optimality gap by an independent bound, and what it says; None without one."""
+        return None
+
+    def facts(self, answer: Any) -> Sequence[str]:
+        """What the certificate of a valid answer tells besides, such as a controller's order."""
+        return ()
+
+    def number(self, answer: Any) -> float:
+        """The number that an answer is known by; NaN where it has none, or several."""
+        return math.nan
+
+    def figures(self, answer: Any) -> dict[str, Figure]:
+        """Figures by file stem; returned, never written."""
+        return {}
+
+    def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
+        """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
+        with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
+            checks = tuple(quantified(self.quantifier, self.checks(answer, tolerance)))
+            facts: tuple[str, ...] = ()
+            if all(check.holds for check in checks):
+                opinion = quantified(self.quantifier, self.second_opinion(answer))
+                checks += tuple(replace(check, opinion=True) for check in opinion)
+                facts = tuple(self.facts(answer))
+            gap = self.gap(answer)
+        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal), facts)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedAs(Checker):
+    """Certifies what was made from the answer of another checker, by that answer."""
+
+    checker: Checker
+    original: Any
+
+    @property
+    def quantifier(self) -> str:
+        return self.checker.quantifier
+
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        return self.checker.checks(self.original, tolerance)
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        return self.checker.second_opinion(self.checker.witnessed(self.original))
+
+    def gap(self, answer: Any) -> tuple[str, float] | None:
+        return self.checker.gap(self.original)
+
+    def facts(self, answer: Any) -> Sequence[str]:
+        return self.checker.facts(self.original)
+
+    def number(self, answer: Any) -> float:
+        return self.checker.number(self.original)
+
+    def figures(self, answer: Any) -> dict[str, Figure]:
+        return self.checker.figures(self.original)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
+import math
 import sys
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -24,7 +25,7 @@ from workbench.accuracy import (
     EVERY_ACCURACY,
     AccuracyRange,
 )
-from workbench.checker import Checker
+from workbench.certificate import Checker
 from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
@@ -62,6 +63,9 @@ class Task(Checker):
     @abstractmethod
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
+
+    def number(self, answer: Any) -> float:
+        return self.metrics(answer)[self.headline] if self.headline else math.nan
 
     def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:
         """What draws the figures, by name: each of them can be called where another one fails."""

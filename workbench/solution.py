@@ -83,7 +83,9 @@ class Solution:
     def value(self) -> float:
         """The metric that the task is known by; NaN where it has none, or nothing was checked."""
         task = self._answered
-        return math.nan if task is None else self.metrics.get(task.headline, math.nan)
+        if task is None or self.certificate is None:
+            return math.nan
+        return task.number(self.answer)
 
     @property
     def metrics(self) -> dict[str, float]:

@@ -10,8 +10,8 @@ import click
 import workbench
 from workbench.bench.project import registry, results_root
 from workbench.cli.group import AS_JSON, main, tell_unfit
+from workbench.cli.terminal import certificate_word, print_json, print_table, row
 from workbench.guidance.completion import problem_names
-from workbench.terminal import certificate_word, print_json, print_table, row
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run

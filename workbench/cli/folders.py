@@ -12,7 +12,7 @@ import workbench
 from workbench.batch import workers
 from workbench.bench.project import results_root
 from workbench.cli.group import AS_JSON, main
-from workbench.terminal import print_json
+from workbench.cli.terminal import print_json
 
 
 @main.command()

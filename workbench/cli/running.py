@@ -11,10 +11,7 @@ import workbench
 from workbench.batch import ended
 from workbench.bench.project import registry
 from workbench.cli.group import AS_JSON, SCHEDULER, cluster, main, settings_of, tell_unfit
-from workbench.errors import WorkbenchError
-from workbench.guidance.completion import method_names, parameter_names, problem_names
-from workbench.solvers import Options
-from workbench.terminal import (
+from workbench.cli.terminal import (
     print_details,
     print_json,
     print_plan,
@@ -23,6 +20,9 @@ from workbench.terminal import (
     row,
     verdict,
 )
+from workbench.errors import WorkbenchError
+from workbench.guidance.completion import method_names, parameter_names, problem_names
+from workbench.solvers import Options
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run

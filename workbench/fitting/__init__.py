@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
+    from workbench.fitting.fitted_system import FittedSystem
     from workbench.fitting.magnitude.program import MagnitudeFit, fit_magnitude
     from workbench.fitting.rational import Rational
     from workbench.fitting.response.matrix_fit import fit_matrix_response
@@ -13,6 +14,7 @@ else:
     __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
+    "FittedSystem",
     "MagnitudeFit",
     "Rational",
     "ResponseFit",

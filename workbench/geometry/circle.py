@@ -12,7 +12,6 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.answer import ProgramAnswer, answer_of
 from workbench.arrays import EPS
 from workbench.conic import ConeFactor, ConeKind, ConicallyStated, ConicForm
-from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
 from workbench.geometry.cover import Cover, relative
@@ -109,17 +108,8 @@ def smallest_circle(
 
 
 def finite_answer(program: Cover, name: str, options: Options | None) -> Any:
-    """Answer of the method ``name``.
-
-    Raises
-    ------
-    SolverError
-        The method gave no answer, or a radius that is not finite.
-    """
-    answer = answer_of(program, name, options)
-    if not np.all(np.isfinite(answer.radius)):
-        raise SolverError(f"{name}: a radius is not finite")
-    return answer
+    """Answer of a method; raises SolverError where it gave none, or a radius is not finite."""
+    return answer_of(program, name, options, usable=lambda one: bool(np.isfinite(one.radius).all()))
 
 
 @method(SmallestCircle, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)

@@ -11,7 +11,11 @@ import numpy as np
 from workbench.arrays import ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
-from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
+from workbench.second_opinion.perturbations import (
+    constant_perturbations,
+    loop_eigenvalues,
+    vertex_perturbations,
+)
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.structure import Real, Structure
@@ -42,7 +46,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
     """
     omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
     drawn = vertex_perturbations(structure, DRAWN)
-    size = np.abs(np.linalg.eigvals(plain_response(system, omega)[:, None] @ drawn))
+    size = np.abs(loop_eigenvalues(plain_response(system, omega)[:, None], drawn))
     where = omega[int(np.argmax(size.max(axis=(1, 2))))]
     return Check(
         "sampled perturbations",
@@ -70,7 +74,7 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     )
 
 
-def singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
+def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if enlarged."""
     M = plain_response(system, np.array([omega]))[0]
     distance = regularity(M @ Delta)
@@ -100,7 +104,7 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
     )
 
 
-def destabilised(members: Sequence[Any]) -> Check:
+def one_unstable(members: Sequence[Any]) -> Check:
     """Check that one of some systems is unstable, or on the border of stability."""
     decay = math.inf
     for one in members:

@@ -38,6 +38,14 @@ def constant_perturbations(structure: Structure, count: int) -> RealArray:
     return np.array([_real(one, structure) for one in vertex_perturbations(structure, count)])
 
 
+def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> ComplexArray:
+    """Eigenvalues of M Delta, M scaled by a power of two: some LAPACKs fail on entries of 1e100."""
+    _, exponent = np.frexp(np.abs(M).max(initial=0.0))
+    size = 2.0 ** (int(exponent) - 1)
+    found: ComplexArray = np.linalg.eigvals(M / size @ Delta) * size
+    return found
+
+
 def _real(Delta: ComplexArray, structure: Structure) -> RealArray:
     """A perturbation with real entries and blocks of size 1."""
     found = Delta.real.copy()

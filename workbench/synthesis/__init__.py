@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
     from workbench.synthesis.implementation.implemented import ImplementedController
     from workbench.synthesis.implementation.program import Implementation
+    from workbench.synthesis.implementation.reduced import ReducedController, ReducedControllers
     from workbench.synthesis.implementation.reduction import (
-        ReducedController,
-        ReducedControllers,
         approximated,
         approximations,
         reduce_order,

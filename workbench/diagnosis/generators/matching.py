@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from workbench.answer import Answer
+from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.generators.generator import Poles, ResidualGenerator, realised, transfer
@@ -25,6 +26,7 @@ from workbench.diagnosis.models.detectability import frequencies, masking, need_
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
+from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.assumptions import regularised
 from workbench.synthesis.h_infinity.program import hinf
 from workbench.systems.conversion import as_system
@@ -53,6 +55,11 @@ class ModelMatch(Answer):
     generator: ResidualGenerator
     error: StateSpace
     norm: float
+
+    @property
+    def value(self) -> float:
+        """The norm of the error."""
+        return self.norm
 
 
 def model_matching(
@@ -128,7 +135,28 @@ def model_matching(
     error = generalised.close(K)
     if not stability_of(error).holds:
         raise SolverError("the error is not stable, numerically; choose slower poles of the basis")
-    return ModelMatch(generator, error, certified_norm(error))
+    return ModelMatch(generator, error, certified_norm(error)).checked_by(MatchChecker())
+
+
+class MatchChecker(Checker):
+    """Checks the norm of a `ModelMatch`'s error."""
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_FREQUENCY}, for this one model"
+
+    def checks(self, answer: ModelMatch, tolerance: float) -> list[Check]:
+        stable = stability_of(answer.error)
+        if not stable.holds:
+            return [stable]
+        proven = excess(certified_norm(answer.error), answer.norm)
+        return [stable, Check("norm", "proven norm over the claimed one, less 1", proven, 0.0)]
+
+    def second_opinion(self, answer: ModelMatch) -> list[Check]:
+        return [
+            loops.powers_fall(answer.error.A, answer.error.dt),
+            loops.gain(answer.error, None, None, answer.norm),
+        ]
 
 
 def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:

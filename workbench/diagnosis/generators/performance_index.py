@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
-from workbench.answer import Answer
+from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import Array
+from workbench.certificate import Check
 from workbench.diagnosis.generators.generator import structure_matrix, transfer
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
+from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.solvers import slicot_routine
 from workbench.systems.bilinear import to_continuous
 
+SAMPLED_FREQUENCIES = 500
+"""Frequencies at which a check tries an index."""
 FIRST_FREQUENCIES = 60
 """Number of frequencies with which the search starts."""
 MOST_LEVELS = 60
@@ -128,7 +133,41 @@ def performance_index(
     found = np.array(
         [_peak(Q, model, i, over, under, low, high, tolerance) for i in range(int(Q.noutputs))]
     )
-    return PerformanceIndex(*found.T)
+    again = partial(
+        performance_index,
+        Q,
+        model,
+        band,
+        disturbances=disturbances,
+        faults=faults,
+        tolerance=tolerance,
+    )
+    words = f"at every frequency from {low:.6g} to {high:.6g} rad/s"
+    checker = IndexChecker(again, words, Q, model, band, under, over)
+    return PerformanceIndex(*found.T).checked_by(checker)
+
+
+@dataclass(frozen=True, eq=False)
+class IndexChecker(RepeatedChecker):
+    """Computes the index again, and tries it at frequencies between its ends."""
+
+    Q: StateSpace
+    model: FaultModel
+    band: tuple[float, float]
+    disturbances: tuple[str, ...]
+    faults: tuple[str, ...]
+
+    def second_opinion(self, answer: PerformanceIndex) -> list[Check]:
+        omega = np.geomspace(*_band(self.model, self.band), SAMPLED_FREQUENCIES)
+        top, bottom = (
+            np.linalg.norm(transfer(self.Q, self.model, names, omega), axis=2)
+            for names in (self.disturbances, self.faults)
+        )
+        ratio = np.max(top / bottom, axis=0) / answer.upper
+        largest = float(np.max(ratio, initial=0.0, where=answer.upper > 0)) - 1.0
+        statement = "largest ratio over the claimed bound, less 1"
+        over = f"at {SAMPLED_FREQUENCIES} frequencies"
+        return [Check("sampled ratio", statement, largest, SAMPLED_ROUNDING, over=over)]
 
 
 def _peak(

@@ -9,18 +9,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.answer import answer_of
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check, quantified, worst
 from workbench.errors import InputError, SolverError
-from workbench.executor import Context
+from workbench.fitting.fitted_system import FittedSystem
 from workbench.fitting.magnitude import results
 from workbench.fitting.magnitude.alternation import error_bound
 from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.program import Program, find_method
+from workbench.heavy_types import Dataset, Figure
+from workbench.program import Program
 from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
 
@@ -231,7 +232,7 @@ def fit_magnitude(
     error: float | None = None,
     method: str | None = None,
     options: Options | None = None,
-) -> StateSpace:
+) -> FittedSystem:
     """Stable, minimum-phase system whose magnitude fits data.
 
     Parameters
@@ -250,7 +251,7 @@ def fit_magnitude(
     -------
     control.StateSpace
         In general as many zeros as poles, and at most that order. ``solve(MagnitudeFit(...))``
-        gives the roots and a certificate.
+        gives the roots.
 
     Raises
     ------
@@ -273,7 +274,7 @@ def fit_magnitude(
         raise InputError("give either the order or the worst error allowed")
     if order is not None:
         program = MagnitudeFit(omega, magnitude, order, weight, cover)
-        return _answer(program, method, options).state_space()
+        return FittedSystem.of(_answer(program, method, options))
     if error is None or not error > 0:
         raise InputError(f"error must be positive, not {error}")
     least = MagnitudeFit(omega, magnitude, 0, weight, cover)
@@ -282,7 +283,7 @@ def fit_magnitude(
         program = MagnitudeFit(least.omega, least.magnitude, n, least.weight, cover)
         answer = _answer(program, method, options)
         if program.error(answer) <= error:
-            return answer.state_space()
+            return FittedSystem.of(answer)
         best = min(best, program.error(answer))
     raise SolverError(
         f"no order up to {n} has a worst error of {error:.6g}; the best reached is {best:.6g}: "
@@ -292,9 +293,7 @@ def fit_magnitude(
 
 def _answer(program: MagnitudeFit, method: str | None, options: Options) -> Rational:
     """Answer of a method that passes the validity checks; else a `SolverError`."""
-    answer, outcome, message = find_method(program, method).answer(program, Context(options))
-    if answer is None:
-        raise SolverError(f"{method or program.default_method}: {outcome}. {message}")
+    answer: Rational = answer_of(program, method, options)
     with np.errstate(all="ignore"):
         failed = [check.name for check in program.checks(answer, 1.0) if not check.holds]
     if failed:

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from workbench.arrays import ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.errors import InputError, SolverError
+from workbench.fitting.fitted_system import FittedSystem
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import (
     decays,
@@ -253,7 +254,7 @@ def fit_response(
     unstable_poles: int = 0,
     method: str = "best",
     options: Options | None = None,
-) -> StateSpace:
+) -> FittedSystem:
     """Real rational function that fits complex response data, as a cascade of sections.
 
     Parameters
@@ -306,7 +307,7 @@ def fit_response(
         if solution.certificate is None:
             message = solution.message
         elif solution.certificate.valid:
-            return solution.answer.state_space()
+            return FittedSystem.of(solution.answer)
         else:
             message = "; ".join(solution.certificate.failures)
             reached.append((program.metrics(solution.answer)["error_worst"], tried))

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.certificate import Check, quantified
+from workbench.answer import ProgramAnswer
+from workbench.certificate import Check, CheckedAs, quantified
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
@@ -206,8 +207,8 @@ class ParameterFit(LeastSquares, Program):
         return values
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class ParameterEstimate(ProgramAnswer):
     """Fitted parameters: values by name, covariance, half-widths of intervals, and warnings.
 
     Examples
@@ -233,6 +234,14 @@ class ParameterEstimate:
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
+
+    def said(self) -> str:
+        values = [
+            f"{name} = {value:.6g} +- {self.half_widths[name]:.2g}"
+            for name, value in self.values.items()
+        ]
+        lines = [f"ParameterEstimate: chi-square {self.chi_square:.5g}", *values, *self.notes]
+        return "\n  ".join(lines)
 
 
 def fit_parameters(
@@ -298,4 +307,4 @@ def fit_parameters(
         half_widths=dict(zip(program.names, map(float, halves), strict=True)),
         chi_square=program.chi_square(values)[0],
         notes=notes,
-    )
+    ).checked_by(CheckedAs(program, solution.answer), certificate=solution.certificate)

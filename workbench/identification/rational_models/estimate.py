@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.answer import ProgramAnswer
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import Certificate
+from workbench.certificate import CheckedAs
 from workbench.errors import SolverError
 from workbench.heavy_types import Figure, StateSpace
 from workbench.identification.experiments.quality import IdentificationWarning
@@ -28,8 +29,8 @@ DEGREES_PER_ENTRY = 6.0
 """Degrees of freedom for each entry from which covariance matrices are used as weights."""
 
 
-@dataclass(frozen=True, eq=False)
-class RationalModelEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class RationalModelEstimate(ProgramAnswer):
     """A rational model of a response, its uncertainty, and what the residuals say of it.
 
     ``candidates`` holds the tests of every order that was tried.
@@ -52,9 +53,8 @@ class RationalModelEstimate:
     uncertainty: ModelUncertainty
     tests: ResidualTests
     candidates: dict[int, ResidualTests]
-    certificate: Certificate
 
-    def __repr__(self) -> str:
+    def said(self) -> str:
         p, m = self.model.shape
         verdict = "accepted" if self.tests.accepted else "rejected"
         return (
@@ -79,8 +79,13 @@ class RationalModelEstimate:
         """Radii (F, p, m) of discs that hold the true responses."""
         return self.uncertainty.radius(omega, confidence)
 
-    def plot(self, confidence: float = 0.95) -> Figure:
-        """Data and model over frequency, with the band of the model."""
+    def plot(self, name: str | None = None, confidence: float = 0.95) -> Figure:
+        """Data and model over frequency, with the band of the model.
+
+        With a name, that figure of its Program.
+        """
+        if name is not None:
+            return super().plot(name)
         data = self.uncertainty.structure.data
         return rational_model_figure(data, self.model, self.uncertainty, confidence)
 
@@ -164,8 +169,7 @@ def fit_rational_model(
         program.uncertainty(answer.model),
         tests,
         {model.order: program.tests(model) for model in answer.models},
-        solution.certificate,
-    )
+    ).checked_by(CheckedAs(program, answer), certificate=solution.certificate)
 
 
 def _weighting(estimate: ResponseEstimate) -> np.ndarray:

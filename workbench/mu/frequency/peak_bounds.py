@@ -10,13 +10,12 @@ import numpy as np
 
 from workbench.answer import Answer
 from workbench.arrays import Array
-from workbench.certificate import EVERY_PERTURBATION, Check, excess
+from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
-from workbench.checker import Checker
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.complex_part import separated, with_complex_part
 from workbench.second_opinion import peaks
@@ -106,10 +105,10 @@ class PeakChecker(Checker):
         system, structure, Delta = self._claimed_of(answer)
         omega = answer.omega
         if isinstance(system, StableSystem):
-            system, omega = in_doubles(system), system.plane(omega)
+            system, omega = realised_in_doubles(system), system.plane(omega)
         else:
             system = as_system(system, "system")
-        found = [peaks.singular(system, Delta, omega)] if answer.lower > 0 else []
+        found = [peaks.nearly_singular(system, Delta, omega)] if answer.lower > 0 else []
         if math.isfinite(answer.upper) and self.band == (0.0, math.inf):
             found += peaks.upper_tried(system, structure, answer.upper)
         return found
@@ -122,7 +121,7 @@ class PeakChecker(Checker):
         return *larger, separated(answer.Delta, self.structure, answer.complex_part)
 
 
-def in_doubles(system: StableSystem) -> StateSpace:
+def realised_in_doubles(system: StableSystem) -> StateSpace:
     """The realisation in doubles, in continuous time."""
     return realisation((system.A, system.B, system.C, system.D), 0.0)
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
-from workbench.checker import Checker
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies

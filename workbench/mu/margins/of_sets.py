@@ -18,9 +18,8 @@ import numpy as np
 
 from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
-from workbench.certificate import Check, excess
+from workbench.certificate import Check, Checker, excess
 from workbench.certify.stable_system import stable_system
-from workbench.checker import Checker
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance

@@ -27,7 +27,7 @@ from workbench.mu.frequency.peak import INTERVALS_COVER, peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.margin_bounds import reciprocal
 from workbench.second_opinion import loops
-from workbench.second_opinion.peaks import destabilised
+from workbench.second_opinion.peaks import one_unstable
 from workbench.structure import Full, Real, Structure
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
@@ -150,7 +150,7 @@ class ConditionsChecker(PartsChecker):
     def second_opinion(self, answer: Conditions) -> list[Check]:
         if answer.nominal_stability:
             return [loops.powers_fall(self.loop.A, self.loop.dt)]
-        return [destabilised([self.loop])]
+        return [one_unstable([self.loop])]
 
 
 def conditions(

@@ -131,7 +131,7 @@ class StabilityChecker(PartsChecker):
             ]
         if answer.worst is not None:
             members = [one.at(**answer.worst) for one in self.systems]
-            found.append(peaks.destabilised(members))
+            found.append(peaks.one_unstable(members))
         return found
 
 

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 
 from workbench.answer import Answer
 from workbench.arrays import Array, RealArray
-from workbench.certificate import Check, excess, these
+from workbench.certificate import Check, Checker, excess, these
 from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
-from workbench.checker import Checker
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.input_checks import as_matrices
 from workbench.mu.lower.methods import proposals

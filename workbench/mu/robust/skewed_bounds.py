@@ -11,15 +11,14 @@ from flint import ctx
 
 from workbench.answer import Answer
 from workbench.arrays import EPS, Array, BoolArray
-from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
+from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified
 from workbench.certify.balls import response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.skewed import proven_skew_of
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
-from workbench.checker import Checker
-from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, in_doubles
+from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, realised_in_doubles
 from workbench.second_opinion import peaks
 from workbench.structure import Structure
 
@@ -104,7 +103,9 @@ class SkewedPeakChecker(Checker):
         found = []
         if answer.lower > 0:
             found.append(
-                peaks.singular(in_doubles(stable), answer.Delta, stable.plane(answer.omega))
+                peaks.nearly_singular(
+                    realised_in_doubles(stable), answer.Delta, stable.plane(answer.omega)
+                )
             )
         return found + level_tried(stable, self.structure, self._inputs, answer)
 
@@ -137,7 +138,9 @@ class WorstCaseChecker(Checker):
         found = level_tried(stable, whole_structure(stable, self.structure), inputs, claim)
         if 0.0 < claim.lower < math.inf:
             omega = stable.plane(claim.omega)
-            found.append(peaks.attains(in_doubles(stable), claim.Delta, omega, claim.lower))
+            found.append(
+                peaks.attains(realised_in_doubles(stable), claim.Delta, omega, claim.lower)
+            )
         return found
 
     def _in_plane(self, answer: WorstCaseGain) -> WorstCaseGain:
@@ -227,7 +230,7 @@ def level_tried(
     if not 0.0 < found.upper < math.inf:
         return []
     scaled = divided(stable, inputs, found.upper)
-    return peaks.upper_tried(in_doubles(scaled), structure, 1.0)
+    return peaks.upper_tried(realised_in_doubles(scaled), structure, 1.0)
 
 
 def whole_structure(stable: StableSystem, structure: Structure) -> Structure:

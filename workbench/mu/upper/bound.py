@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from workbench.answer import answer_of
-from workbench.errors import SolverError
 from workbench.mu.upper import ab13md as upper_ab13md
 from workbench.mu.upper import conic as upper_conic
 from workbench.mu.upper import fast as upper_fast
@@ -58,7 +57,10 @@ def upper_bound(
     SolverError
         The method gave no answer.
     """
-    bound: UpperBound = answer_of(MuUpperBound(M, structure), method, options, executor)
-    if not np.all(np.isfinite(bound.value)):
-        raise SolverError(f"{method}: a bound is not finite")
-    return bound
+
+    def finite(bound: UpperBound) -> bool:
+        return bool(np.isfinite(bound.value).all())
+
+    program = MuUpperBound(M, structure)
+    found: UpperBound = answer_of(program, method, options, executor, finite)
+    return found

@@ -18,7 +18,7 @@ from workbench.certify.singularity import proven_bound
 from workbench.mu.lower.bound import lower_bound
 from workbench.second_opinion import SEED
 from workbench.second_opinion.multipliers import inequality_holds
-from workbench.second_opinion.perturbations import vertex_perturbations
+from workbench.second_opinion.perturbations import loop_eigenvalues, vertex_perturbations
 from workbench.structure import Real, Structure
 
 MOST_MATRICES = 8
@@ -97,7 +97,7 @@ def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
     found = []
     turning = not any(isinstance(block, Real) for block in structure)
     for Delta in vertex_perturbations(structure, DRAWN):
-        values = np.linalg.eigvals(M @ Delta)
+        values = loop_eigenvalues(M, Delta)
         if not turning:
             values = values[np.abs(values.imag) <= REAL_EIGENVALUE * np.abs(values)].real
         values = values[np.abs(values) > 0]

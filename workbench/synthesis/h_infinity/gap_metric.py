@@ -8,12 +8,13 @@ coprime factors [N; M] (T. Georgiou, On the computation of the gap metric, Syste
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.answer import Answer
+from workbench.answer import Answer, RepeatedChecker
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
@@ -63,7 +64,9 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     plane = [bilinear_continuous(one) if one.dt else one for one in systems]
     factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")
     upper = max(_directed(*factors, tolerance), _directed(*factors[::-1], tolerance))
-    return PlantGap(below.lower, max(min(upper, 1.0), below.lower))
+    again = partial(gap_metric, first, second, tolerance)
+    found = PlantGap(below.lower, max(min(upper, 1.0), below.lower))
+    return found.checked_by(RepeatedChecker(again, "at every frequency, for these two plants"))
 
 
 def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:

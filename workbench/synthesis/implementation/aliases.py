@@ -21,11 +21,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from workbench.answer import Answer
+from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -166,13 +167,15 @@ def sampled_robustness(
         lower[near], upper[near] = loop.margins(angles[near], aliases)
     k = int(np.argmin(upper))
     least = float(lower.min()) * (1 - ROUNDING)
+    over = f"at {angles.size} frequencies, for every linear time-invariant perturbation"
+    again = partial(sampled_robustness, plant, K, sample_time, delay, sign=sign)
     return SampledRobustness(
         least if least < LARGEST / 2 else math.inf,
         float(upper[k]) if upper[k] < LARGEST / 2 else math.inf,
         float(angles[k] / sample_time),
         angles.size,
         aliases,
-    )
+    ).checked_by(RepeatedChecker(again, over))
 
 
 def _parts(plant: Any) -> StateSpace:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.answer import Answer
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -21,11 +18,18 @@ from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
+from workbench.synthesis.implementation.reduced import (
+    ReducedChecker,
+    ReducedController,
+    ReducedControllers,
+    ReducedControllersChecker,
+    deciding_peak,
+)
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.reduction import truncation
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import in_words, realisation
+from workbench.systems.realisation import realisation
 
 Reducer = tuple[int, Callable[[int], StateSpace]]
 """The least order that a method reaches, and a function from an order to the controller."""
@@ -33,127 +37,6 @@ DETOUR = 8
 """States above the wanted order from which `approximations` starts again at most."""
 ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
 """Methods of order reduction; see `approximated`."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ReducedController(Answer):
-    """A controller with fewer states and the certified peak of its loop.
-
-    The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
-    uncertainty it is the peak of the gain, for a plant without performance the peak of mu of robust
-    stability. Where the loop is not ``stable`` both bounds are infinite.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.structure import Complex
-    >>> from workbench.synthesis import reduce_order
-    >>> from workbench.uncertainty import generalised_plant
-    >>> G = control.tf([1.0], [1.0, 1.0])
-    >>> parts = [
-    ...     (G, "v", "y"),
-    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
-    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
-    ... ]
-    >>> sums = {"v": "u + d", "e": "r - y"}
-    >>> uncertain = [(Complex(1), "z", "d")]
-    >>> plant = generalised_plant(
-    ...     parts,
-    ...     sums,
-    ...     perturbation=uncertain,
-    ...     exogenous=["r"],
-    ...     performance=["z_e"],
-    ...     control=["u"],
-    ...     measurement="e",
-    ... )
-    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> found = reduce_order(K, plant, order=0).tried[0]
-    >>> found.order, found.stable, bool(found.lower <= found.upper)
-    (0, True, True)
-    """
-
-    K: StateSpace
-    stable: bool
-    lower: float
-    upper: float
-
-    @property
-    def lti(self) -> StateSpace:
-        """The controller."""
-        return self.K
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.K.nstates)
-
-    def said(self) -> str:
-        loop = f"peak {self.lower:.4g} to {self.upper:.4g}" if self.stable else "loop UNSTABLE"
-        return f"ReducedController: {in_words(self.K)}; {loop}"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ReducedControllers(Answer):
-    """Reduced controllers of all orders tried, lowest first; the last one is the given controller.
-
-    ``smallest`` is the controller of the least order that has a stable loop with a certified peak
-    of at most the target; None where no order has one.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.structure import Complex
-    >>> from workbench.synthesis import reduce_order
-    >>> from workbench.uncertainty import generalised_plant
-    >>> G = control.tf([1.0], [1.0, 1.0])
-    >>> parts = [
-    ...     (G, "v", "y"),
-    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
-    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
-    ... ]
-    >>> sums = {"v": "u + d", "e": "r - y"}
-    >>> uncertain = [(Complex(1), "z", "d")]
-    >>> plant = generalised_plant(
-    ...     parts,
-    ...     sums,
-    ...     perturbation=uncertain,
-    ...     exogenous=["r"],
-    ...     performance=["z_e"],
-    ...     control=["u"],
-    ...     measurement="e",
-    ... )
-    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> K2 = control.ss([[-0.01, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[1.0]])
-    >>> [controller.order for controller in reduce_order(K2, plant).tried]
-    [0, 1, 2]
-    """
-
-    tried: tuple[ReducedController, ...]
-    target: float
-
-    def said(self) -> str:
-        lines = [f"ReducedControllers, target {self.target:.4g}:"]
-        lines += [f"  {in_words(one.K)}; " + repr(one).split("; ")[-1] for one in self.tried]
-        return "\n".join(lines)
-
-    @property
-    def smallest(self) -> ReducedController | None:
-        return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
-
-    @property
-    def lti(self) -> StateSpace:
-        """The controller of the least order that meets the target; InputError where none does."""
-        if self.smallest is None:
-            raise InputError(
-                f"no reduced controller has a certified peak of {self.target:.6g} or less; choose "
-                "one of `tried`"
-            )
-        return self.smallest.K
-
-    @property
-    def curve(self) -> NDArray[np.float64]:
-        """Order, lower and upper bound of the peak (N, 3); infinite where the loop is unstable."""
-        return np.array([[one.order, one.lower, one.upper] for one in self.tried])
 
 
 def approximated(
@@ -310,7 +193,8 @@ def reduce_order(
     certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
         certified = _refined(plant, certified, given, target, context or Context())
-    return ReducedControllers((*certified, given), target)
+    reduced = ReducedControllers((*certified, given), target)
+    return reduced.checked_by(ReducedControllersChecker())
 
 
 def _refined(
@@ -365,7 +249,7 @@ def _reducer(
                 'the method "weighted" weighs with the closed loop; give the plant, or ask '
                 '"balanced", "matchdc" or "hankel"'
             )
-        peak = _peak(found) if found is not None else _only_peak(plant, K)
+        peak = deciding_peak(found) if found is not None else _only_peak(plant, K)
         loop = plant.close(K)
         if peak is None:
             poles = loop.poles()
@@ -385,15 +269,10 @@ def _reducer(
 def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, ReducedController]:
     """The conditions of a loop, and the controller with its certified peak."""
     found = conditions(plant, K)
-    peak = _peak(found)
+    peak = deciding_peak(found)
     stable = peak is not None and bool(stability_of(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
-    return found, ReducedController(K, stable, *bounds)
-
-
-def _peak(found: Conditions) -> Peak | None:
-    """The peak of robust performance, or of robust stability where there is no performance."""
-    return found.robust_performance or found.robust_stability
+    return found, ReducedController(K, stable, *bounds).checked_by(ReducedChecker(found))
 
 
 def _only_peak(plant: GeneralisedPlant, K: StateSpace) -> Peak | None:

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, root
 
-from workbench.answer import Answer
+from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check, Checker, excess
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
+from workbench.second_opinion.loops import powers_fall
+from workbench.second_opinion.peaks import one_unstable
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -66,6 +69,11 @@ class SampledMargins:
     phase_at: float
     delay: float
 
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All of them."""
+        return *self.gain, self.phase, self.phase_at, self.delay
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledConditions(Answer):
@@ -87,6 +95,17 @@ class SampledConditions(Answer):
     stable: bool
     pole: complex
     margins: tuple[SampledMargins, ...]
+
+    def said(self) -> str:
+        state = "stable" if self.stable else "UNSTABLE"
+        lines = [f"SampledConditions: {state}, largest pole at z = {self.pole:.5g}"]
+        for number, one in enumerate(self.margins):
+            low, high = one.gain
+            lines.append(
+                f"  control {number + 1}: gain {low:.4g} to {high:.4g}, phase {one.phase:.4g} "
+                f"degrees, delay {one.delay:.4g} samples"
+            )
+        return "\n".join(lines)
 
 
 def sampled_conditions(
@@ -137,8 +156,38 @@ def sampled_conditions(
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:
-        return SampledConditions(False, pole, ())
-    return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
+        return SampledConditions(False, pole, ()).checked_by(SampledChecker(loop))
+    margins = tuple(_margins(loop, i) for i in range(plant.ninputs))
+    return SampledConditions(True, pole, margins).checked_by(SampledChecker(loop))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledChecker(Checker):
+    """Checks `SampledConditions` of a loop; its margins are computed again."""
+
+    loop: HeldPlantLoop
+
+    @property
+    def quantifier(self) -> str:
+        return "for this one loop, at its samples"
+
+    def checks(self, answer: SampledConditions, tolerance: float) -> list[Check]:
+        stability = stability_of(self.loop.closed())
+        other = float(stability.holds != answer.stable)
+        found = [Check("stability", "whether it is not as claimed", other, 0.0)]
+        again = [_margins(self.loop, i) for i in range(len(answer.margins))]
+        statement = "largest difference of margins from those computed again, relative"
+        apart = [
+            excess(max(abs(a), abs(b)), min(abs(a), abs(b)))
+            for one, other in zip(answer.margins, again, strict=True)
+            for a, b in zip(one.numbers, other.numbers, strict=True)
+            if not (math.isnan(a) and math.isnan(b))
+        ]
+        return [*found, Check("margins", statement, max(apart, default=0.0), REPEATED_ROUNDING)]
+
+    def second_opinion(self, answer: SampledConditions) -> list[Check]:
+        closed = self.loop.closed()
+        return [powers_fall(closed.A, closed.dt) if answer.stable else one_unstable([closed])]
 
 
 def what_stabilises(

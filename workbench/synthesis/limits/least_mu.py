@@ -20,12 +20,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from workbench.answer import Answer
+from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
+from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 
 QUARTERS = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -33,6 +36,8 @@ QUARTERS = ((0, 0), (0, 1), (1, 0), (1, 1))
 HALVINGS = 40
 """Most halvings of a box. Without circular part and control weight mu may jump, and no number of
 halvings reaches the tolerance."""
+DRAWN = 200
+"""Controllers that are drawn in a check."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,7 +122,39 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
         if not len(k):
             break
     np.minimum.at(lower, k, least)
-    return LeastMu(np.minimum(lower, upper), upper, T)
+    found = LeastMu(np.minimum(lower, upper), upper, T)
+    again = partial(least_mu, weights, tolerance)
+    over = f"at these {len(upper)} frequencies, for all complex K"
+    return found.checked_by(LeastMuChecker(again, over, weights))
+
+
+@dataclass(frozen=True, eq=False)
+class LeastMuChecker(RepeatedChecker):
+    """Computes the bounds again, and tries T and controllers that are drawn."""
+
+    weights: LoopWeights
+
+    def second_opinion(self, answer: LeastMu) -> list[Check]:
+        rng = np.random.default_rng(SEED)
+        reached = self.weights.mu(answer.T)
+        size = rng.lognormal(sigma=2.0, size=(DRAWN, len(answer.T)))
+        turns = np.exp(2j * np.pi * rng.uniform(size=size.shape))
+        drawn = np.min([self.weights.mu(T) for T in size * turns], axis=0)
+        return [
+            Check(
+                "reached",
+                "mu with T over the claimed upper bound, less 1",
+                float(np.max(reached / answer.upper, initial=0.0)) - 1.0,
+                REPEATED_ROUNDING,
+            ),
+            Check(
+                "drawn",
+                "claimed lower bound over the least mu of controllers that are drawn, less 1",
+                float(np.max(answer.lower / drawn, initial=0.0)) - 1.0,
+                REPEATED_ROUNDING,
+                over=f"for {DRAWN} complex numbers at each frequency",
+            ),
+        ]
 
 
 def largest_least_mu(
