@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
@@ -38,11 +40,11 @@ def constant_perturbations(structure: Structure, count: int) -> RealArray:
     return np.array([_real(one, structure) for one in vertex_perturbations(structure, count)])
 
 
-def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> ComplexArray:
+def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> Any:
     """Eigenvalues of M Delta, M scaled by a power of two: some LAPACKs fail on entries of 1e100."""
     _, exponent = np.frexp(np.abs(M).max(initial=0.0))
     size = 2.0 ** (int(exponent) - 1)
-    found: ComplexArray = np.linalg.eigvals(M / size @ Delta) * size
+    found: Any = np.linalg.eigvals(M / size @ Delta) * size
     return found
 
 

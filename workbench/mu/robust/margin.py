@@ -184,7 +184,8 @@ def robust_performance(
 
     def margin(lower: float, upper: float, omega: float) -> PerformanceMargin:
         found = PerformanceMargin(lower, upper, angular_frequency(omega, period), gain)
-        return found.checked_by(PerformanceChecker(proven.get(lower), proven.get(upper)))
+        checker = PerformanceChecker((lower, upper), proven.get(lower), proven.get(upper))
+        return found.checked_by(checker)
 
     if (nominal := at(0.0)).upper >= 1.0:
         return margin(0.0, 0.0 if nominal.lower >= 1 else math.inf, nominal.omega)

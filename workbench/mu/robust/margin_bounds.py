@@ -137,8 +137,9 @@ class StabilityChecker(PartsChecker):
 
 @dataclass(frozen=True, eq=False)
 class PerformanceChecker(PartsChecker):
-    """Checks a `PerformanceMargin` by the peaks at its two factors; None: nothing was proven."""
+    """Checks a `PerformanceMargin` by the peaks at two factors; None: nothing was proven there."""
 
+    factors: tuple[float, float]
     at_lower: Peak | None
     at_upper: Peak | None
 
@@ -151,9 +152,10 @@ class PerformanceChecker(PartsChecker):
 
     def checks(self, answer: PerformanceMargin, tolerance: float) -> list[Check]:
         low, high = self.at_lower, self.at_upper
-        kept = answer.lower == 0.0 or (low is not None and low.upper < 1.0)
-        lost = math.isinf(answer.upper) or (high is not None and high.lower >= 1.0)
+        kept = self.factors[0] if low is not None and low.upper < 1.0 else 0.0
+        lost = self.factors[1] if high is not None and high.lower >= 1.0 else math.inf
+        statement = "by which share it is better than the factor at which a peak proves it"
         return [
-            Check("kept", "whether no peak below 1 proves the lower bound", float(not kept), 0.0),
-            Check("lost", "whether no peak from 1 on proves the upper bound", float(not lost), 0.0),
+            Check("lower", statement, excess(answer.lower, kept), 0.0),
+            Check("upper", statement, excess(lost, answer.upper), 0.0),
         ]
