@@ -137,6 +137,7 @@ class ReducedControllers:
 
     @property
     def smallest(self) -> ReducedController | None:
+        """The stable controller of lowest order whose peak is proven within the target."""
         return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
 
     @property
