@@ -199,6 +199,13 @@ class Fit:
     order: int = 2
 
 
+class Chain:
+    """A class whose method has a name of python-control, and is none of its functions."""
+
+    def append(self, points: Any, order: int = 2) -> None:
+        """Add points."""
+
+
 def silent(points: Any) -> None:
     pass
 
@@ -285,6 +292,7 @@ UNLAWFUL = [
     ("order", settings_first, {"(order, points)": "points before order"}),
     ("keywords", positional, {"(order, weight)": "(*, order, weight)"}),
     ("keywords", Fit, {"(order)": "(*, order)"}),
+    ("keywords", Chain, {".append(order)": "(*, order)"}),
     ("docstrings", silent, {"": "a docstring"}),
     ("docstrings", Silent, {"": "a docstring"}),
 ]

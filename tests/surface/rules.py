@@ -193,7 +193,9 @@ def _is_rate(one: Said) -> bool:
 
 
 def _is_control(owner: str) -> bool:
-    return owner.rpartition(".")[2] in OF_PYTHON_CONTROL
+    """Whether it is a function of a room with a name of python-control; no method is."""
+    *_, room, name = owner.split(".")
+    return name in OF_PYTHON_CONTROL and room.islower()
 
 
 def _frequency(one: Said) -> str:
