@@ -45,6 +45,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
+        """Whether the value is at most its limit; NaN is not."""
         return self.value <= self.limit  # false for NaN
 
 
@@ -114,6 +115,7 @@ class Gap:
 
     @property
     def closed(self) -> bool:
+        """Whether the value is at most the tolerance, on either side of 0."""
         return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
 
 
@@ -138,6 +140,7 @@ class Certificate:
 
     @property
     def valid(self) -> bool:
+        """Whether every check holds."""
         return all(check.holds for check in self.checks)
 
     @property
@@ -179,6 +182,7 @@ class Certificate:
         return "\n".join([*lines, *(f"  {fact}" for fact in self.facts)])
 
     def to_json(self) -> dict[str, Any]:
+        """The certificate as data for `json`."""
         checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
         gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
         found = {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
@@ -186,6 +190,7 @@ class Certificate:
 
     @classmethod
     def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
+        """The certificate whose data `to_json` gave."""
         gap = stored["gap"]
         return cls(
             tuple(Check(**_read(check, "holds")) for check in stored["checks"]),

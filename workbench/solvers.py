@@ -151,7 +151,8 @@ class Stopwatch(Protocol):
     True
     """
 
-    def stating(self) -> AbstractContextManager[None]: ...
+    def stating(self) -> AbstractContextManager[None]:
+        """What is done within counts as statement of the problem, not as solving it."""
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,7 @@ class ConicSolver:
 
     @property
     def installed(self) -> bool:
+        """Whether the module that it needs can be imported."""
         return importlib.util.find_spec(self.module) is not None
 
 

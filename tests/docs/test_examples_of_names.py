@@ -5,25 +5,16 @@ import importlib
 import importlib.util
 import inspect
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from surface.reading import reference
 
 DOCS = Path(__file__).parents[2] / "docs"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
-def _reference():
-    """The module that writes the pages of the reference; it stands among others that it needs."""
-    sys.path.insert(0, str(DOCS / "_tools"))
-    try:
-        return importlib.import_module("api_pages")
-    finally:
-        sys.path.pop(0)
-
-
-REFERENCE = _reference()
+REFERENCE = reference()
 
 
 def session_of(room):

@@ -65,18 +65,22 @@ class Run(Fed):
 
     @property
     def problem(self) -> str:
+        """Name of the problem."""
         return str(self.info["problem"])
 
     @property
     def method(self) -> str | None:
+        """Name of the method; None for a Study, which has none to choose."""
         return self.info["method"]
 
     @property
     def key(self) -> str:
+        """Hash of the question; it names the folder."""
         return str(self.info["key"])
 
     @property
     def outcome(self) -> Outcome:
+        """What became of the question."""
         return Outcome(self.info["outcome"])
 
     @property
@@ -177,6 +181,7 @@ class Run(Fed):
 
     @property
     def log(self) -> str:
+        """Text of the log."""
         return read_text(self.path / "log.txt")
 
     def show(self, figure: str | None = None) -> Picture:

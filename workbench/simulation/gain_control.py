@@ -38,8 +38,10 @@ def wobbled_gain(
 
     Parameters
     ----------
-    frequency, amplitude
-        Of the wobble w: [Hz] and in the unit of the error.
+    frequency
+        Frequency of the wobble w [Hz].
+    amplitude
+        Amplitude of the wobble w, in the unit of the error.
     period
         Sampling period [s].
     interval

@@ -55,9 +55,10 @@ def write_study(
         Names of columns; None: found by their names and values.
     sample_rate
         Sampling frequency [Hz] of records without a column of time.
-    period, delay
-        Of the controller's computer: sampling time [s], by default that of the records, and delay
-        [samples].
+    period
+        Sampling time [s] of the controller's computer; None: that of the records.
+    delay
+        Delay [samples] of the controller's computer.
 
     Returns
     -------

@@ -74,6 +74,7 @@ class FrontPoint:
 
     @property
     def total(self) -> float:
+        """Leakage and three times the rms of the noise."""
         return self.leakage + 3 * self.noise
 
 

@@ -104,6 +104,7 @@ class FaultModel:
 
     @property
     def outputs(self) -> tuple[str, ...]:
+        """Names of the measured outputs."""
         return tuple(self.system.output_labels)
 
     def columns(self, names: Sequence[str]) -> list[int]:

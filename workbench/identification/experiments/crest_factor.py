@@ -138,7 +138,10 @@ class CrestFactor(Program):
         ]
 
     def peak(self, phases: np.ndarray) -> tuple[float, float]:
-        """Largest |u| on a fine grid of instants, and an upper bound on |u| over all time."""
+        """Largest |u| on a fine grid of instants, and an upper bound on |u| over all time.
+
+        `phases` [rad] are those of the lines.
+        """
         points = CHECK_INSTANTS * int(self.lines[-1])
         grid = float(np.abs(self._sum(phases, points)).max())
         return grid, grid / float(np.cos(np.pi * self.lines[-1] / points))

@@ -111,8 +111,10 @@ def fit_rational_model(
         averaged, the entries are weighted together, else each by its variance.
     orders
         Numbers of poles to choose from, or the one to take.
-    excess, sample_time, stable, delay, delay_bounds
+    excess, sample_time, stable
         The same as for `RationalModelFit`.
+    delay, delay_bounds
+        Known delay [s] and bounds of a sought one, as for `RationalModelFit`.
     method
         ``"levenberg-marquardt"``, ``"instruments"`` or ``"ipopt"``.
     options

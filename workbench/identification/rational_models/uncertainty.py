@@ -56,6 +56,7 @@ class ModelUncertainty:
 
     @cached_property
     def point(self) -> FitPoint:
+        """The model as a point of the fit: its poles and what its delay adds to the known one."""
         extra = float(np.mean(self.model.delay - self.structure.delay))
         return FitPoint(self.structure, self.model.poles / self.structure.unit, extra)
 

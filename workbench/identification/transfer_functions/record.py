@@ -62,4 +62,5 @@ class SampledRecord:
 
     @property
     def clean_input(self) -> RealArray:
+        """The input without noise where it is known; else the measured one."""
         return self.u if self.noise_free_input is None else self.noise_free_input

@@ -81,6 +81,7 @@ class Conditions(Answer):
 
     @property
     def nominal_stability(self) -> bool:
+        """Whether the nominal loop is stable."""
         if self.pole is None:
             return True
         return abs(self.pole) < 1.0 if self.dt else self.pole.real < 0.0

@@ -121,6 +121,7 @@ class ReducedControllers(Answer):
 
     @property
     def smallest(self) -> ReducedController | None:
+        """The stable controller of lowest order whose peak is proven within the target."""
         return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
 
     @property

@@ -47,10 +47,12 @@ class Sections:
 
     @property
     def noutputs(self) -> int:
+        """Number of outputs."""
         return len(self.channels)
 
     @property
     def ninputs(self) -> int:
+        """Number of inputs."""
         return len(self.channels[0])
 
     def response(self, omega: ArrayLike) -> ComplexArray:

@@ -66,7 +66,7 @@ class Modal(Family):
     """Every controller of an order, with second-order blocks in A and free B, C and D.
 
     A has blocks w [[-b, -a], [1, 0]], and a block -w c if the order is odd. A block may have
-    complex or real poles, stable or not. The corners ``w`` [rad/s] are those of the controller for
+    complex or real poles, stable or not. The ``corners`` [rad/s] are the w of the controller for
     which the family is made, so that the parameters are of order one.
 
     Examples

@@ -74,6 +74,7 @@ class MatrixCoverForLoop(MatrixCover):
 
     @cached_property
     def sets(self) -> MatrixSets:
+        """The program of the sets with the least mu of the loop at each frequency."""
         return MatrixSets(
             self.deviations,
             self.left,
