@@ -214,7 +214,7 @@ def test_a_claim_that_is_too_good_fails(answer, name):
             better = dataclasses.replace(answer, **{field.name: factor * value})
             assert not better.holds  # nobody checks it
             checker, tolerance, optimal = answer._checked_by
-            better.checked_by(checker, tolerance, optimal=optimal)
+            better.checked_by(checker, gap_tolerance=tolerance, optimal=optimal)
             assert not better.holds, field.name
 
 
@@ -247,7 +247,7 @@ def test_figures_of_answers():
     figure = sweep.plot()
     assert figure.axes[0].get_xlabel() == "frequency [Hz]"
     with pytest.raises(UnknownNameError, match="figure"):
-        sweep.plot("nothing")
+        sweep.plot(name="nothing")
     with pytest.raises(InputError, match="no figure of a NuGap"):
         mu.nu_gap(LAG, FAST).plot()
 

@@ -46,16 +46,25 @@ class Answer:
     def checked_by(
         self,
         checker: Checker,
-        tolerance: float = DEFAULT_TOLERANCE,
         *,
+        gap_tolerance: float = DEFAULT_TOLERANCE,
         optimal: bool = False,
         certificate: Certificate | None = None,
     ) -> Self:
-        """This answer, which remembers who certifies it; arguments as of `Checker.certify`.
+        """This answer, which remembers who certifies it.
 
-        ``certificate`` is the one that is made already.
+        Parameters
+        ----------
+        checker
+            What `Checker.certify` is asked of.
+        gap_tolerance
+            Relative optimality gap of its certificate.
+        optimal
+            Whether this answer is claimed to be the best one.
+        certificate
+            The one that is made already.
         """
-        vars(self)["_checked_by"] = checker, tolerance, optimal
+        vars(self)["_checked_by"] = checker, gap_tolerance, optimal
         vars(self).pop("certificate", None)
         if certificate is not None:
             vars(self)["certificate"] = certificate
@@ -74,7 +83,7 @@ class Answer:
         """Whether there is a certificate and it holds; makes it where nobody asked before."""
         return self.certificate is not None and self.certificate.holds
 
-    def plot(self, name: str | None = None) -> Figure:
+    def plot(self, *, name: str | None = None) -> Figure:
         """A figure of the answer; None: the one that people look at. A notebook shows it.
 
         Raises
@@ -229,4 +238,4 @@ def answer_of(
         raise SolverError(f"{method or program.default_method}: {claim}. {message}")
     optimal = program.claims_optimum(method) and claim is not Outcome.TIME_LIMIT
     tolerance = program.judging_tolerance(method, context.options.accuracy)
-    return answer.checked_by(program, tolerance, optimal=optimal)
+    return answer.checked_by(program, gap_tolerance=tolerance, optimal=optimal)

@@ -242,7 +242,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         return replace(said, answer=None, message=message, trace=traceback.format_exc())
     seconds = {**said.seconds, "check": time.perf_counter() - start}
     if isinstance(answer, Answer):
-        answer.checked_by(task, tolerance, optimal=optimal, certificate=certificate)
+        answer.checked_by(task, gap_tolerance=tolerance, optimal=optimal, certificate=certificate)
     return replace(said, answer=answer, certificate=certificate, seconds=seconds)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import fnmatch
 import html
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -129,6 +130,11 @@ class Run(Fed):
         name = self.info["headline"]
         return f"{name} {self.metrics[name]:.4g}" if name in self.metrics else "-"
 
+    @property
+    def value(self) -> float:
+        """The key metric; NaN where there is none."""
+        return self.metrics.get(self.info["headline"], math.nan)
+
     @cached_property
     def data(self) -> Dataset:
         """Every array, labelled."""
@@ -188,6 +194,10 @@ class Run(Fed):
         """The figure that people look at (default: the first), as an image for a notebook."""
         figures = self.figures
         return picture(figures[self._figure_name(figures, figure)])
+
+    def plot(self, *, name: str | None = None) -> Picture:
+        """The same as `show`, by the name that all answers have for it."""
+        return self.show(name)
 
     def figure(
         self, name: str | None = None, *, style: str = "paper", width: str | float = "column"
@@ -281,9 +291,16 @@ class Run(Fed):
         try:
             method = f" by {self.method}" if self.method else ""
             said = f"{self.problem}{method}: {self.outcome}, {self.headline}"
+            over = self._over
         except ResultError as error:
             return f"<Run {self.path}: {error}>"
-        return f"<Run {said}, {self.path}>"
+        return f"<Run {said}, {self.path}{over}>"
+
+    @property
+    def _over(self) -> str:
+        """What its certificate quantifies over, where it says so."""
+        checks = () if self.certificate is None else self.certificate.checks
+        return next((f"; {check.over}" for check in checks if check.over), "")
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, str]] = [("outcome", self.outcome), ("method", self.method or "-")]

@@ -37,5 +37,5 @@ class FittedSystem(ProgramAnswer, control.StateSpace):
             checker, tolerance, optimal = fit._checked_by
             made = vars(fit).get("certificate")
             as_fit = CheckedAs(checker, fit)
-            system.checked_by(as_fit, tolerance, optimal=optimal, certificate=made)
+            system.checked_by(as_fit, gap_tolerance=tolerance, optimal=optimal, certificate=made)
         return system
