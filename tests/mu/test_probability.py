@@ -1,5 +1,7 @@
 """Guaranteed probabilities, against areas known in closed form and against samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lanes import thinned
@@ -95,3 +97,60 @@ def test_wrong_questions_are_refused(given, asked, words):
 def test_an_unknown_parameter_is_named():
     with pytest.raises(UnknownNameError, match="k"):
         guaranteed_probability(PLANT, distributions={"k": stats.norm(0, 1)})
+
+
+class Atoms:
+    """Probabilities of single values, and what is left uniform between -1 and 1."""
+
+    def __init__(self, weights):
+        self.weights, self.rest = weights, 1.0 - sum(weights.values())
+
+    def cdf(self, value):
+        spread = self.rest * min(max((value + 1) / 2, 0.0), 1.0)
+        return spread + sum(w for place, w in self.weights.items() if place <= value)
+
+    def rvs(self, size, random_state):
+        drawn = random_state.uniform(-1, 1, size)
+        choice = random_state.uniform(size=size)
+        for place, weight in self.weights.items():
+            choice = choice - weight
+            drawn = np.where((choice < 0) & (choice >= -weight), place, drawn)
+        return drawn
+
+
+@pytest.mark.parametrize(
+    ("law", "truth"),
+    [
+        (stats.randint(-1, 2), 2 / 3),  # -1, 0 and 1
+        (stats.randint(-3, 4), 2 / 3),  # the same, restricted to the range
+        (Atoms({-1.0: 0.95}), 0.05 * 0.75),
+        (Atoms({-1.0: 0.2, -0.6: 0.3, 1.0: 0.1}), 0.1 + 0.4 * 0.75),
+        (Atoms({0.0: 0.4}), 0.4 + 0.6 * 0.75),
+        (stats.uniform(-1, 2), 0.75),
+    ],
+)
+def test_values_that_have_a_probability_of_their_own(law, truth):
+    """p + 0.5 is stable from p = -0.5 on; the ends of the range belong to it."""
+    p = real("p", 0, plus_minus=1)
+    found = guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": law}, tolerance=1e-3)
+    holds(found, truth, 1e-3)
+    assert found.holds, found.certificate.failures
+
+
+def test_a_wrong_probability_is_refuted_by_members_that_are_drawn():
+    p = real("p", 0, plus_minus=1)
+    found = guaranteed_probability(tf([1], [1, p + 0.5]), tolerance=1e-3)
+    wrong = replace(found, lower=0.9, upper=0.95)
+    checker = found._checked_by[0]
+    assert not checker.second_opinion(wrong)[0].holds
+    assert checker.second_opinion(replace(found, lower=0.7, upper=0.8))[0].holds
+
+
+def test_a_distribution_that_falls_is_refused():
+    class Falling:
+        def cdf(self, value):
+            return 0.5 + 0.4 * np.sin(3 * value)
+
+    p = real("p", 0, plus_minus=1)
+    with pytest.raises(InputError, match=r"cdf of p falls|nothing in its range"):
+        guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": Falling()})

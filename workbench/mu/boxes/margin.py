@@ -51,7 +51,8 @@ class Growing:
 
     def box(self, size: float) -> BoxPart:
         """The box of a size."""
-        return BoxPart(np.zeros(self.count), np.full(self.count, size))
+        whole = np.full(self.count, size)
+        return BoxPart(-whole, whole)
 
     def others(self, size: float) -> float:
         """The size of what is no real parameter."""
@@ -71,11 +72,9 @@ class LastGrowing(Growing):
     """Boxes in which the last parameter grows from 0 and the others have size 1."""
 
     def box(self, size: float) -> BoxPart:
-        last = np.zeros(self.count)
-        last[-1] = size / 2
-        width = np.ones(self.count)
-        width[-1] = size / 2
-        return BoxPart(last, width)
+        low, high = -np.ones(self.count), np.ones(self.count)
+        low[-1], high[-1] = 0.0, size
+        return BoxPart(low, high)
 
     def others(self, size: float) -> float:
         return 1.0

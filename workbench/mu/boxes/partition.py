@@ -35,16 +35,26 @@ CUT = 0.487
 part that touches one is decided by no number of cuts."""
 
 Weight = Callable[[RealArray, RealArray], float]
-"""What a part with a centre and half-widths (p,) counts."""
+"""What a part from low to high, both (p,), counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoxPart:
-    """Normalised parameters within ``width`` of ``centre``, both (p,), and its open bands."""
+    """Normalised parameters from ``low`` to ``high``, both (p,), and its open bands."""
 
-    centre: RealArray
-    width: RealArray
+    low: RealArray
+    high: RealArray
     bands: tuple[Band, ...] = WHOLE
+
+    @property
+    def centre(self) -> RealArray:
+        """Middles (p,)."""
+        return (self.low + self.high) / 2
+
+    @property
+    def width(self) -> RealArray:
+        """Half-widths (p,)."""
+        return (self.high - self.low) / 2
 
     @property
     def reach(self) -> RealArray:
@@ -57,7 +67,8 @@ class Partition:
 
     def __init__(self, whole: BoxPart, weight: Weight | None = None) -> None:
         self.whole = whole
-        self.weight = weight or (lambda centre, width: float(np.prod(width / whole.width)))
+        size = whole.high - whole.low
+        self.weight = weight or (lambda low, high: float(np.prod((high - low) / size)))
         self._open: list[tuple[float, int, BoxPart]] = []
         self._count = 0
         self.put(whole)
@@ -67,7 +78,7 @@ class Partition:
 
     def put(self, part: BoxPart) -> None:
         """Add an open part."""
-        heapq.heappush(self._open, (-self.weight(part.centre, part.width), self._count, part))
+        heapq.heappush(self._open, (-self.weight(part.low, part.high), self._count, part))
         self._count += 1
 
     def pop(self) -> BoxPart:
@@ -84,11 +95,11 @@ class Partition:
         j = int(np.argmax(effects))
         if effects[j] < 0:
             return False
-        for rest, side in ((CUT, -1.0), (1.0 - CUT, 1.0)):
-            centre, width = part.centre.copy(), part.width.copy()
-            width[j] *= rest
-            centre[j] += side * (part.width[j] - width[j])
-            self.put(BoxPart(centre, width, part.bands))
+        border = part.low[j] + CUT * (part.high[j] - part.low[j])
+        below, above = part.high.copy(), part.low.copy()
+        below[j] = above[j] = border  # the very same number, so that the pieces leave nothing out
+        self.put(BoxPart(part.low, below, part.bands))
+        self.put(BoxPart(above, part.high, part.bands))
         return True
 
 

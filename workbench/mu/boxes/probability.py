@@ -6,6 +6,7 @@ left undecided, whose probability is the distance of the bounds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +17,7 @@ import numpy as np
 from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import need_count, need_positive
@@ -133,11 +135,12 @@ def guaranteed_probability(
         if verdict is None:
             partition.cut(rest, effects)
         elif verdict:
-            good += weight(part.centre, part.width)
+            good += weight(part.low, part.high)
         else:
-            bad += weight(part.centre, part.width)
+            bad += weight(part.low, part.high)
     asked = "stable" if gain is None else f"stable with a gain below {gain:g}"
     slack = ROUNDING * count
+    need_agreement(good - slack, 1 - bad + slack, "the probability", "parts hold good members only")
     bounds = max(good - slack, 0.0), min(1 - bad + slack, 1.0)
     again = partial(
         guaranteed_probability,
@@ -279,21 +282,35 @@ def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
             )
     functions = [_share_below(one, distributions.get(one.name)) for one in elements]
 
-    def weight(centre: RealArray, width: RealArray) -> float:
-        ends = zip(functions, elements, centre - width, centre + width, strict=True)
-        return float(np.prod([f(one.value(b)) - f(one.value(a)) for f, one, a, b in ends]))
+    def weight(low: RealArray, high: RealArray) -> float:
+        shares = [f(b) - f(a) for f, a, b in zip(functions, low, high, strict=True)]
+        if min(shares) < 0:
+            name = elements[int(np.argmin(shares))].name
+            raise InputError(f"the cdf of {name} falls, which no distribution function does")
+        return float(np.prod(shares))
 
     return weight
 
 
 def _share_below(element: RealElement, given: Any) -> Callable[[float], float]:
-    """The distribution function of a parameter within its range."""
+    """The probability that a parameter within its range is at most a normalised value.
+
+    The lower end of the range belongs to it, with whatever probability stands there alone: a part
+    is open at its lower end, but at the range's.
+    """
     low, high = element.low, element.high
     if given is None:
-        return lambda value: (value - low) / (high - low)
-    below, whole = float(given.cdf(low)), float(given.cdf(high)) - float(given.cdf(low))
+        return lambda delta: (min(max(element.value(delta), low), high) - low) / (high - low)
+    beneath = float(given.cdf(np.nextafter(low, -math.inf)))
+    whole = float(given.cdf(high)) - beneath
     if not whole > 0:
         raise InputError(
             f"the distribution of {element.name} has nothing in its range, {low:g} to {high:g}"
         )
-    return lambda value: (float(given.cdf(value)) - below) / whole
+
+    def share(delta: float) -> float:
+        if delta <= -1.0:
+            return 0.0
+        return 1.0 if delta >= 1.0 else (float(given.cdf(element.value(delta))) - beneath) / whole
+
+    return share

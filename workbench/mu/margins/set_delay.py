@@ -112,9 +112,9 @@ class _DelaySearch:
             self.upper, self.values = found, values.copy()
 
     def _part(self, t: float, bands: tuple[Band, ...]) -> BoxPart:
-        centre, width = np.zeros(self.count), np.ones(self.count)
-        centre[-1] = width[-1] = t / 2
-        return BoxPart(centre, width, bands)
+        low, high = -np.ones(self.count), np.ones(self.count)
+        low[-1], high[-1] = 0.0, t
+        return BoxPart(low, high, bands)
 
     def region(self) -> list[Band]:
         """Bands outside which no plant can be turned to -1, by any phase."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
@@ -35,6 +36,8 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 PARTS = 4000
 """Most parts of a box of real parameters that are examined."""
+EXCLUDED = "every part of the box of parameters is proven to be stable"
+"""What lower margins of systems with real parameters rest on."""
 BISECTIONS = 40
 """Most sizes of uncertainty that are tried for a margin of performance."""
 MOST_GROWTH = 1e6
@@ -122,6 +125,7 @@ def _margin_of_parameters(
         best = Attained(singular, math.inf, Delta)
     if not best.value > 0:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
+    need_agreement(best.value, 1 / box.lower if box.lower > 0 else math.inf, upper_claim=EXCLUDED)
     worst = values_of(found, control.ss([], [], [], best.Delta.real))
     omega = angular_frequency(best.omega, period)
     return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
