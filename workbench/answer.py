@@ -145,7 +145,7 @@ class ProgramAnswer(Answer):
     @property
     def value(self) -> float:
         """That metric; NaN where nobody is known who checks it, or it has no such metric."""
-        return self._checked_by[0].number(self) if self._checked_by else math.nan
+        return self._checked_by[0].headline_value(self) if self._checked_by else math.nan
 
 
 class PartsChecker(Checker):

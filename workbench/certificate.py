@@ -271,7 +271,7 @@ class Checker(ABC):
         """What the certificate of a valid answer tells besides, such as a controller's order."""
         return ()
 
-    def number(self, answer: Any) -> float:
+    def headline_value(self, answer: Any) -> float:
         """The number that an answer is known by; NaN where it has none, or several."""
         return math.nan
 
@@ -315,8 +315,8 @@ class CheckedAs(Checker):
     def facts(self, answer: Any) -> Sequence[str]:
         return self.checker.facts(self.original)
 
-    def number(self, answer: Any) -> float:
-        return self.checker.number(self.original)
+    def headline_value(self, answer: Any) -> float:
+        return self.checker.headline_value(self.original)
 
     def figures(self, answer: Any) -> dict[str, Figure]:
         return self.checker.figures(self.original)

@@ -64,7 +64,7 @@ class Task(Checker):
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
 
-    def number(self, answer: Any) -> float:
+    def headline_value(self, answer: Any) -> float:
         return self.metrics(answer)[self.headline] if self.headline else math.nan
 
     def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:

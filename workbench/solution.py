@@ -85,7 +85,7 @@ class Solution:
         task = self._answered
         if task is None or self.certificate is None:
             return math.nan
-        return task.number(self.answer)
+        return task.headline_value(self.answer)
 
     @property
     def metrics(self) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -164,3 +165,44 @@ def test_wrong_input_is_named(modes, words):
 def test_a_limit_must_be_positive():
     with pytest.raises(InputError, match="limit"):
         SwitchedStability((Mode("a", STABLE, None), Mode("b", STABLE)), limit=0)
+
+
+def turning(rng, violation, condition):
+    """A mode that turns and grows by a violation in coordinates of a condition, and its V."""
+    left, right = (np.linalg.qr(rng.normal(size=(2, 2)))[0] for _ in range(2))
+    T = left @ np.diag([1.0, condition]) @ right
+    angle = rng.uniform(0.3, 2.8)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    back = np.linalg.inv(T)
+    return (1 + violation) * T @ turn @ back, T, back.T @ back
+
+
+def determinant(A):
+    """The exact determinant of a matrix of doubles."""
+    (a, b), (c, d) = [[Fraction(float(entry)) for entry in row] for row in A]
+    return a * d - b * c
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_exactly_unstable_is_refused_in_any_coordinates(seed):
+    """A mode whose determinant is above 1 has a pole outside the circle, whatever doubles say."""
+    rng = np.random.default_rng(seed)
+    condition, size = 10 ** rng.uniform(4, 5), 10 ** rng.uniform(-7, -3)
+    A, _, P = turning(rng, size, condition)
+    stays = int(rng.integers(1, 30))
+    rests = Mode("rests", (1 - 1e-9) * np.eye(2), shortest=None)
+    program = SwitchedStability((Mode("grows", A, shortest=stays, longest=stays + 2), rests))
+    assert determinant(A) > 1
+    answer = Dwell(1, np.stack([P, P]))
+    assert not all(check.holds for check in program.checks(answer, 1e-6))
+    assert not program.second_opinion(answer)[0].holds
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_just_stable_is_accepted_in_any_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    A, T, P = turning(rng, -(10 ** rng.uniform(-7, -3)), 10 ** rng.uniform(2, 4))
+    B = 0.9 * T @ np.diag([1.0, 0.3]) @ np.linalg.inv(T)
+    program = SwitchedStability((Mode("turns", A), Mode("rests", B, shortest=None)))
+    certificate = program.certify(Dwell(1, np.stack([P, P])), 1e-6)
+    assert certificate.valid, certificate.failures

@@ -95,13 +95,22 @@ def _precise_growth(A: RealArray, dt: float | None) -> float:
     """As `growth`, for the same samples in BITS bits: rounding of doubles may look like growth."""
     import flint
 
-    n, size, share = len(A), 0.0, 1.0
+    n = len(A)
     A, a = (A, 0.0) if dt else _balanced(A)
     with flint.ctx.workprec(BITS):
         S = flint.arb_mat(n, n, A.ravel().tolist())
         if not dt:
             unit = a * flint.arb_mat(np.eye(n).tolist())
             S = (unit - S).solve(unit + S).mid()
+    return precise_growth(S)
+
+
+def precise_growth(S: Any) -> float:
+    """Logarithmic growth per sample under a transition matrix of `flint`, in BITS bits."""
+    import flint
+
+    size, share = 0.0, 1.0
+    with flint.ctx.workprec(BITS):
         for _ in range(SQUARINGS):
             largest = max(abs(entry) for entry in S.entries())
             if not largest > 0:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations, product
+from typing import Any
 
+import flint
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.second_opinion import SEED
-from workbench.second_opinion.powers import growth
+from workbench.second_opinion.powers import BITS, PRECISE_ROUNDING, growth, precise_growth
 
 SWITCHINGS = 40
 """Periodic switchings that are tried, for every plant."""
@@ -18,6 +20,8 @@ SHORT_STAYS = 8
 """Stays from the shortest on that are tried of every two modes."""
 ENTRIES = (2, 7)
 """Fewest and most entries of a mode in one period."""
+CLOSE = 1e-3
+"""Growth below 0 by less than this is computed again, in many bits."""
 LONGER = 3.0
 """Stays without a longest one are drawn up to so many times the shortest."""
 
@@ -39,25 +43,31 @@ def fastest_growth(
     Logarithm of the growth in one period: below 0 where every switching tried is stable.
     """
     rng = np.random.default_rng(SEED)
-    tried = list(_switchings(rng, shortest, longest))
-    if not tried:
-        return -np.inf, ""
-    rate, rounding = growth(np.array([_period(transitions, *one) for one in tried]), 1.0)
-    excess = rate - rounding
-    number, plant = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    modes, stays = tried[number]
-    steps = ", ".join(f"{n} in mode {i + 1}" for i, n in zip(modes, stays, strict=True))
-    return float(excess[number, plant]), f"for plant {plant + 1}: {steps}"
+    best, words = -math.inf, ""
+    for modes, stays in _switchings(rng, shortest, longest):
+        for plant in range(len(transitions[0])):
+            found = _growth(_period([A[plant] for A in transitions], modes, stays))
+            if found > best:
+                steps = ", ".join(f"{n} in mode {i + 1}" for i, n in zip(modes, stays, strict=True))
+                best, words = found, f"for plant {plant + 1}: {steps}"
+    return best, words
 
 
-def _period(
-    transitions: Sequence[RealArray], modes: Sequence[int], stays: Sequence[int]
-) -> RealArray:
-    """Transitions (V, n, n) of the plants over one period."""
-    period = np.broadcast_to(np.eye(transitions[0].shape[-1]), transitions[0].shape)
-    for i, stay in zip(modes, stays, strict=True):
-        period = np.linalg.matrix_power(transitions[i], stay) @ period
-    return period
+def _period(transitions: Sequence[RealArray], modes: Sequence[int], stays: Sequence[int]) -> Any:
+    """The transition (n, n) of one plant over one period, in BITS bits."""
+    with flint.ctx.workprec(BITS):
+        period = flint.arb_mat(np.eye(len(transitions[0])).tolist())
+        for i, stay in zip(modes, stays, strict=True):
+            period = flint.arb_mat(transitions[i].tolist()) ** stay * period
+        return period.mid()
+
+
+def _growth(period: Any) -> float:
+    """Logarithm of the growth in one period, less what rounding may add to it."""
+    rate, rounding = growth(np.array(period.tolist(), dtype=float), 1.0)
+    if rate < -max(rounding, CLOSE):
+        return float(rate + rounding)
+    return precise_growth(period) - PRECISE_ROUNDING
 
 
 def _switchings(

@@ -13,18 +13,15 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
+from flint import arb, arb_mat, ctx
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
+from workbench.certify.modes.modal_form import real_balls, real_doubles
+from workbench.certify.quadratic_forms import BITS, Form, power
 from workbench.errors import InputError
-from workbench.synthesis.switching.quadratic_functions import outward
 
-OUTWARD_ROUNDING = 1e-9
-"""Share by which bounds are rounded up."""
-EXPONENTIAL_ROUNDING = 1e-14
-"""Relative rounding error of a matrix exponential, for entries up to `LARGEST_MATRIX_ENTRY`."""
-LARGEST_MATRIX_ENTRY = 10.0
-"""Largest entry of a matrix whose exponential is computed."""
+LARGEST_EXPONENT = 500.0
+"""Largest norm of a matrix whose exponential is computed: others overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +50,12 @@ class TransitionSet:
 
         Raises InputError unless P and Q are positive definite.
         """
-        try:
-            root_P, root_Q = np.linalg.cholesky(P), np.linalg.cholesky(Q)
-        except np.linalg.LinAlgError:
-            raise InputError("P and Q must be positive definite") from None
-        back = np.linalg.inv(root_P.T)
-        hull = np.linalg.norm(root_Q.T @ self.vertices @ back, 2, axis=(-2, -1)).max()
-        rest = np.linalg.norm(abs(root_Q.T) @ self.remainder @ abs(back), 2)
-        return float((1.0 + OUTWARD_ROUNDING) * outward(P) * (hull + rest) ** 2)
+        at_entry, after = Form(P), Form(Q)
+        if not (at_entry.positive and after.positive):
+            raise InputError("P and Q must be positive definite")
+        hull = max(at_entry.ratio(after, power(A, 1)) for A in self.vertices)
+        rest = at_entry.ratio_within(after, self.remainder)
+        return (math.sqrt(hull) + math.sqrt(rest)) ** 2 * (1.0 + 8 * EPS)
 
 
 def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionSet:
@@ -93,29 +88,30 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
         raise InputError(f"centre and slopes must be finite and ({n}, {n})")
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration is {duration}; it must be positive and finite")
-    X, steps = duration * M, [duration * Y for Y in parts]
-    if abs(X).max(initial=0.0) > LARGEST_MATRIX_ENTRY:
-        raise InputError(
-            f"an entry of duration times centre is {abs(X).max():.3g}; scale states and inputs so "
-            f"that none is above {LARGEST_MATRIX_ENTRY:g}, or the rounding is not bounded"
-        )
-    zero = np.zeros((n, n))
-    linear = [_derivative(X, Y) for Y in steps]
-    corners = product((-1.0, 1.0), repeat=len(steps))
-    start = expm(X)
-    vertices = np.array(
-        [start + sum((d * L for d, L in zip(c, linear, strict=True)), zero) for c in corners]
-    )
-    size, far = abs(X), sum((abs(Y) for Y in steps), zero)
-    grown, base = expm(size + far), expm(size)
-    rounding = EXPONENTIAL_ROUNDING * grown
-    remainder = np.maximum(grown - base - _derivative(size, far), 0.0) + rounding
-    return TransitionSet(vertices, (1.0 + OUTWARD_ROUNDING) * remainder)
+    if n * duration * max(abs(each).max(initial=0.0) for each in (M, *parts)) > LARGEST_EXPONENT:
+        raise InputError("duration times centre or slopes is so large that exponentials overflow")
+    with ctx.workprec(BITS):
+        h = arb(duration)
+        X, steps = real_balls(M) * h, [real_balls(Y) * h for Y in parts]
+        start, linear = X.exp(), [_derivative(X, Y) for Y in steps]
+        corners = product((-1, 1), repeat=len(steps))
+        zero = X * 0
+        exact = [
+            real_doubles(start + sum((L * d for d, L in zip(c, linear, strict=True)), zero))
+            for c in corners
+        ]
+        size = real_balls(np.abs(M)) * h
+        far = sum((real_balls(np.abs(Y)) * h for Y in parts), zero)
+        rest = real_doubles((size + far).exp() - size.exp() - _derivative(size, far))
+    rounding = np.max([each.rad for each in exact], axis=0)
+    remainder = np.maximum(rest.mid + rest.rad, 0.0) + rounding
+    return TransitionSet(np.array([each.mid for each in exact]), (1.0 + 4 * EPS) * remainder)
 
 
-def _derivative(X: RealArray, Y: RealArray) -> RealArray:
-    """Derivative of the exponential at X in the direction Y: a block of exp([X Y; 0 X])."""
-    n = len(X)
-    whole = expm(np.block([[X, Y], [np.zeros((n, n)), X]]))
-    corner: RealArray = whole[:n, n:]
-    return corner
+def _derivative(X: Any, Y: Any) -> Any:
+    """Derivative of the exponential at balls X in the direction Y: a block of exp([X Y; 0 X])."""
+    n = X.nrows()
+    rows = [[*X.tolist()[i], *Y.tolist()[i]] for i in range(n)]
+    rows += [[*([0] * n), *X.tolist()[i]] for i in range(n)]
+    whole = arb_mat(rows).exp()
+    return arb_mat([[whole[i, n + j] for j in range(n)] for i in range(n)])
