@@ -235,6 +235,20 @@ class Checker(ABC):
     """The data of a question, and what checks an answer from them: `certify` issues a certificate.
 
     Every Program and every Study is one. So is what a function leaves with its `Answer`.
+
+    Examples
+    --------
+    >>> from workbench.certificate import Check, Checker
+    >>> class Root(Checker):
+    ...     quantifier = "for this one number"
+    ...
+    ...     def __init__(self, square):
+    ...         self.square = square
+    ...
+    ...     def checks(self, answer, tolerance):
+    ...         return [Check("square", "its distance", abs(answer**2 - self.square), 1e-12)]
+    >>> Root(2.0).certify(2.0**0.5, 1e-6).holds, Root(2.0).certify(1.5, 1e-6).holds
+    (True, False)
     """
 
     @property
@@ -294,7 +308,18 @@ class Checker(ABC):
 
 @dataclass(frozen=True, eq=False)
 class CheckedAs(Checker):
-    """Certifies what was made from the answer of another checker, by that answer."""
+    """Certifies what was made from the answer of another checker, by that answer.
+
+    Examples
+    --------
+    >>> from workbench.certificate import CheckedAs
+    >>> from workbench.geometry import Circle, SmallestCircle, smallest_circle
+    >>> points = [0.0, 1.0, 1j]
+    >>> circle = smallest_circle(points)
+    >>> diameter = CheckedAs(SmallestCircle(points), circle)
+    >>> diameter.certify(2 * circle.radius, 1e-6).holds
+    True
+    """
 
     checker: Checker
     original: Any

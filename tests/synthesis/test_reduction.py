@@ -204,7 +204,7 @@ def test_the_reduced_loop_withstands_sampled_perturbations(loop):
     plant, K = loop
     small = reduce_order(K, plant, target=3.5, order=7)
     assert [one.order for one in small.tried] == [7, 20]
-    assert repr(small).count("\n") == 2 and "order 7, stable itself, fastest pole" in repr(small)
+    assert repr(small).count("\n") == 3 and "order 7, stable itself, fastest pole" in repr(small)
     assert repr(small.tried[0]).startswith("ReducedController: order 7, ")
     one = small.tried[0]
     N = plant.close(one.K)

@@ -138,7 +138,10 @@ def static_discs(
             if not (better and discs.doubtful(sharp)):
                 break
             V = V @ np.linalg.eig(P.mid)[1]
-            V = V / np.linalg.norm(V, axis=0)
+            length = np.linalg.norm(V, axis=0)
+            if not (np.isfinite(length) & (length > 0)).all():
+                break
+            V = V / length
     except (np.linalg.LinAlgError, ValueError):
         pass
     return discs
