@@ -45,7 +45,7 @@ class FileCheckpoint(Checkpoint):
 
     def save(self, state: Mapping[str, NDArray[Any]]) -> None:
         spent = self.earlier + time.perf_counter() - self._started
-        content = {STATE + name: np.asarray(array) for name, array in state.items()}
+        content: dict[str, Any] = {STATE + k: np.asarray(array) for k, array in state.items()}
         pickled = [name for name, array in state.items() if np.asarray(array).dtype.hasobject]
         if pickled:  # NumPy 2.0 and 2.1 have no way to refuse that
             raise ValueError(f"{', '.join(pickled)}: an array of objects would need a pickle")

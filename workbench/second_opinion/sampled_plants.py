@@ -67,6 +67,23 @@ def sampled_plants(
     )
 
 
+def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
+    """Check that the sensitivity stays below the claimed peak at the frequencies tried."""
+    nyquist = np.pi / float(K.dt)
+    omega = np.geomspace(1e-5 * nyquist, nyquist, TRIED_FREQUENCIES)
+    loop = sign * plain_response(G, omega) @ plain_response(K, omega)
+    size = 1.0 / np.linalg.norm(np.eye(G.noutputs) - loop, -2, axis=(-2, -1))
+    worst = int(np.argmax(size))
+    return Check(
+        "sampled sensitivity",
+        "largest gain over the claimed peak, less 1",
+        excess(float(size[worst]), claimed),
+        ROUNDING,
+        f"at {omega[worst]:.6g} rad/s",
+        over=f"at {omega.size} frequencies",
+    )
+
+
 def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Check:
     """Check that the controller computed in its number format stays as near as is claimed.
 

@@ -22,13 +22,24 @@ from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
-from workbench.second_opinion.sampled_plants import rounded_signals, sampled_plants
+from workbench.second_opinion.c_header import code_agrees, integer_code_agrees
+from workbench.second_opinion.integer_cascades import reached_rounding, reached_signals
+from workbench.second_opinion.sampled_plants import (
+    rounded_signals,
+    sampled_plants,
+    sampled_sensitivity,
+)
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
 from workbench.synthesis.implementation.export_c import Limits, limit_tables
-from workbench.synthesis.implementation.fixed_point import fixed_point, need_bits
+from workbench.synthesis.implementation.fixed_point import FixedPoint, fixed_point, need_bits
+from workbench.synthesis.implementation.implementation_checks import (
+    follows,
+    integers_agree,
+    margins_agree,
+)
 from workbench.synthesis.implementation.implemented import (
     FixedFormat,
     ImplementedController,
@@ -181,10 +192,14 @@ class Implementation(Program):
         return approximated(self.K, self.order, "balanced")
 
     def implemented(self, way: DiscretisationMethod) -> ImplementedController:
-        """The controller discretised in one way, with the coefficients of the number format.
+        """The controller of `coefficients` with the bounds of its loop.
 
-        Raises InputError where its loop is unstable.
+        Raises InputError where that is unstable.
         """
+        return self._judged(self.coefficients(way))
+
+    def coefficients(self, way: DiscretisationMethod) -> ImplementedController:
+        """The controller discretised in one way, with the coefficients of the number format."""
         K = self.reduced
         prewarp = None
         if K.dt:
@@ -194,7 +209,7 @@ class Implementation(Program):
             way_said = way
         sampled = _named_as(sampled, self.K, self.period)
         if self.precision == "fixed":
-            return self._judged(self._fixed(second_order_sections(self._scaled(sampled)), way_said))
+            return self._fixed(second_order_sections(self._scaled(sampled)), way_said)
         kind = np.float32 if self.precision == "float" else np.float64
         with np.errstate(over="ignore"):
             A, B, C, D = (
@@ -203,7 +218,7 @@ class Implementation(Program):
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
             raise InputError(f"K has numbers that {self.precision} cannot hold")
         coefficients = _named_as(realisation((A, B, C, D), self.period), self.K, self.period)
-        return self._judged(self._bare(coefficients, way_said))
+        return self._bare(coefficients, way_said)
 
     def _bare(self, K: StateSpace, found: str) -> ImplementedController:
         none = rounding.Rounding(np.inf, np.inf)
@@ -265,9 +280,12 @@ class Implementation(Program):
     def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
         loop = self.loop.loop_of(answer.K)
         stability = stability_of(loop.closed())
-        found = [replace(stability, name="sampled loop")]
+        found = [self._asked_for(answer), replace(stability, name="sampled loop")]
         if not stability.holds:
             return found
+        plant, sign = self.loop.nominal
+        again = sampled_conditions(plant, answer.K, self.period, self.delay, sign=sign)
+        found.append(margins_agree(answer.margins, again.margins))
         size = excess(certified_norm(self.loop.sensitivity(answer.K)), answer.sensitivity)
         statement = "certified peak of the sensitivity over the claimed one, less 1"
         found.append(Check("sensitivity", statement, size, CLAIM_TOLERANCE, over=EVERY_FREQUENCY))
@@ -280,12 +298,12 @@ class Implementation(Program):
             found.append(
                 Check("sets of plants", statement, value, CLAIM_TOLERANCE, over=SAMPLED_SET)
             )
-        again = self.rounding_of(answer)
+        errors = self.rounding_of(answer)
         statement = "growth of rounding errors by one turn through the loop"
         every = "for every signal in the loop"
-        found.append(Check("no limit cycle", statement, again.contraction, 1.0, over=every))
+        found.append(Check("no limit cycle", statement, errors.contraction, 1.0, over=every))
         statement = "bound of the rounding errors of the control over the claimed one, less 1"
-        share = excess(again.share, answer.rounding.share)
+        share = excess(errors.share, answer.rounding.share)
         found.append(Check("rounding", statement, share, CLAIM_TOLERANCE, over=every))
         if answer.fixed is not None:
             largest = max(
@@ -296,6 +314,7 @@ class Implementation(Program):
             statement = "largest signal of a section for measurements of full scale"
             over = "for every measurement within full scale"
             found.append(Check("no overflow", statement, largest, 1.0, over=over))
+            found.append(integers_agree(answer.fixed))
         else:
             statement = "whether a coefficient is no number of the format"
             kind = np.float32 if self.precision == "float" else np.float64
@@ -306,10 +325,21 @@ class Implementation(Program):
             found.append(Check("coefficients", statement, float(off), 0.0, over=THIS_SYSTEM))
         return found
 
+    def _asked_for(self, answer: ImplementedController) -> Check:
+        """Check that it is the controller that was given, discretised in the way that it says."""
+        for way in get_args(DiscretisationMethod):
+            if self.K.dt or answer.found == way:  # of a sampled controller, all ways are one
+                return follows(answer.K, self.coefficients(way).K, self.precision)
+        statement = "whether nobody knows how it was discretised"
+        return Check("controller", statement, 1.0, 0.0, over=THIS_SYSTEM)
+
     def second_opinion(self, answer: ImplementedController) -> Sequence[Check]:
         loop = self.loop.loop_of(answer.K)
         closed = loop.closed()
-        found = [loops.powers_fall(closed.A, closed.dt)]
+        found = [
+            loops.powers_fall(closed.A, closed.dt),
+            sampled_sensitivity(loop.held(), answer.K, loop.sign, answer.sensitivity),
+        ]
         if self.loop.model is not None and answer.peak is not None:
             model = self.loop.model
             found.append(
@@ -332,7 +362,29 @@ class Implementation(Program):
                     answer.rounding.share,
                 )
             )
+            kind = np.float32 if self.precision == "float" else np.float64
+            found.append(code_agrees(answer.code(), answer.K, kind))
+        else:
+            found += self._integers_tried(answer, answer.fixed, loop.held(), loop.sign)
         return found
+
+    def _integers_tried(
+        self, answer: ImplementedController, fixed: FixedPoint, G: StateSpace, sign: int
+    ) -> list[Check]:
+        """Checks of the integers by their code and by what is worst for them."""
+        assert self.full_scale is not None
+        y, u = self.full_scale
+        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.period)
+        channels, step = fixed.quantised.channels, 2.0 ** (1 - self.signal_bits)
+        shifts, largest = (
+            [[getattr(one, name) for one in line] for line in fixed.cascades]
+            for name in ("shifts", "largest")
+        )
+        return [
+            *([integer_code_agrees(answer.code(), channels)] if self.signal_bits <= 32 else []),
+            reached_rounding(channels, shifts, scaled, sign, step, answer.rounding.share),
+            reached_signals(channels, shifts, largest, step),
+        ]
 
     # --- results ----------------------------------------------------------------------------------
 

@@ -1,0 +1,102 @@
+"""What an implemented controller claims is found again, read back from its code, and tried."""
+
+import re
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.second_opinion.c_header import state_space_of
+from workbench.synthesis import Implementation
+
+LAG, LEAD = control.tf([1.0], [1.0, 1.0]), control.tf([2.0, 3.0], [0.05, 1.0])
+PI = control.tf([2.0, 3.0], [1.0, 0.0])
+TWO = control.append(LAG, control.tf([2.0], [1.0, 3.0]))
+FIXED = {"precision": "fixed", "full_scale": (1.0, 100.0)}
+CASES = {
+    "double": (LEAD, LAG, {}),
+    "float with limits": (PI, LAG, {"precision": "float", "limits": (-1.0, 1.0)}),
+    "fixed": (LEAD, LAG, FIXED),
+    "few bits": (PI, LAG, {**FIXED, "bits": 16, "signal_bits": 24}),
+    "two channels": (control.append(LEAD, PI), TWO, {"precision": "float"}),
+    "given sampled": (LEAD.sample(0.02, "tustin"), LAG, {}),
+    "integrating plant": (LEAD, control.tf([1.0], [1.0, 0.0]), {}),
+}
+
+
+@pytest.fixture(scope="module")
+def boards():
+    """Program and answer of each case, made once."""
+    return {}
+
+
+@pytest.fixture
+def board(boards, case):
+    if case not in boards:
+        K, G, options = CASES[case]
+        program = Implementation(K, G, period=0.02, **options)
+        solution = wb.solve(program, "tustin")
+        assert solution.holds, solution.certificate or solution.message
+        boards[case] = program, solution.answer
+    return boards[case]
+
+
+def changed(answer):
+    """The answer with one thing told wrong, by name."""
+    first = answer.margins[0]
+    told = {
+        "phase": {"phase": first.phase + 20.0},
+        "gain": {"gain": (first.gain[0], first.gain[1] * 1.5 if first.gain[1] < 1e9 else 2.0)},
+        "delay": {"delay": first.delay * 0.8},
+    }
+    for name, fields in told.items():
+        yield name, replace(answer, margins=(replace(first, **fields), *answer.margins[1:]))
+    yield "no margins", replace(answer, margins=())
+    for factor in (0.0, 0.8, 1.25, -1.0):
+        yield f"K times {factor}", replace(answer, K=factor * answer.K)
+    yield "sensitivity", replace(answer, sensitivity=0.8 * answer.sensitivity)
+    share = 0.5 * answer.rounding.share
+    yield "rounding", replace(answer, rounding=replace(answer.rounding, share=share))
+    yield "another way", replace(answer, found="by a friend")
+    if answer.fixed is not None:
+        for factor in (-1, 1024):
+            cascades = tuple(
+                tuple(replace(one, numerators=factor * one.numerators) for one in line)
+                for line in answer.fixed.cascades
+            )
+            fixed = replace(answer.fixed, cascades=cascades)
+            yield f"integers times {factor}", replace(answer, fixed=fixed)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_told_wrong_fails(board, case):
+    program, answer = board
+    for name, wrong in changed(answer):
+        if name == "another way" and case == "given sampled":
+            continue  # there is one way only
+        with np.errstate(all="ignore"):
+            assert not program.certify(wrong, 1e-6).valid, name
+
+
+@pytest.mark.parametrize("case", [name for name in CASES if not name.startswith(("fixed", "few"))])
+def test_the_code_is_read_back(board, case):
+    _, answer = board
+    K = answer.K
+    kind = np.float32 if answer.precision == "float" else np.float64
+    read = state_space_of(answer.code()).astype(kind)
+    assert np.array_equal(read, np.block([[K.A, K.B], [K.C, K.D]]).astype(kind))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_code_of_another_controller_is_found(board, case, monkeypatch):
+    program, answer = board
+    text = answer.code()
+    start = text.index("{", text.index("_step("))
+    number = re.compile(r"-?\d[\d.e+-]*(?=f? \* )").search(text, start)
+    more = str(3 * int(number[0])) if answer.fixed else repr(3.0 * float(number[0]))
+    other = text[: number.start()] + more + text[number.end() :]
+    monkeypatch.setattr(type(answer), "code", lambda self, name="controller": other)
+    failed = {check.name for check in program.second_opinion(answer) if not check.holds}
+    assert failed == {"code"}

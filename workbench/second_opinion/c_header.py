@@ -1,0 +1,109 @@
+"""The controller that a C header computes, read back from its text."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import THIS_SYSTEM, Check
+
+NUMBER = r"-?\d+"
+SECTION = re.compile(
+    rf"\(({NUMBER}) \* v \+ ({NUMBER}) \* x\[\d+\] \+ ({NUMBER}) \* x\[\d+\] "
+    rf"- ({NUMBER}) \* x\[\d+\] - ({NUMBER}) \* x\[\d+\]\)(?: \+ \d+\) >> (\d+))?"
+)
+"""The sum of a section in integers, and by how many bits it is shifted back."""
+ROUNDING = 1e-12
+"""What printing and reading of a double may change, relative."""
+
+
+def code_agrees(text: str, K: Any, kind: type) -> Check:
+    """Check that a header of a state space computes K, with its numbers in a format."""
+    read = state_space_of(text)
+    own = np.block([[K.A, K.B], [K.C, K.D]])
+    if read.shape != own.shape:
+        apart = np.inf
+    else:
+        off = np.abs(read.astype(kind).astype(float) - own)
+        apart = float(np.max(off / np.maximum(np.abs(own), np.finfo(kind).tiny), initial=0.0))
+    statement = "largest difference of a coefficient in the code from the controller's, relative"
+    return Check("code", statement, apart, ROUNDING, over=THIS_SYSTEM)
+
+
+def integer_code_agrees(text: str, channels: Any) -> Check:
+    """Check that a header in integers computes the cascades ``channels[i][j]`` (L, 6)."""
+    rows = [row for line in channels for cascade in line for row in cascade]
+    gains = section_gains(text)
+    apart, number = (0.0 if len(gains) == len(rows) else np.inf), 0
+    for line in channels:
+        for cascade in line:
+            # What a section gives is its output over a power of two, which the last one undoes.
+            found = np.array(gains[number : number + len(cascade)])
+            number += len(cascade)
+            if len(found) != len(cascade):
+                continue
+            apart = max(apart, float(np.abs(found[:, 3:] - cascade[:, 4:]).max(initial=0.0)))
+            product, wanted = np.ones(1), np.ones(1)
+            for one, other in zip(found, cascade, strict=True):
+                product, wanted = np.convolve(product, one[:3]), np.convolve(wanted, other[:3])
+            scale = _last_shift(text, number)
+            apart = max(apart, float(np.abs(scale * product - wanted).max(initial=0.0)))
+    statement = "largest difference of a coefficient in the code from the controller's"
+    return Check("code", statement, apart, ROUNDING, over=THIS_SYSTEM)
+
+
+def state_space_of(text: str) -> RealArray:
+    """[A B; C D] of the step of a header of a state space, limits left out."""
+    inputs, outputs, states = (_defined(text, name) for name in ("INPUTS", "OUTPUTS", "STATES"))
+    body = _step(text)
+    lines = re.findall(r"^\s*(state->x\[\d+\]|u\[\d+\]) = ([^;]*);$", body, re.MULTILINE)
+    sums = dict(reversed(lines))  # limits come after the sum that they limit
+    names = [f"x{i}" for i in range(states)] + [f"y[{j}]" for j in range(inputs)]
+    targets = [f"state->x[{i}]" for i in range(states)] + [f"u[{i}]" for i in range(outputs)]
+    found = np.zeros((len(targets), len(names)))
+    for row, target in enumerate(targets):
+        for value, name in _terms(sums.get(target, "0")):
+            if name in names:
+                found[row, names.index(name)] += value
+    return found
+
+
+def section_gains(text: str) -> list[list[float]]:
+    """b0 b1 b2 a1 a2 of each section in the step of a header in integers."""
+    found = []
+    for *numbers, shift in SECTION.findall(_step(text)):
+        found.append([int(number) / 2.0 ** int(shift or 0) for number in numbers])
+    return found
+
+
+def _terms(text: str) -> list[tuple[float, str]]:
+    """Factors and names of a sum of products."""
+    found = re.findall(r"([+-] )?(-?[\d.eE+-]+)f? \* ([a-z]\d+|y\[\d+\]|\(u\[\d+\] - w\d+\))", text)
+    return [
+        (float(f"{sign.strip()}{value}".replace("--", "")), name) for sign, value, name in found
+    ]
+
+
+def _last_shift(text: str, count: int) -> float:
+    """The factor of a cascade's output, after so many sections of the step."""
+    place = list(SECTION.finditer(_step(text)))[count - 1].end()
+    found = re.search(r"sum \+= (.*);", _step(text)[place:])
+    written = found.group(1) if found else "v"
+    if times := re.fullmatch(r"v \* (\d+)", written):
+        return float(times.group(1))
+    back = re.fullmatch(r"\(\(v \+ \d+\) >> (\d+)\)", written)
+    return 2.0 ** -int(back.group(1)) if back else 1.0
+
+
+def _step(text: str) -> str:
+    """The body of the step."""
+    start = text.index("_step(")
+    return text[text.index("{", start) : text.index("\n}\n", start)]
+
+
+def _defined(text: str, name: str) -> int:
+    found = re.search(rf"#define \w+_{name} (\d+)", text)
+    return int(found.group(1)) if found else 0
