@@ -1,7 +1,10 @@
-"""Kinds of NumPy arrays, for annotations, the spacing of their numbers, and single precision."""
+"""Kinds of NumPy arrays, the spacing of their numbers, single precision, and what holds arrays."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -26,3 +29,54 @@ def outward_single(bounds: Any) -> NDArray[np.float32]:
     inward = np.where(lower, rounded > exact, rounded < exact)
     outward = np.where(lower, np.float32(-np.inf), np.float32(np.inf))
     return np.where(inward, np.nextafter(rounded, outward), rounded)
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """A view of an array through which nobody writes."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def content_hash(value: Any) -> str:
+    """Hash of all numbers in arrays, systems, datasets, dataclasses, sequences and mappings.
+
+    Two values that differ in something else may have the same hash.
+    """
+    found = hashlib.blake2b(digest_size=16)
+    _feed(found, value, set())
+    return found.hexdigest()
+
+
+def _feed(found: Any, value: Any, seen: set[int]) -> None:
+    """Add what a value holds to a hash; each object once."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.hasobject:
+            _feed(found, value.tolist(), seen)
+        else:
+            found.update(f"{value.dtype}{value.shape}".encode())
+            found.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
+    elif isinstance(value, str | bytes | int | float | complex | np.generic):
+        found.update(repr(value).encode())
+    elif id(value) not in seen:
+        seen.add(id(value))
+        for name, part in _parts(value):
+            found.update(name.encode())
+            _feed(found, part, seen)
+
+
+def _parts(value: Any) -> list[tuple[str, Any]]:
+    """What an object holds, by name."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return [(field.name, getattr(value, field.name)) for field in fields(value)]
+    if isinstance(value, Mapping):
+        return [(str(name), part) for name, part in value.items()]
+    if isinstance(value, list | tuple):
+        return [(str(number), part) for number, part in enumerate(value)]
+    if all(hasattr(value, name) for name in "ABCD"):
+        return [(name, np.asarray(getattr(value, name))) for name in "ABCD"]
+    if hasattr(value, "num_array") and hasattr(value, "den_array"):
+        return [("num", value.num_array), ("den", value.den_array)]
+    if hasattr(value, "data_vars"):  # a Dataset
+        return [(str(name), np.asarray(value[name])) for name in value.data_vars]
+    return [("values", np.asarray(value))] if hasattr(value, "dims") else []  # a DataArray

@@ -19,12 +19,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from workbench.accuracy import (
     ANY_ACCURACY_ALIKE,
     DEFAULT_TOLERANCE,
     EVERY_ACCURACY,
     AccuracyRange,
 )
+from workbench.arrays import read_only
 from workbench.certificate import Checker
 from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
@@ -39,7 +42,28 @@ Claim = tuple[Any, Outcome, str]
 
 
 class Task(Checker):
-    """A Program or a Study: its answer can be checked, stored and shown."""
+    """A Program or a Study: its answer can be checked, stored and shown.
+
+    Nobody writes into its arrays: after it is made they are views that are read only.
+    """
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        own = vars(cls).get("__post_init__")
+        if own is not None:
+
+            @functools.wraps(own)
+            def then_sealed(self: Task) -> None:
+                own(self)
+                Task.__post_init__(self)
+
+            cls.__post_init__ = then_sealed  # type: ignore[method-assign]
+
+    def __post_init__(self) -> None:
+        """Seal the arrays: `dataclasses` calls this last when a Program is made."""
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                vars(self)[name] = read_only(value)
 
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""

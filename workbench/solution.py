@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.answer import Answer
+from workbench.arrays import content_hash
 from workbench.certificate import Certificate
 from workbench.errors import InputError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
@@ -195,6 +196,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
     asked = context.options.accuracy
     note = task.unheeded(method, asked)
+    need_unchanged(task)
 
     trace = ""
     start = time.perf_counter()
@@ -209,11 +211,28 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
         trace = traceback.format_exc()
     total = time.perf_counter() - start
+    try:
+        need_unchanged(task, _asked(task, method))
+    except InputError as error:
+        answer, claim, message = None, Outcome.FAILED, str(error)
     if answer is not None and context.stopped:
         claim, message = Outcome.TIME_LIMIT, context.stopped
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     return Solution(answer, claim, message, None, seconds, trace, note, task=task)
+
+
+def need_unchanged(task: Task, by: str = "somebody") -> None:
+    """Raise InputError where the data of a task are not those with which it was first asked.
+
+    The answers of all methods are certified against the same data.
+    """
+    now = content_hash(task)
+    if vars(task).setdefault("_first_asked", now) != now:
+        raise InputError(
+            f"the data of this {type(task).__name__} were changed by {by} since it was first "
+            "asked: make it anew; an answer to data that change cannot be certified"
+        )
 
 
 def _asked(task: Task, method: str | None) -> str:
