@@ -192,7 +192,7 @@ def test_it_prints_a_few_lines_with_its_number(answer, name):
     assert "certificate" in text.splitlines()[-1]
 
 
-@pytest.mark.parametrize("name", ANSWERS.keys() - WITHOUT_NUMBER)
+@pytest.mark.parametrize("name", [name for name in ANSWERS if name not in WITHOUT_NUMBER])
 def test_it_has_a_value_or_bounds(answer, name):
     if hasattr(answer, "lower"):
         assert (np.asarray(answer.lower) <= answer.upper).all()

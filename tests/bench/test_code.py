@@ -1,9 +1,11 @@
 """An answer goes stale by what its Program, method and checks import, and by nothing else."""
 
+import importlib
 import sys
 
 import pytest
 
+import workbench as wb
 from workbench.bench import code
 from workbench.bench.code import closure, code_hash
 
@@ -128,3 +130,37 @@ def test_one_room_of_the_workbench_changes_without_the_others():
     circle, _ = closure(["workbench.geometry.circle"])
     assert "workbench.certify.cones.form" in circle
     assert not any(name.startswith(("workbench.mu", "workbench.bench")) for name in circle)
+
+
+def test_a_helper_outside_of_the_package_counts(package, tmp_path, monkeypatch):
+    """A module of the user's, which is not installed, changes what imports it."""
+    (tmp_path / "helper_of_mine.py").write_text("FACTOR = 1\n")
+    (package / "helped.py").write_text("import helper_of_mine\nimport json, numpy\n")
+    importlib.import_module("helper_of_mine")
+    monkeypatch.setitem(sys.modules, "helper_of_mine", sys.modules["helper_of_mine"])
+    assert code.helper_modules(["pkg.helped"]) == {"helper_of_mine"}
+    before = code_hash(["pkg.helped"])
+    assert before != code_hash(["pkg.checks"])
+    (tmp_path / "helper_of_mine.py").write_text("FACTOR = 20\n")
+    assert code_hash(["pkg.helped"]) != before
+    found, packages = closure(["pkg.helped"])
+    assert "helper_of_mine" in found and {"json", "numpy"} <= packages
+
+
+def test_an_edit_of_a_helper_is_run_and_not_found_stored(tmp_path, monkeypatch, project):
+    (tmp_path / "gain_of_mine.py").write_text("GAIN = 1.0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    project.write(
+        "plants/helped/problems.py",
+        "import numpy as np\nfrom gain_of_mine import GAIN\nfrom workbench import problem\n"
+        "from workbench.geometry import SmallestCircle\n\n"
+        '@problem("helped/circle")\ndef circle():\n'
+        '    """A circle."""\n    return SmallestCircle(GAIN * np.array([0, 1, 1j]))\n',
+    )
+    before = wb.run("helped/circle").value
+    assert wb.run("helped/circle").reused
+    (tmp_path / "gain_of_mine.py").write_text("GAIN = 2.0 + 0\n")
+    second = wb.run("helped/circle")
+    assert not second.reused
+    assert second.value == pytest.approx(2 * before)
+    sys.modules.pop("gain_of_mine")

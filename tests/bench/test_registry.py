@@ -1,8 +1,12 @@
 """A function's signature is the problem's parameters, its docstring the help."""
 
+import math
+
+import numpy as np
 import pytest
 
 from workbench.bench.declare import Ref
+from workbench.bench.question import canonical
 from workbench.bench.registry import Registry
 from workbench.errors import InputError, RegistryError, UnknownNameError
 
@@ -273,3 +277,60 @@ def test_a_problem_file_may_import_its_neighbours(project):
 def test_the_folder_of_a_plant_is_the_one_below_the_root(project, file, folder):
     project.write(file, f'{HEAD}@problem("deep")\ndef f(): ...\n')
     assert registry(project).find("deep").folder == project.root / folder
+
+
+class Plain:
+    """What nobody can write as JSON."""
+
+
+@pytest.mark.parametrize("hint", ["", ": list", ": dict", ": Any"])
+@pytest.mark.parametrize(
+    "value",
+    [
+        math.nan,
+        math.inf,
+        b"x",
+        b"\xff",
+        {1: 1},
+        {None: 1},
+        [math.nan],
+        {"a": math.inf},
+        "\ud800",
+        np.arange(3),
+        Plain(),
+        1j,
+    ],
+    ids=lambda value: "plain" if isinstance(value, Plain) else ascii(value),
+)
+def test_a_value_that_json_does_not_bring_back_is_refused_by_name(problem, hint, value):
+    """None, nan, inf and -inf were one question, so were b"x" and "x"."""
+    one = problem(f'from typing import Any\n@problem("a")\ndef f(p{hint} = None): ...')
+    with pytest.raises(InputError, match=r"a: p="):
+        one.to_json(one.bind({"p": value}))
+
+
+@pytest.mark.parametrize(
+    ("hint", "value"),
+    [
+        ("", 1),
+        ("", 1.5),
+        ("", True),
+        ("", "x"),
+        ("", None),
+        ("", [1, "a", None, {"b": 2.0}]),
+        ("", np.float32(0.1)),
+        ("", np.int64(3)),
+        (": float", math.inf),
+        (": float", math.nan),
+        (": float", 1),
+        (": float | None", None),
+        (": tuple[float, ...]", (1.0, math.inf)),
+        (": dict[int, float]", {1: 2.0}),
+        (": bytes", b"x"),
+    ],
+)
+def test_a_value_that_json_brings_back_asks_a_question(problem, hint, value):
+    one = problem(f'@problem("a")\ndef f(p{hint}): ...')
+    found = one.to_json(one.bind({"p": value}))
+    assert canonical(found)
+    assert found.keys() == {"p"}

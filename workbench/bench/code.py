@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import site
 import sys
+import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -57,8 +59,8 @@ def source_digests(folders: Iterable[Path]) -> dict[str, str]:
 def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
     """The modules that some modules are made of, themselves included, and what else they import.
 
-    Followed are imports from the workbench and from the packages of the modules themselves; of all
-    others the name of the package is told.
+    Followed are imports from the workbench, from the packages of the modules themselves, and from
+    modules of the user's, which are not installed; of all others the name of the package is told.
     """
     waiting: list[Import] = [(name, None) for name in modules]
     followed = {OWN, *(name.partition(".")[0] for name, _ in waiting)}
@@ -70,17 +72,62 @@ def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
         if wanted in seen:
             continue
         seen.add(wanted)
-        if wanted[0].partition(".")[0] not in followed:
-            packages.add(wanted[0].partition(".")[0])
+        first = wanted[0].partition(".")[0]
+        if first not in followed and not _is_users(first):
+            packages.add(first)
             continue
         module = _defining(*wanted)
-        file = _file(module)
+        file = file_of(module)
         if file is None:  # a notebook's cell, a built-in module
             continue
         if module not in found:
             found[module] = _facts(file, module)
             waiting += found[module].imports
     return found, packages
+
+
+def helper_modules(modules: Iterable[str]) -> set[str]:
+    """Modules of the user's, outside of the packages of some modules, that these import."""
+    waiting, seen, found = list(modules), set[str](), set[str]()
+    own = {OWN, *(name.partition(".")[0] for name in waiting)}
+    while waiting:
+        module = waiting.pop()
+        file = None if module in seen else file_of(module)
+        seen.add(module)
+        if file is None:
+            continue
+        first = module.partition(".")[0]
+        if first not in own:
+            found.add(module)
+        for imported in _facts(file, module).imports:
+            name = _defining(*imported)
+            first = name.partition(".")[0]
+            if first not in own and _is_users(first):
+                waiting.append(name)
+    return found
+
+
+def _is_users(package: str) -> bool:
+    """Whether a package that was imported is neither installed nor Python's own.
+
+    An editable install is the user's: its files lie where they are written.
+    """
+    module = sys.modules.get(package)
+    places = [*getattr(module, "__path__", []), getattr(module, "__file__", None) or ""]
+    files = [Path(place).resolve() for place in places if place]
+    return bool(files) and not any(base in file.parents for file in files for base in _installed())
+
+
+@cache
+def _installed() -> tuple[Path, ...]:
+    """Folders of Python's own modules and of installed packages."""
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    paths = [sysconfig.get_paths()[name] for name in names]
+    return tuple(Path(path).resolve() for path in [*paths, *site.getsitepackages(), *_user_site()])
+
+
+def _user_site() -> list[str]:
+    return [site.getusersitepackages()] if site.ENABLE_USER_SITE else []
 
 
 Import = tuple[str, str | None]
@@ -106,19 +153,19 @@ def _defining(module: str, name: str | None) -> str:
         if name is None:
             return module
         below = f"{module}.{name}"
-        file = _file(module)
+        file = file_of(module)
         if file is None or file.name != "__init__.py":
             return module
         source = _facts(file, module).bound.get(name)
         if source is None or source == (module, name):
-            return below if _file(below) else module
+            return below if file_of(below) else module
         if source[1] is None or source[0].partition(".")[0] != module.partition(".")[0]:
             return source[0] if source[1] is None else module
         module, name = source
     return module
 
 
-def _file(module: str) -> Path | None:
+def file_of(module: str) -> Path | None:
     """The source file of a module, found from that of its nearest imported package."""
     parts = module.split(".")
     for count in range(len(parts), 0, -1):
@@ -210,7 +257,7 @@ def _through(source: Import, attributes: list[str]) -> Iterator[Import]:
     """What ``a.b.c`` leads to, where ``a`` is a package: a name of it, or of one below it."""
     module = source[0] if source[1] is None else f"{source[0]}.{source[1]}"
     for name in attributes:
-        file = _file(module)
+        file = file_of(module)
         if file is None or file.name != "__init__.py":
             return
         yield module, name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import inspect
+import json
 import sys
 import traceback
 import types
@@ -16,8 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import workbench
 import workbench.plants
+from workbench.bench.code import file_of, helper_modules
 from workbench.bench.declare import PLACEMENT, RESERVED_PARAMETERS, Fed, Needs, Ref, Settings
 from workbench.bench.discovery import AxisFunction, Entry
+from workbench.bench.question import canonical, is_same
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -168,18 +171,39 @@ class Problem:
             ) from None
 
     def to_json(self, bound: Mapping[str, Any]) -> dict[str, Any]:
-        """Bound parameters as plain JSON values."""
+        """Bound parameters as plain JSON values.
+
+        Raises InputError for a value that JSON does not bring back as it was: other values would
+        ask the same question.
+        """
+        return {name: self._carried(name, value) for name, value in bound.items()}
+
+    def _carried(self, name: str, value: Any) -> Any:
+        """A value as plain JSON, from which it comes back unchanged."""
         from pydantic import TypeAdapter
 
-        return {
-            name: TypeAdapter(self.hint(name)).dump_python(value, mode="json")
-            for name, value in bound.items()
-        }
+        adapter = TypeAdapter(self.hint(name))
+        try:
+            kind = adapter.validate_python(value)  # 1 for 1.0, where a float is asked for
+            found = adapter.dump_python(value, mode="json")
+            back = adapter.validate_python(json.loads(canonical(found)))
+            carried = is_same(back, kind)
+        except (ValueError, TypeError, RecursionError):
+            carried = False
+        if not carried:
+            raise InputError(
+                f"{self.name}: {name}={repr(value)[:200]} does not come back from JSON unchanged: "
+                "other values would ask the same question; give numbers, texts, lists, or "
+                "mappings by texts, and annotate the parameter (float for nan and inf)"
+            )
+        return found
 
     def _convert(self, name: str, value: Any) -> Any:
         from pydantic import TypeAdapter, ValidationError
 
         adapter = TypeAdapter(self.hint(name))
+        if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a number of NumPy
+            value = value.item()
         try:
             return adapter.validate_python(value)
         except ValidationError as error:
@@ -241,17 +265,27 @@ def axis_values(function: AxisFunction) -> Any:
 
 
 def import_file(root: Path, file: Path) -> types.ModuleType:
-    """Import a problem file, anew with all of its root where one of them was edited since."""
+    """Import a problem file, anew with all of its root where one of them was edited since.
+
+    So are modules of the user's outside of the root, such as helpers beside it, that it imports.
+    """
     package = _package(root)
-    state = {file: file.stat().st_mtime_ns for file in root.rglob("*.py")}
-    if package in _imported:
-        edited = _imported[package] != state
+    helpers = _helpers(package)
+    files = [*root.rglob("*.py"), *helpers.values()]
+    state = {one: one.stat().st_mtime_ns for one in files if one.is_file()}
+    before = _imported.get(package)
+    if before is not None:
+        edited = any(before.get(one, seen) != seen for one, seen in state.items())
+        edited = edited or {one for one in before if root in one.parents} != {
+            one for one in state if root in one.parents
+        }
     else:  # a notebook may have imported a plant's modules by itself, and their files edited since
         edited = max(state.values()) > workbench.IMPORT_TIME
-    _imported[package] = state
     if edited:
         for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
             del sys.modules[name]
+        for name in helpers:
+            sys.modules.pop(name, None)
     parts = file.relative_to(root).with_suffix("").parts
     # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
     keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
@@ -263,6 +297,20 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
         raise RegistryError(words) from error
     finally:
         sys.dont_write_bytecode = keep
+        found = {one: one.stat().st_mtime_ns for one in _helpers(package).values()}
+        _imported[package] = found | state
+
+
+def _helpers(package: str) -> dict[str, Path]:
+    """Modules of the user's outside a package that it imports, with their files."""
+    modules = [name for name in sys.modules if name.startswith(f"{package}.")]
+    files = ((name, file_of(name)) for name in helper_modules(modules) if name != "__main__")
+    return {name: file for name, file in files if file is not None}
+
+
+def helper_files() -> list[Path]:
+    """Files of the user's outside of problem folders that these have imported."""
+    return sorted({file for package in _imported for file in _helpers(package).values()})
 
 
 def _relative_hint(error: Exception, file: Path) -> str:

@@ -24,6 +24,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import workbench.plants
+from workbench.bench.problem import helper_files
 from workbench.bench.registry import Registry
 from workbench.bench.trust.untrusted import possible_path
 from workbench.errors import RegistryError, WorkbenchError
@@ -126,7 +127,8 @@ def registry() -> Registry:
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     # The time of a folder tells of files that an axis may be made of.
-    files = (file for root in unique for file in (root, *root.rglob("*")) if _counts(file))
+    files = [file for root in unique for file in (root, *root.rglob("*")) if _counts(file)]
+    files += (file for file in helper_files() if file.is_file())
     state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
     return _registry(unique, state, wrong)
 

@@ -86,5 +86,19 @@ def plain(value: Any) -> Any:
     return value
 
 
+def is_same(one: Any, other: Any) -> bool:
+    """Whether two values are the same in kind and number; lists and tuples are of one kind."""
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(is_same, one, other))
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        kinds = ({(type(key), key) for key in each} for each in (one, other))
+        return next(kinds) == next(kinds) and all(is_same(one[key], other[key]) for key in one)
+    if isinstance(one, str):
+        one.encode()  # a lone surrogate raises a ValueError
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or (math.isnan(one) and math.isnan(other))
+    return type(one) is type(other) and bool(one == other)
+
+
 def digest(text: str | bytes) -> str:
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()

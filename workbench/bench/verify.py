@@ -194,7 +194,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     return certificate, wrong
 
 
-def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[str]:
+def _certificates_apart(stored: Any, fresh: dict[str, Any]) -> list[str]:
     """Places where two certificates as JSON differ.
 
     The value of a check is what rounding and a search for a proof leave over. It differs between
@@ -204,6 +204,8 @@ def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[s
     round differently; that its checks hold, and what they say, is. Facts in words are not compared:
     their numbers are among the metrics.
     """
+    if not isinstance(stored, dict):
+        return [f"it holds no certificate but {stored!r:.80}"]
     for each in (stored, fresh):
         each.pop("facts", None)
     checks = stored.get("checks")
