@@ -45,8 +45,8 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the value is at most its limit; NaN is not."""
-        return self.value <= self.limit  # false for NaN
+        """Whether the value is at most its limit; NaN is not, and infinity is no limit."""
+        return self.value <= self.limit < math.inf
 
 
 EVERY_FREQUENCY = "at every frequency"
@@ -116,7 +116,12 @@ class Gap:
     @property
     def closed(self) -> bool:
         """Whether the value is at most the tolerance, on either side of 0."""
-        return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
+        return abs(self.value) <= self.tolerance
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the answer lies beyond its bound, so that one of both is wrong."""
+        return self.value < -self.tolerance
 
 
 @dataclass(frozen=True, repr=False)
@@ -140,8 +145,9 @@ class Certificate:
 
     @property
     def valid(self) -> bool:
-        """Whether every check holds."""
-        return all(check.holds for check in self.checks)
+        """Whether there are checks and all hold, and no answer lies beyond its bound."""
+        beyond = self.gap is not None and self.gap.contradicts
+        return bool(self.checks) and all(check.holds for check in self.checks) and not beyond
 
     @property
     def holds(self) -> bool:
@@ -164,8 +170,13 @@ class Certificate:
             for check in self.checks
             if not check.holds
         ]
-        if self.gap is not None and self.gap.required and not self.gap.closed:
-            failed.append(f"optimality gap: {self.gap.value:.3g} exceeds {self.gap.tolerance:.3g}")
+        if not self.checks:
+            failed.append("nothing is checked")
+        gap = self.gap
+        if gap is not None and gap.contradicts:
+            failed.append(f"optimality gap: {gap.value:.3g}, the answer lies beyond its bound")
+        elif gap is not None and gap.required and not gap.closed:
+            failed.append(f"optimality gap: {gap.value:.3g} exceeds {gap.tolerance:.3g}")
         return tuple(failed)
 
     def __repr__(self) -> str:

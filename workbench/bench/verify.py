@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.project import Project, add_problems, registry
+from workbench.bench.project import Project, add_problems, registry, results_root
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
@@ -109,7 +109,7 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
             certificate, wrong = _recheck(run, bound)
             found += wrong + cell_of(run)
             if run.problem == COMPARISON:
-                wrong, said = rerun_cells(run) if rerun else stored_cells(run)
+                wrong, said = rerun_cells(run) if rerun else stored_cells(run, _cell_faults)
                 found, notes = found + wrong, notes + said
             if run.problem == SWEEP:
                 wrong, said = stored_points(run)
@@ -123,6 +123,11 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
     except (KeyError, TypeError, ValueError) as error:
         found.append(f"run.json cannot be read as a run: {type(error).__name__}: {error}")
     return Verification(path, tuple(found), tuple(notes), certificate)
+
+
+def _cell_faults(path: Path) -> list[str]:
+    """What is wrong with the folder of a cell."""
+    return list(verify_folder(path).problems)
 
 
 def _of_its_project(path: Path) -> list[Path]:
@@ -139,6 +144,12 @@ def _misplaced(run: Run) -> list[str]:
         found.append(f"run.json: its question has key {question.key}, not {run.key} as it says")
     if run.path.resolve().name.removesuffix(FAILED) != question.key:
         found.append(f"run.json: its question has key {question.key}, unlike the folder's name")
+    above, named = run.path.resolve().parents, Path(run.problem).parts
+    root = results_root().resolve()
+    if root in above and above[0].relative_to(root).parts[-len(named) :] != named:
+        found.append(
+            f"run.json: it answers {run.problem}, and lies in {above[0].relative_to(root)}"
+        )
     return found
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,10 @@ def _same(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=1e-9) or (math.isnan(a) and math.isnan(b))
 
 
-def stored_cells(run: Run) -> tuple[list[str], list[str]]:
+def stored_cells(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[list[str], list[str]]:
     """Where a comparison disagrees with those of its cells that are stored beside it; and notes.
+
+    ``faults`` verifies the folder of a cell: a table is no better than what it is made of.
 
     A cell that other code has answered since, such as an edited method, is another one.
     """
@@ -54,6 +57,9 @@ def stored_cells(run: Run) -> tuple[list[str], list[str]]:
         replaced += bool(found) and not records
         for record in records:
             wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
+        for one in folders:
+            if str(one.info["code"]) == own:
+                wrong += [f"{key}: {text}" for text in faults(one.path)]
     notes = [
         f"{count} of {len(asked)} cells {what}; --rerun answers them anew"
         for count, what in (
