@@ -9,7 +9,7 @@ import pytest
 
 import workbench as wb
 from workbench import coming_from
-from workbench.coming_from import answer, guides
+from workbench.coming_from import guidance, guides
 
 ROWS = {
     f"{guide.page}-{number}-{(*row.names, row.call)[0]}": (guide, row)
@@ -71,8 +71,8 @@ def test_the_answer_says_where_to_go():
         r"workbench\.synthesis\.hinf here, as in `.*`; guide: docs/coming-from/matlab-robust\.md",
     ):
         wb.hinfsyn  # noqa: B018
-    assert "lqr is not here; use python-control's `control.lqr`" in answer("lqr")
-    assert answer("no_such_name") == ""
+    assert "lqr is not here; use python-control's `control.lqr`" in guidance("lqr")
+    assert guidance("no_such_name") == ""
 
 
 def test_an_import_of_a_name_of_another_tool_is_answered_too():

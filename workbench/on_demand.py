@@ -9,7 +9,6 @@ import ast
 import sys
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -38,7 +37,9 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     def imported(name: str) -> Any:
         if name.startswith("__") or name not in statements():
             _refuse(package, name)
-        if statements()[name].module == package:  # a room: Python would ask for the name again
+        if statements()[name].module == package:  # a room: the statement would ask for it again
+            from importlib import import_module
+
             return import_module(f"{package}.{name}")
         statement = ast.Module([statements()[name]], type_ignores=[])
         exec(compile(statement, str(module.__file__), "exec"), vars(module))
@@ -62,9 +63,9 @@ def _refuse(room: str, name: str) -> NoReturn:
     told = ""
     imported = sys._getframe(2).f_code.co_name == "_handle_fromlist"
     if not (name.startswith("_") or (imported and _is_module(f"{room}.{name}"))):
-        from workbench.coming_from import answer
+        from workbench.coming_from import guidance
 
-        told = answer(name)
+        told = guidance(name)
     if told and imported:
         raise ImportError(f"cannot import name {name!r} from {room!r}; {told}", name=room)
     raise AttributeError(f"module {room!r} has no attribute {name!r}{told and f'; {told}'}")

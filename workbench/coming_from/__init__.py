@@ -58,7 +58,7 @@ def guides() -> tuple[Guide, ...]:
     return tuple(guide for _, guide in sorted(found, key=lambda pair: pair[0]))
 
 
-def answer(name: str) -> str:
+def guidance(name: str) -> str:
     """Where to go for a name that users of another tool type; empty for one that none has."""
     for guide in guides():
         for row in guide.rows:
