@@ -23,6 +23,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.solvers import slicot_routine
 from workbench.systems.bilinear import to_continuous
+from workbench.systems.range_hints import warn_far_frequencies
 
 FIRST_FREQUENCIES = 60
 """Number of frequencies with which the search starts."""
@@ -248,4 +249,5 @@ def _band(model: FaultModel, band: tuple[float, float]) -> tuple[float, float]:
         raise InputError(
             f"band goes to {values[1]:.6g} rad/s, beyond pi / dt = {np.pi / model.dt:.6g}"
         )
+    warn_far_frequencies(values, model.system)
     return float(values[0]), float(values[1])

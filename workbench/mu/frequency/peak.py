@@ -22,6 +22,7 @@ from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
 from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
 from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Complex, Real, Structure
+from workbench.systems.range_hints import warn_far_frequencies
 
 INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
 """What upper bounds of a peak rest on."""
@@ -127,6 +128,8 @@ def peak(
     if not 0.0 <= low < high:
         raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
     original = fitting(system, structure, sampled=True)
+    if not isinstance(system, StableSystem):
+        warn_far_frequencies(band, system)
     low, high = original.plane(low), original.plane(high)
     if not low < high:
         raise InputError(f"band is {band}; it lies beyond half the sampling rate")

@@ -20,6 +20,7 @@ from workbench.input_checks import need_structure
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
+from workbench.systems.range_hints import warn_far_frequencies
 
 MET = 1e-3
 """Relative distance at which a lower bound meets the upper one, and no further search is made."""
@@ -80,6 +81,8 @@ def frequency_sweep(
             raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
+        if not isinstance(system, StableSystem):
+            warn_far_frequencies(points, system)
         found = bounds_at(stable, structure, np.unique(stable.plane(points)), executor)
     value, Delta = _below(found, structure, lower)
     need_agreement(value, found.upper, place=lambda index: f"at {found.omega[index]:.6g} rad/s")

@@ -17,6 +17,7 @@ from workbench.input_checks import is_real, need_positive
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.range_hints import warn_far_period
 from workbench.systems.realisation import realisation
 
 STATIC_FREQUENCY_SHARE = 1e-8
@@ -133,6 +134,7 @@ def sampled_conditions(
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
     loop = HeldPlantLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed()
+    warn_far_period(sample_time, plant, closed)
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:
