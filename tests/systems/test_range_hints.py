@@ -13,7 +13,7 @@ from workbench.errors import RangeWarning
 from workbench.mu import Complex, Full, Structure, frequency_sweep, peak, performance_sweep
 from workbench.synthesis import Implementation, sampled_conditions
 from workbench.systems import bandwidths, margins
-from workbench.systems.range_hints import warn_far_frequencies
+from workbench.systems.range_hints import warn_far_frequencies, warn_far_period
 from workbench.uncertainty import MatrixResponses, generalised_plant, real, tf
 
 LAG = control.ss(control.tf([12.0], [1.0, 12.0]))
@@ -153,12 +153,15 @@ SHORT = "^the sampling time, .*, is below 1/100 of the loop's shortest time cons
     ],
 )
 def test_a_sampling_time_far_from_the_loop_is_told(plant, gain, dt, told):
-    K = control.ss([], [], [], [[gain]], dt)
+    plant = control.ss(plant)
+    loop = control.feedback(plant.sample(dt) * gain)
     with pytest.warns(RangeWarning, match=told) if told else contextlib.nullcontext():
-        sampled_conditions(plant, K, dt)
+        warn_far_period(dt, plant, loop)
 
 
-def test_an_implementation_far_from_its_loop_is_told():
-    K = control.ss([], [], [], [[2.0]])
-    with pytest.warns(RangeWarning, match=SHORT):
-        wb.solve(Implementation(K, LAG, period=1e-4))
+def test_what_takes_a_sampling_time_and_a_plant_tells():
+    K = control.ss([], [], [], [[2.0]], 10.0)
+    with pytest.warns(RangeWarning, match=LONG):
+        assert not sampled_conditions(LAG, K, 10.0).stable
+    with pytest.warns(RangeWarning, match=LONG):
+        wb.solve(Implementation(K, LAG, period=10.0))
