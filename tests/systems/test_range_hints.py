@@ -14,7 +14,15 @@ from workbench.mu import Complex, Full, Structure, frequency_sweep, peak, perfor
 from workbench.synthesis import Implementation, sampled_conditions
 from workbench.systems import bandwidths, margins
 from workbench.systems.range_hints import warn_far_frequencies, warn_far_period
-from workbench.uncertainty import MatrixResponses, generalised_plant, real, tf
+from workbench.uncertainty import (
+    CircleCover,
+    MatrixCover,
+    MatrixResponses,
+    Responses,
+    generalised_plant,
+    real,
+    tf,
+)
 
 LAG = control.ss(control.tf([12.0], [1.0, 12.0]))
 ONE = Structure([Full(1, 1)])
@@ -102,7 +110,7 @@ def test_a_sampled_system_is_judged_by_its_poles_in_continuous_time():
 
 
 def test_what_takes_frequencies_and_a_system_tells():
-    omega = np.geomspace(1e4, 1e6, 5)
+    omega = np.geomspace(1e4, 1e6, 20)
     model = FaultModel(
         control.ss(-12.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"]),
         faults=("f",),
@@ -118,6 +126,7 @@ def test_what_takes_frequencies_and_a_system_tells():
         control="u",
         measurement="e",
     )
+    far = LAG(1j * omega)[:, None] * np.array([0.9, 1.1])
     asked = (
         lambda: frequency_sweep(LAG, ONE, omega),
         lambda: performance_sweep(plant, control.ss([], [], [], [[1.0]]), omega),
@@ -125,6 +134,8 @@ def test_what_takes_frequencies_and_a_system_tells():
         lambda: plant.response(omega),
         lambda: (tf([12], [1, 12]) * real("k", 1, percent=10)).response(omega),
         lambda: MatrixResponses.of_systems([LAG, 1.1 * LAG], omega),
+        lambda: MatrixCover(MatrixResponses(omega, far[..., None, None]), LAG),
+        lambda: CircleCover(Responses(omega, far), order=1, nominal=LAG),
         lambda: detectability(model, omega),
         lambda: transfer(Q, model, ["f"], omega),
         lambda: performance_index(Q, model, (1e4, 1e6)),

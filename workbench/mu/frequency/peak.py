@@ -121,6 +121,11 @@ def peak(
         real scalars and there is no complex part; or an argument is out of its range.
     ContradictionError
         The lower bound is above the upper one.
+
+    Warns
+    -----
+    RangeWarning
+        The band lies above 100 times the fastest pole, or below 1/100 of the slowest.
     """
     need_tolerance(tolerance)
     need_count("steps", steps)

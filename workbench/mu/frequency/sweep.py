@@ -68,6 +68,11 @@ def frequency_sweep(
         As `stable_system`; the system does not fit the structure; frequencies are missing or wrong.
     ContradictionError
         A lower bound is above the upper one.
+
+    Warns
+    -----
+    RangeWarning
+        All frequencies lie above 100 times the fastest pole, or below 1/100 of the slowest.
     """
     stable = fitting(system, structure, sampled=True)
     if omega is None:

@@ -113,6 +113,12 @@ def sampled_conditions(
         The plant is sampled; K is not, or has another sampling time or size; or the sign or the
         delay is wrong.
 
+    Warns
+    -----
+    RangeWarning
+        The sampling time is above 100 times the plant's longest time constant, or below 1/100 of
+        the sampled loop's shortest.
+
     Examples
     --------
     >>> import control
