@@ -16,6 +16,9 @@ from workbench.heavy_types import StateSpace
 FAR = 100.0
 """Ratio to the fastest or slowest pole from which frequencies and times count as out of range: Hz
 for rad/s is a factor of 6, and within a plant's range; milliseconds for seconds is one of 1000."""
+OFTEN = 10.0
+"""Samples within the shortest time constant of a loop that is sampled as often as is usual; a loop
+that is sampled a hundred times as often is out of range."""
 BEYOND = 1.01
 """Ratio from which a zero is faster than the fastest pole; nearer ones would differ by rounding."""
 LIBRARY = __name__.partition(".")[0]
@@ -62,7 +65,7 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
     """Warn of a sampling time [s] far longer, or far shorter, than what happens in a loop.
 
     It is too long for a continuous plant whose slowest pole or zero settles within 1/100 of a
-    sample, and too short for a sampled loop whose fastest pole takes 100 samples to move.
+    sample, and too short for a sampled loop whose fastest pole takes 1000 samples to move.
     """
     poles, closed = _pole_sizes(plant), _pole_sizes(loop)
     if poles.size and period * poles.min() > FAR:
@@ -72,9 +75,9 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
                 f"the sampling time, {period:.3g} s, is above 100 times the plant's longest time "
                 f"constant, {1 / slowest:.3g} s: is it in ms, or the plant in other units of time?"
             )
-    elif closed.size and period * closed.max() < 1 / FAR:
+    elif closed.size and period * closed.max() < 1 / (FAR * OFTEN):
         _warn(
-            f"the sampling time, {period:.3g} s, is below 1/100 of the loop's shortest time "
+            f"the sampling time, {period:.3g} s, is below 1/1000 of the loop's shortest time "
             f"constant, {1 / closed.max():.3g} s: is the plant in other units of time?"
         )
 

@@ -116,8 +116,8 @@ def sampled_conditions(
     Warns
     -----
     RangeWarning
-        The sampling time is above 100 times the plant's longest time constant, or below 1/100 of
-        the sampled loop's shortest.
+        The sampling time is above 100 times the plant's longest time constant, or below 1/1000
+        of the sampled loop's shortest.
 
     Examples
     --------
