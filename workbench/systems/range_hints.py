@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import RealArray
 from workbench.errors import RangeWarning
 from workbench.heavy_types import StateSpace
+from workbench.systems.realisation import pole_sizes, root_sizes
 
 FAR = 100.0
 """Ratio to the fastest or slowest pole from which frequencies and times count as out of range: Hz
@@ -89,9 +90,10 @@ def _pole_sizes(system: StateSpace) -> RealArray:
     """
     from scipy.linalg import matrix_balance
 
-    sizes = _sizes(system.poles(), system.dt)
-    if not np.isfinite(sizes).any():  # gains, integrators and delays by whole samples
-        return sizes[:0]
+    sizes = pole_sizes(system)
+    sizes = sizes[sizes > 0]
+    if not sizes.size:  # gains, integrators and delays by whole samples
+        return sizes
     size = np.linalg.norm(matrix_balance(system.A)[0], 2) / (system.dt or 1.0)
     rounding = np.finfo(float).eps ** (1 / system.nstates) * size
     return sizes if sizes.max() > rounding else sizes[:0]
@@ -101,16 +103,7 @@ def _zero_sizes(system: StateSpace) -> RealArray:
     """Sizes [rad/s] of the zeros of all entries that are not 0."""
     rows, columns = range(system.noutputs), range(system.ninputs)
     found = [system[row, column].zeros() for row in rows for column in columns]
-    return _sizes(np.concatenate(found), system.dt)
-
-
-def _sizes(roots: ComplexArray, dt: Any) -> RealArray:
-    """Sizes [rad/s] of roots that are not 0; infinite for those of a sampled system at z = 0."""
-    if dt:
-        with np.errstate(divide="ignore"):
-            sizes = np.abs(np.log(np.asarray(roots, dtype=complex))) / float(dt)
-    else:
-        sizes = np.abs(roots)
+    sizes = root_sizes(np.concatenate(found), system.dt)
     return sizes[sizes > 0]
 
 
