@@ -31,6 +31,7 @@ extensions = [
     "outputs",
     "gallery",
     "api_pages",
+    "coming_from",
 ]
 exclude_patterns = ["_build", "_tools", "reference/examples"]
 root_doc = "index"

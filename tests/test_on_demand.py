@@ -98,3 +98,30 @@ def test_modules_of_methods_are_named_by_their_programs():
     own = {"workbench.conic.program", "workbench.geometry.circle", "workbench.geometry.stadium"}
     assert register - named <= {*own, "workbench.synthesis.h_infinity.loop_shaping", *programs}
     assert named <= register
+
+
+def test_a_room_is_imported_when_it_is_asked_for():
+    code = """
+import sys, workbench as wb
+assert {*filter(lambda name: name.startswith("workbench"), sys.modules)} == {
+    "workbench", "workbench.on_demand"
+}
+assert "mu" in dir(wb) and "workbench.mu" not in sys.modules
+found = wb.mu.robust_stability
+from workbench import mu, structure
+assert mu is sys.modules["workbench.mu"] and mu.robust_stability is found
+assert structure is wb.structure
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_public_room_is_found_through_the_package(monkeypatch):
+    monkeypatch.syspath_prepend(SOURCES.parent / "docs" / "_tools")
+    from api_pages import ROOMS as PUBLIC
+
+    below = [room.partition(".")[2] for room in PUBLIC if room.count(".") == 1]
+    assert {*below} <= {*dir(workbench)} and len(below) > 15
+    for name in below:
+        assert getattr(workbench, name) is sys.modules[f"workbench.{name}"]
+        with pytest.raises(AttributeError, match="MATLAB's hinfsyn is"):
+            getattr(workbench, name).hinfsyn  # noqa: B018

@@ -17,6 +17,25 @@ IMPORT_TIME = time.time_ns()
 """When this process imported the workbench [ns since the epoch], before any plant's module."""
 
 if TYPE_CHECKING:
+    from workbench import certificate as certificate
+    from workbench import collections as collections
+    from workbench import conic as conic
+    from workbench import diagnosis as diagnosis
+    from workbench import errors as errors
+    from workbench import executor as executor
+    from workbench import fitting as fitting
+    from workbench import geometry as geometry
+    from workbench import identification as identification
+    from workbench import mu as mu
+    from workbench import optics as optics
+    from workbench import simulation as simulation
+    from workbench import solvers as solvers
+    from workbench import starter as starter
+    from workbench import structure as structure
+    from workbench import study as study
+    from workbench import synthesis as synthesis
+    from workbench import systems as systems
+    from workbench import uncertainty as uncertainty
     from workbench.api import compare, connect, load, problems, results, run, sweep, verify
     from workbench.bench.declare import problem, ref
     from workbench.bench.project import add_problems

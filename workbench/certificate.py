@@ -6,12 +6,16 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workbench.heavy_types import Figure
+from workbench.on_demand import no_more_names
 from workbench.solvers import Outcome
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 
 class WorkbenchError(Exception):
@@ -221,4 +226,25 @@ class ResultError(WorkbenchError):
     ...     print(error)
     ...
     no-such-folder is no results folder: it has no run.json
+    """
+
+
+class RangeWarning(UserWarning):
+    """Frequencies or times so far from a system's poles that their unit may be mistaken.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import control
+    >>> from workbench.errors import RangeWarning
+    >>> from workbench.mu import Full, Structure, frequency_sweep
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     sweep = frequency_sweep(
+    ...         control.tf([12.0], [1.0, 12.0]), Structure([Full(1, 1)]), [1e4, 1e6]
+    ...     )
+    >>> caught[0].category is RangeWarning
+    True
+    >>> print(str(caught[0].message).partition(" (")[0])
+    all frequencies lie above 100 times the fastest pole: are they in Hz?
     """

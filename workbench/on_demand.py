@@ -1,4 +1,4 @@
-"""Names that a package imports when they are first asked for.
+"""Names that a package imports when they are first asked for, and words for those it does not have.
 
 A user of one function of a room does not wait for all of its modules.
 """
@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 
 def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -18,7 +18,7 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
 
     The package imports its names under ``if TYPE_CHECKING:``, so that editors, type checkers and
     readers see ordinary imports; the statement that binds a name runs when the name is first asked
-    for, by Python's own rules.
+    for, by Python's own rules. Rooms below the package, imported from itself, are found so too.
     """
     module = sys.modules[package]
 
@@ -36,9 +36,42 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
 
     def imported(name: str) -> Any:
         if name.startswith("__") or name not in statements():
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            _refuse(package, name)
+        if statements()[name].module == package:  # a room: the statement would ask for it again
+            from importlib import import_module
+
+            return import_module(f"{package}.{name}")
         statement = ast.Module([statements()[name]], type_ignores=[])
         exec(compile(statement, str(module.__file__), "exec"), vars(module))
         return vars(module)[name]
 
-    return imported, lambda: module.__all__
+    return imported, lambda: [*{*module.__all__, *statements()}]
+
+
+def no_more_names(room: str) -> Callable[[str], NoReturn]:
+    """``__getattr__`` of a room that has imported all of its names."""
+    return lambda name: _refuse(room, name)
+
+
+def _refuse(room: str, name: str) -> NoReturn:
+    """Say that a room lacks a name and, where another tool calls something so, what it is here.
+
+    ``from room import name`` keeps no word of an AttributeError. Its first step, Python's function
+    `_handle_fromlist`, lets an ImportError through, and asks for modules of the room too; elsewhere
+    ``hasattr`` has to answer no.
+    """
+    told = ""
+    imported = sys._getframe(2).f_code.co_name == "_handle_fromlist"
+    if not (name.startswith("_") or (imported and _is_module(f"{room}.{name}"))):
+        from workbench.coming_from import guidance
+
+        told = guidance(name)
+    if told and imported:
+        raise ImportError(f"cannot import name {name!r} from {room!r}; {told}", name=room)
+    raise AttributeError(f"module {room!r} has no attribute {name!r}{told and f'; {told}'}")
+
+
+def _is_module(name: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(name) is not None

@@ -14,9 +14,13 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from workbench.errors import InputError, SolverError
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
 """Accuracy levels: the relative optimality gap that a method which claims optimality must meet."""

@@ -12,12 +12,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from numbers import Integral
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 
 class Block(ABC):

@@ -71,6 +71,8 @@ def test_a_comment_reaches_those_alone_that_read_sources(graph):
         ("workbench/bench/report/templates/page.css", "tests/bench/report/test_single_page.py"),
         ("workbench/starter/templates/README.md.j2", "tests/starter/test_study_folder.py"),
         ("docs/coming-from/documented-examples.md", "tests/docs/test_code_of_pages.py"),
+        ("docs/coming-from/dkpy.md", "tests/docs/test_coming_from_pages.py"),
+        ("workbench/coming_from/dkpy.toml", "tests/test_coming_from.py"),
         ("results/reference/cd/focus/nyquist/0/data.nc", "tests/test_reference.py"),
         ("examples/two_mass_servo/README.md", "tests/examples/test_examples.py"),
         ("tests/lanes.py", "tests/bench/test_fuzz.py"),

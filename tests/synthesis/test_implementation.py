@@ -221,6 +221,7 @@ def test_absolute_sums_bound_and_are_near(seed):
     assert np.isinf(absolute_sums(np.eye(1), B[:1], C[:, :1], D)).all()
 
 
+@pytest.mark.filterwarnings("ignore:the sampling time:workbench.errors.RangeWarning")
 def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
     """Poles a millionth from the circle: single precision loses the slow one, and says so."""
     slow = control.tf([1e-3, 1e-6], [1.0, 1e-7])

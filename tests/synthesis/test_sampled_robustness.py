@@ -100,6 +100,7 @@ def test_models_of_circles_are_plants_too_and_tiny_uncertainty_is_borne_without_
         (feedback(control.tf([0.1], [1, -0.5], T), dynamics("d", 1, 1)), {}, "continuous time"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:the sampling time:workbench.errors.RangeWarning")
 def test_bad_input_is_named(plant, changes, words):
     given = {"K": K, "sample_time": T} | changes
     with pytest.raises(InputError, match=words):

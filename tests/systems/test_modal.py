@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.systems.modal import modal_form
+from workbench.systems.realisation import modal_form
 
 STIFFNESS = np.array([[300.0, -50.0], [-50.0, 900.0]])
 DAMPING = 0.01 * STIFFNESS

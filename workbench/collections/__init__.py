@@ -1,7 +1,13 @@
 """Problems from elsewhere, from files that users bring: SDPA, CBF, plants of MATLAB."""
 
+from typing import TYPE_CHECKING
+
 from workbench.collections.cbf import read_cbf
 from workbench.collections.matlab_plants import read_plant
 from workbench.collections.sdpa import read_sdpa
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = ["read_cbf", "read_plant", "read_sdpa"]

@@ -1,9 +1,15 @@
 """Conic programs by their data, and claims that they have no solution or no least value."""
 
+from typing import TYPE_CHECKING
+
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm
 from workbench.conic.claims import ConicallyStated, NoLeastValue, NoSolution
 from workbench.conic.named_solvers import conic_solver
 from workbench.conic.program import ConicProgram
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "ConeFactor",

@@ -4,7 +4,7 @@ One interface for all of it: `concurrent.futures.Executor`. In-process, a pool o
 be killed, or a cluster client's executor are the same to whoever submits.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench.executor.cluster import Cluster
 from workbench.executor.context import Checkpoint, Context
@@ -12,6 +12,10 @@ from workbench.executor.local import InProcess, Threads
 from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
 from workbench.executor.spread import as_they_end, spread
 from workbench.executor.workers import Workers
+from workbench.on_demand import no_more_names
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 WALL_TIME: dict[str, Any] = {"wall_time": 1}
 """Attribute of stored arrays that no re-run reproduces."""

@@ -1,7 +1,13 @@
 """Scalar optics of a scanning spot: spots on a detector, and layers of pits that reflect it."""
 
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import no_more_names
 from workbench.optics.layers import Reading, TrackLayer, quadrants, read_layer
 from workbench.optics.spots import Pupil, defocus, far_field, round_pupil, share_within, spot
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "Pupil",

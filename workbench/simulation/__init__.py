@@ -1,5 +1,8 @@
 """Sampled-data loops: discretisation, converters, noise, controllers and strategies, scores."""
 
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import no_more_names
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter
@@ -18,6 +21,9 @@ from workbench.simulation.play import play
 from workbench.simulation.repetitive import Repetitive
 from workbench.simulation.switching import blend, following, ramped, removed, silenced, total
 from workbench.systems.sampling import continued, hold, respond, sampled
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "Cascade",

@@ -1,5 +1,8 @@
 """Studies that read as their science: arrays, checks, metrics, tables and figures declared once."""
 
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import no_more_names
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.draws import (
@@ -12,6 +15,9 @@ from workbench.study.draws import (
 )
 from workbench.study.study import Study
 from workbench.study.views import figure, lines, metric, table
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "Study",

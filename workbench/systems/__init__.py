@@ -1,5 +1,8 @@
 """Linear systems: realisations, interconnections, sampling, norms, margins of loops."""
 
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import no_more_names
 from workbench.systems.margins import (
     Margins,
     bands,
@@ -10,6 +13,9 @@ from workbench.systems.margins import (
     modulus_margin,
     search_grid,
 )
+
+if not TYPE_CHECKING:
+    __getattr__ = no_more_names(__name__)
 
 __all__ = [
     "Margins",

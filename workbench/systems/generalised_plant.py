@@ -28,6 +28,7 @@ from workbench.systems.interconnection import (
     state_space,
 )
 from workbench.systems.joints import system_of
+from workbench.systems.range_hints import warn_far_frequencies
 
 Signals = str | int | Sequence[str | int] | None
 """A choice from a list of signals: one or several names or numbers; None for all."""
@@ -110,6 +111,7 @@ class GeneralisedPlant:
 
     def response(self, omega: ArrayLike) -> Array:
         """Frequency response at `omega` [rad/s] (F,), shape (F, outputs, inputs)."""
+        warn_far_frequencies(omega, self.system)
         return response(self.system, omega)
 
     def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:

@@ -22,6 +22,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.generalised_plant import response
+from workbench.systems.range_hints import warn_far_frequencies
 
 LOWEST, HIGHEST = 1.0, 1e5
 """Default frequency range [Hz] in which crossings are searched."""
@@ -312,4 +313,5 @@ def _grid(loop: StateSpace, frequency: ArrayLike | None) -> RealArray:
     grid = as_array(frequency, "frequency")
     if grid.ndim != 1 or grid.size < 2 or not (grid[0] > 0 and (np.diff(grid) > 0).all()):
         raise InputError(f"frequency is {frequency!r}; two or more rising frequencies are needed")
+    warn_far_frequencies(2 * np.pi * grid, loop)
     return grid

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench.arrays import Array, RealArray
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 
 Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
@@ -17,11 +18,15 @@ Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 
 def pole_sizes(system: StateSpace) -> RealArray:
     """Sizes of the poles [rad/s]; of a sampled system those of log(z) / T, without poles at 0."""
-    poles = system.poles()
-    if not system.dt:
-        return np.abs(poles)
-    used = poles[np.abs(poles) > 0].astype(complex)
-    sizes: RealArray = np.abs(np.log(used)) / (1.0 if system.dt is True else system.dt)
+    return root_sizes(system.poles(), system.dt)
+
+
+def root_sizes(roots: Array, dt: Any) -> RealArray:
+    """Sizes [rad/s] of poles or zeros of a system with this ``dt``, as `pole_sizes`."""
+    if not dt:
+        return np.abs(roots)
+    used = roots[np.abs(roots) > 0].astype(complex)
+    sizes: RealArray = np.abs(np.log(used)) / (1.0 if dt is True else dt)
     return sizes
 
 
@@ -79,3 +84,23 @@ def transposed_system(system: StateSpace) -> StateSpace:
     """The system with the transposed transfer matrix, with every state kept."""
     A, B, C, D = system.A, system.B, system.C, system.D
     return realisation((A.T, C.T, B.T, D.T), float(system.dt or 0.0))
+
+
+def modal_form(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """A realisation whose blocks [s w; -w s] are the resonances, slow ones first, each C = [1 0].
+
+    A (n, n), B (n, m), C (1, n) with complex poles only, each of them once and seen by C. The
+    states of similar plants then mean the same, what each resonance adds to the output, so that one
+    function of the state can serve all of them. Raises InputError for a real pole and for more than
+    one output.
+    """
+    poles, vectors = np.linalg.eig(A)
+    up = [i for i in np.argsort(abs(poles)) if poles[i].imag > 0]
+    if 2 * len(up) != len(A) or C.shape != (1, len(A)):
+        raise InputError(f"poles {poles}, C of shape {C.shape}: need complex poles, one output")
+    T = np.zeros_like(A)
+    for place, i in enumerate(up):
+        v = vectors[:, i] / (C @ vectors[:, i])
+        T[:, 2 * place], T[:, 2 * place + 1] = v.real, v.imag
+    into = np.linalg.inv(T)
+    return into @ A @ T, into @ B, C @ T

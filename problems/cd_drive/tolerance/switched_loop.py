@@ -36,7 +36,7 @@ from workbench.synthesis import (
     measurement_filtered,
     unswitched,
 )
-from workbench.systems.modal import modal_form
+from workbench.systems.realisation import modal_form
 
 from ..diagnosis.stand_in import low_pass
 from ..drive.actuator import specific_model

@@ -27,6 +27,7 @@ from workbench.input_checks import need_positive
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.solvers import slicot_routine
 from workbench.systems.bilinear import to_continuous
+from workbench.systems.range_hints import warn_far_frequencies
 
 SAMPLED_FREQUENCIES = 500
 """Frequencies at which a check tries an index."""
@@ -288,4 +289,5 @@ def _band(model: FaultModel, band: tuple[float, float]) -> tuple[float, float]:
         raise InputError(
             f"band goes to {values[1]:.6g} rad/s, beyond pi / dt = {np.pi / model.dt:.6g}"
         )
+    warn_far_frequencies(values, model.system)
     return float(values[0]), float(values[1])

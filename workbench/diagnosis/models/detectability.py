@@ -23,6 +23,7 @@ from workbench.diagnosis.models.decoupling import GENERIC_RANK_SHARE, Parity, sc
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_array
+from workbench.systems.range_hints import warn_far_frequencies
 
 FAULT_EFFECT_SHARE = 1e-7
 """The effect of a fault on the rows counts as 0 below this share of its effect on the outputs."""
@@ -251,6 +252,7 @@ def frequencies(model: FaultModel, omega: ArrayLike) -> NDArray[np.float64]:
             f"omega goes to {at.max():.6g} rad/s; the model sampled at {model.dt:.6g} s has "
             f"frequencies up to {np.pi / model.dt:.6g}"
         )
+    warn_far_frequencies(at, model.system)
     return at
 
 

@@ -17,6 +17,7 @@ from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
 from workbench.mu.frequency.peak_sweep import PeakSweep, with_least_near_top
 from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Real, Structure
+from workbench.systems.range_hints import warn_far_frequencies
 
 INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
 """What upper bounds of a peak rest on."""
@@ -61,6 +62,11 @@ def peak(
         real scalars and there is no complex part; or an argument is out of its range.
     ContradictionError
         The lower bound is above the upper one.
+
+    Warns
+    -----
+    RangeWarning
+        The band lies above 100 times the fastest pole, or below 1/100 of the slowest.
     """
     need_tolerance(tolerance)
     need_count("steps", steps)
@@ -68,6 +74,8 @@ def peak(
     if not 0.0 <= low < high:
         raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
     original = fitting(system, structure, sampled=True)
+    if not isinstance(system, StableSystem):
+        warn_far_frequencies(band, system)
     low, high = original.plane(low), original.plane(high)
     if not low < high:
         raise InputError(f"band is {band}; it lies beyond half the sampling rate")

@@ -28,6 +28,7 @@ from workbench.mu.upper.program import MuUpperBound, UpperBound
 from workbench.second_opinion.responses import plain_response
 from workbench.structure import Structure
 from workbench.systems.conversion import as_system
+from workbench.systems.range_hints import warn_far_frequencies
 
 RESPONSE_ROUNDING = 1e-6
 """Difference of responses that are computed in two ways, relative."""
@@ -124,6 +125,11 @@ def frequency_sweep(
         As `stable_system`; the system does not fit the structure; frequencies are missing or wrong.
     ContradictionError
         A lower bound is above the upper one.
+
+    Warns
+    -----
+    RangeWarning
+        All frequencies lie above 100 times the fastest pole, or below 1/100 of the slowest.
     """
     stable = fitting(system, structure, sampled=True)
     if omega is None:
@@ -137,6 +143,8 @@ def frequency_sweep(
             raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
+        if not isinstance(system, StableSystem):
+            warn_far_frequencies(points, system)
         found = bounds_at(stable, structure, np.unique(stable.plane(points)), executor)
     value, Delta = _below(found, structure, lower)
     need_agreement(value, found.upper, place=lambda index: f"at {found.omega[index]:.6g} rad/s")

@@ -21,6 +21,7 @@ from workbench.second_opinion.peaks import one_unstable
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.range_hints import warn_far_period
 from workbench.systems.realisation import realisation
 
 STATIC_FREQUENCY_SHARE = 1e-8
@@ -132,6 +133,12 @@ def sampled_conditions(
         The plant is sampled; K is not, or has another sampling time or size; or the sign or the
         delay is wrong.
 
+    Warns
+    -----
+    RangeWarning
+        The sampling time is above 100 times the plant's longest time constant, or below 1/1000
+        of the sampled loop's shortest.
+
     Examples
     --------
     >>> import control
@@ -153,6 +160,7 @@ def sampled_conditions(
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
     loop = HeldPlantLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed()
+    warn_far_period(sample_time, plant, closed)
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:

@@ -22,6 +22,7 @@ from workbench.input_checks import need_count
 from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
+from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
@@ -241,6 +242,7 @@ class UncertainSystem(Algebraic):
 
     def response(self, omega: ArrayLike) -> Array:
         """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,)."""
+        warn_far_frequencies(omega, self.nominal)
         return response(self.nominal, omega)
 
     def plot(self, samples: int = 30, seed: int = 0) -> Figure:

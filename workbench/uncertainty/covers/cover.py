@@ -27,6 +27,7 @@ from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, growing_modes, inverse_decays
+from workbench.systems.range_hints import warn_far_frequencies
 from workbench.uncertainty.covers.checks import (
     at_most,
     given_nominal,
@@ -112,6 +113,8 @@ class UncertaintyCover(Program):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
         if self.nominal is not None:
             nominal = plane_function(self.nominal, "the given nominal", self.responses.dt)
+            if self.nominal is not nominal:  # else it is that of a cover made before
+                warn_far_frequencies(self.responses.omega, self.nominal)
             object.__setattr__(self, "nominal", nominal)
         object.__setattr__(self, "order", as_count("order", self.order))
         if self.zeros is None:

@@ -21,6 +21,7 @@ from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.responses import plain_response
 from workbench.systems.conversion import as_system
+from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty.covers.weights import between, beyond
 from workbench.uncertainty.matrix_covers.checks_of_model import (
@@ -136,6 +137,7 @@ class MatrixCover(Program):
             raise InputError(
                 f"the nominal has dt = {self.nominal.dt}, the responses {self.responses.dt}"
             )
+        warn_far_frequencies(self.responses.omega, self.nominal)
         if self.form not in get_args(MatrixForm):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(MatrixForm)}")
         for name in ("left_order", "right_order"):

@@ -16,6 +16,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, as_list
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_response import frequency_response
+from workbench.systems.range_hints import warn_far_frequencies
 
 SAME_FREQUENCIES = 1e-9
 """Largest relative difference of frequencies that count as the same."""
@@ -103,6 +104,7 @@ class MatrixResponses:
                 + ", ".join(map(str, sorted(kinds)))
             )
         omega = as_frequencies(omega)
+        warn_far_frequencies(omega, found[0])
         values = np.stack([system_response(each, omega) for each in found], axis=1)
         return cls(omega, values, plants, float(found[0].dt or 0.0), tuple(found))
 
