@@ -6,7 +6,7 @@ import pytest
 from compiled_code import Compiled, needs_compiler
 
 from workbench.errors import InputError
-from workbench.synthesis.implementation.c_fixed_point import fixed_header
+from workbench.synthesis.implementation.c_code.c_fixed_point import fixed_header
 from workbench.synthesis.implementation.fixed_point import fixed_point
 from workbench.synthesis.implementation.implemented import FixedFormat, ImplementedController
 from workbench.synthesis.implementation.rounding import Rounding

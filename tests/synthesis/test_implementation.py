@@ -11,7 +11,7 @@ from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.synthesis import Implementation, discretised
-from workbench.synthesis.implementation.c_state_space import anti_windup_gain, start_gains
+from workbench.synthesis.implementation.c_code.c_state_space import anti_windup_gain, start_gains
 from workbench.synthesis.implementation.rounding import absolute_sums
 from workbench.uncertainty import UncertaintyModel, generalised_plant
 

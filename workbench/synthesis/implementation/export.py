@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench.errors import InputError, ResultError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.implementation.export_c import Limits, Precision, header
+from workbench.synthesis.implementation.c_code.export_c import Limits, Precision, header
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation

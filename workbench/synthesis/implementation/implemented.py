@@ -12,9 +12,9 @@ from workbench.certify.sampled_sets import SetPeak
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.figures import DrawnController
-from workbench.synthesis.implementation.c_fixed_point import fixed_header
+from workbench.synthesis.implementation.c_code.c_fixed_point import fixed_header
+from workbench.synthesis.implementation.c_code.export_c import Limits, header
 from workbench.synthesis.implementation.export import replace_file
-from workbench.synthesis.implementation.export_c import Limits, header
 from workbench.synthesis.implementation.fixed_point import FixedPoint
 from workbench.synthesis.implementation.rounding import Rounding
 from workbench.synthesis.implementation.sampled_loop import SampledMargins

@@ -32,8 +32,8 @@ from workbench.second_opinion.sampled_plants import (
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
 from workbench.synthesis.implementation.board_loop import BoardLoop
+from workbench.synthesis.implementation.c_code.export_c import Limits, limit_tables
 from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
-from workbench.synthesis.implementation.export_c import Limits, limit_tables
 from workbench.synthesis.implementation.fixed_point import FixedPoint, fixed_point, need_bits
 from workbench.synthesis.implementation.implementation_checks import (
     follows,

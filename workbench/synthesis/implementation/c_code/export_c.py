@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array, as_list
-from workbench.synthesis.implementation.c_state_space import (
+from workbench.synthesis.implementation.c_code.c_state_space import (
     anti_windup_gain,
     start_code,
     step_code,
