@@ -34,7 +34,7 @@ HEAVY = {
 
 
 @pytest.mark.parametrize(
-    "code", ["import workbench", "import workbench as wb; assert len(wb.__all__) == len(dir(wb))"]
+    "code", ["import workbench", "import workbench as wb; assert {*wb.__all__} <= {*dir(wb)}"]
 )
 def test_importing_the_workbench_imports_nothing_heavy(project, code):
     loaded = project.python(f"{code}\nimport sys\nprint(*sys.modules)")

@@ -59,10 +59,26 @@ def test_a_check_holds_up_to_its_limit_and_never_for_nan(value, limit, holds):
     ],
 )
 def test_a_gap_counts_only_where_optimality_is_claimed(value, required, holds):
-    certificate = Certificate((), Gap("above a bound", value, 1e-6, required))
+    good = Check("good", "", 0.0, 1.0)
+    certificate = Certificate((good,), Gap("above a bound", value, 1e-6, required))
     assert certificate.valid
     assert certificate.holds is holds
     assert bool(certificate.failures) is not holds
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_an_answer_beyond_its_bound_is_wrong(required):
+    """Then the answer or the bound is; a rounding error below the tolerance is none."""
+    good = Check("good", "", 0.0, 1.0)
+    beyond = Certificate((good,), Gap("above a bound", -1e-3, 1e-6, required))
+    assert not beyond.valid and not beyond.holds and "beyond its bound" in beyond.failures[0]
+    assert Certificate((good,), Gap("above a bound", -1e-9, 1e-6, required)).holds
+
+
+def test_what_is_not_checked_does_not_hold():
+    assert not Certificate(()).holds and Certificate(()).failures == ("nothing is checked",)
+    assert not Check("none", "", 0.0, math.inf).holds
+    assert not Check("none", "", math.inf, math.inf).holds
 
 
 def test_one_failing_check_among_good_ones_is_named_with_its_place():

@@ -515,7 +515,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from workbench import Study, problem
-from workbench.study import array
+from workbench.study import array, check
 
 
 @dataclass(frozen=True)
@@ -523,6 +523,7 @@ class Gaps(Study):
     relative_metrics: ClassVar[tuple[str, ...]] = ("gap",)
 
     number = array("number", "1", "some", lambda self: [1.0])
+    small = check("small", "the number", lambda number: number, at_most=2.0)
 
     def metrics(self, answer):
         return {"gap": 1e-8, "length": 1e-8}

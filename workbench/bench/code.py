@@ -94,7 +94,7 @@ def helper_modules(modules: Iterable[str]) -> set[str]:
         module = waiting.pop()
         file = None if module in seen else file_of(module)
         seen.add(module)
-        if file is None:
+        if file is None or not file.is_file():
             continue
         first = module.partition(".")[0]
         if first not in own:
