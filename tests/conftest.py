@@ -24,6 +24,10 @@ settings.register_profile(
 settings.load_profile("workbench")
 
 
+HANGS = 600
+"""Seconds after which a process counts as one that hangs, on a machine that does much else."""
+
+
 CHOSEN = "--chosen"
 
 
@@ -379,7 +383,7 @@ class Project:
     def python(self, code: str) -> str:
         """Output of a Python process in the project, which must end well."""
         with self.start(code) as process:
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=HANGS)
         assert process.returncode == 0, err
         return out.strip()
 

@@ -371,7 +371,7 @@ def test_two_processes_asking_at_once_share_one_answer(project):
     started = [project.start(ASK) for _ in answers]
     for answer, process in zip(answers, started, strict=True):
         with process:
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=600)
         assert process.returncode == 0, err
         answer += out.split()
     assert answers[0][:2] == answers[1][:2] == [answers[0][0], "True"]

@@ -70,6 +70,8 @@ def claimed(
         proven = certified_norm(loop)
         if np.isfinite(proven) and proven > (1 + CLAIM_TOLERANCE) * size:
             size, gamma = proven, max(gamma, proven)
+    if least > (1 + CLAIM_TOLERANCE) * size:
+        said, least = f"{said}; its least level {least:.6g} is refuted by this loop", math.nan
     return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
 
 

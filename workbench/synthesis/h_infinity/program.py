@@ -190,6 +190,9 @@ class HinfSynthesis(Program):
         level = answer.gamma if self.gamma is None else self.gamma
         statement = "norm of the loop over gamma, less 1"
         found.append(Check("level", statement, excess(size, level), limit, over=EVERY_FREQUENCY))
+        if not math.isnan(answer.least):
+            statement = "level without a controller over the norm that this one has, less 1"
+            found.append(Check("least", statement, excess(answer.least, size), limit))
         return found
 
     def second_opinion(self, answer: HinfController) -> list[Check]:
