@@ -75,6 +75,9 @@ def _parts(value: Any) -> list[tuple[str, Any]]:
         return [(str(number), part) for number, part in enumerate(value)]
     if all(hasattr(value, name) for name in "ABCD"):
         return [(name, np.asarray(getattr(value, name))) for name in "ABCD"]
+    if hasattr(value, "tocoo"):  # a sparse array
+        sparse = value.tocoo()
+        return [("data", sparse.data), ("row", sparse.row), ("column", sparse.col)]
     if hasattr(value, "num_array") and hasattr(value, "den_array"):
         return [("num", value.num_array), ("den", value.den_array)]
     if hasattr(value, "data_vars"):  # a Dataset

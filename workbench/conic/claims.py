@@ -19,6 +19,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset
 from workbench.program import Claim, Program, ProofTask, Task
+from workbench.second_opinion import conic_proofs
 from workbench.solvers import Outcome
 
 Vectors = dict[str, list[Rational]]
@@ -119,6 +120,11 @@ class NoSolution(_ConicClaim):
             Check("separation", meaning, float(dot(self.form.b, y) >= 0), 0.0),
         ]
 
+    def second_opinion(self, answer: Vectors) -> Sequence[Check]:
+        y = self.ray(answer)
+        radius = excluded_radius(self.form, y)
+        return [conic_proofs.supports(self.form, y), conic_proofs.separates(self.form, y, radius)]
+
     def gap(self, answer: Vectors) -> tuple[str, float]:
         radius = excluded_radius(self.form, self.ray(answer))
         statement = "1 / R, where no solution has max |x| < R = -b'y / sum |A'y|, decided exactly"
@@ -198,6 +204,9 @@ class NoLeastValue(_ConicClaim):
                 0.0,
             ),
         ]
+
+    def second_opinion(self, answer: Vectors) -> Sequence[Check]:
+        return [conic_proofs.falls(self.form, answer["x"], answer["ray"])]
 
     def metrics(self, answer: Vectors) -> dict[str, float]:
         return {"falling": float(dot(self.form.c, answer["ray"]) < 0)}

@@ -20,6 +20,7 @@ from workbench.conic.ray_search import dual_point
 from workbench.executor import Context
 from workbench.heavy_types import Dataset
 from workbench.program import Claim, conic_method
+from workbench.second_opinion import conic_proofs
 from workbench.solvers import ConicSolver, solve_conic
 
 
@@ -85,13 +86,22 @@ class ConicProgram(ConicallyStated):
         return answer.assign(dual=("row", [str(value) for value in y], {"units": "1"}))
 
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
-        form = self.form
-        s = form.b - form.A @ answer["x"].values
-        size = 1.0 + float(np.abs(form.b).max(initial=0.0))
-        off = [violation(cone, s[rows]) / size for cone, rows in form.blocks]
+        form, x = self.form, answer["x"].values
+        s = form.b - form.A @ x
+        # A row that is large must not excuse another one.
+        size = 1.0 + np.abs(form.b) + abs(form.A) @ np.abs(x)
+        off = [relative_violation(cone, s[rows], size[rows]) for cone, rows in form.blocks]
         value, where = worst(off, lambda place: f"of cone {place[0]}")
-        statement = "distance of b - A x from its cone, relative to 1 + max |b|"
+        statement = "distance of b - A x from its cone, relative to 1 + |b| + |A| |x| of its rows"
         return [Check("solution", statement, value, tolerance, where)]
+
+    def second_opinion(self, answer: Dataset) -> Sequence[Check]:
+        if "dual" not in answer:
+            return ()
+        form, x = self.form, answer["x"].values
+        y = [str(value) for value in answer["dual"].values]
+        gap = self.gap(answer)[1] * self.objective_scale(answer)
+        return [conic_proofs.supports(form, y), *conic_proofs.duality(form, x, y, gap)]
 
     def gap(self, answer: Dataset) -> tuple[str, float]:
         form, value = self.form, self.objective(answer)
@@ -108,6 +118,13 @@ class ConicProgram(ConicallyStated):
     def metrics(self, answer: Dataset) -> dict[str, float]:
         sign = -1.0 if self.maximise else 1.0
         return {"value": sign * self.objective(answer) + self.constant}
+
+
+def relative_violation(cone: ConeFactor, s: RealArray, size: RealArray) -> float:
+    """Largest amount by which doubles s leave a cone, over the size of their row, or rows."""
+    if cone.kind in (ConeKind.ZERO, ConeKind.NONNEGATIVE):
+        return violation(cone, s / size)
+    return violation(cone, s) / float(size.max())
 
 
 def violation(cone: ConeFactor, s: RealArray) -> float:

@@ -1,0 +1,129 @@
+"""Proofs of conic programs tried in plain fractions, and on members of the cones that are drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import Check
+from workbench.second_opinion import SEED
+
+MEMBERS = 20
+"""Members of the product of cones that are drawn."""
+SAMPLED_ROUNDING = 1e-9
+"""Share of its terms that a product of doubles may lie below 0, or a slack outside of its cone."""
+STEPS = (1.0, 1e3, 1e6)
+"""Steps along a ray."""
+
+
+def supports(form: Any, y: Sequence[Any]) -> Check:
+    """Check that no member drawn from the cones has a negative product with y."""
+    values = np.array([float(Fraction(str(value))) for value in y])
+    rng, worst = np.random.default_rng(SEED), 0.0
+    for _ in range(MEMBERS):
+        for cone, rows in form.blocks:
+            terms = values[rows] * _member(cone, rng)
+            size = float(np.abs(terms).sum())
+            worst = max(worst, -float(terms.sum()) / size if size > 0 else 0.0)
+    statement = "most that a product of y and a member is below 0, relative to its terms"
+    over = f"for {MEMBERS} members of each cone"
+    return Check("drawn members", statement, worst, SAMPLED_ROUNDING, over=over)
+
+
+def separates(form: Any, y: Sequence[Any], radius: float) -> Check:
+    """Check that y'(b - A x) < 0 for every x with max |x| < R, in fractions."""
+    exact = [Fraction(str(value)) for value in y]
+    level = sum((Fraction(b) * v for b, v in zip(form.b.tolist(), exact, strict=True)), Fraction(0))
+    reach = sum((abs(value) for value in _columns(form, exact)), Fraction(0))
+    most = -level / reach if reach else math.inf if level < 0 else 0.0
+    beyond = 0.0 if radius <= most else (float(radius / float(most)) - 1.0 if most else math.inf)
+    statement = "claimed R over -b'y / sum |A'y| in fractions, less 1"
+    return Check("separation in fractions", statement, beyond, SAMPLED_ROUNDING)
+
+
+def duality(form: Any, x: RealArray, y: Sequence[Any], gap: float) -> list[Check]:
+    """Checks that A'y = -c and that the gap is y'(b - A x), in fractions (weak duality)."""
+    exact = [Fraction(str(value)) for value in y]
+    columns = _columns(form, exact)
+    off = sum(a + Fraction(c) != 0 for a, c in zip(columns, form.c.tolist(), strict=True))
+    rows = [Fraction(b) for b in form.b.tolist()]
+    for i, j, value in _entries(form):
+        rows[i] -= value * Fraction(float(x[j]))
+    product = sum((v * s for v, s in zip(exact, rows, strict=True)), Fraction(0))
+    apart = abs(float(product) - gap) / (1.0 + abs(gap) + abs(float(form.c @ x)))
+    return [
+        Check("A'y in fractions", "entries of A'y + c that are not 0", float(off), 0.0),
+        Check(
+            "weak duality",
+            "difference of the gap from y'(b - A x) in fractions, relative to 1 + |value|",
+            apart,
+            SAMPLED_ROUNDING,
+        ),
+    ]
+
+
+def falls(form: Any, x: Sequence[Any], ray: Sequence[Any]) -> Check:
+    """Check that points along a ray stay in the cones and that the objective falls there."""
+    start, way = (np.array([float(Fraction(str(v))) for v in one]) for one in (x, ray))
+    worst = float(form.c @ way >= 0)
+    for step in STEPS:
+        point = start + step * way
+        slack, size = form.b - form.A @ point, np.abs(form.b) + abs(form.A) @ np.abs(point)
+        for cone, rows in form.blocks:
+            worst = max(worst, _outside(cone, slack[rows]) / max(float(size[rows].max()), 1.0))
+    statement = "most that a point along the ray lies outside of a cone, relative; 1: nothing falls"
+    return Check("along the ray", statement, worst, SAMPLED_ROUNDING, over=f"at {STEPS}")
+
+
+def _entries(form: Any) -> list[tuple[int, int, Fraction]]:
+    """Places and values of A that are not 0."""
+    A = form.A.tocoo()
+    places = zip(A.row.tolist(), A.col.tolist(), A.data.tolist(), strict=True)
+    return [(i, j, Fraction(value)) for i, j, value in places]
+
+
+def _columns(form: Any, y: list[Fraction]) -> list[Fraction]:
+    """A'y."""
+    found = [Fraction(0)] * form.c.size
+    for i, j, value in _entries(form):
+        found[j] += value * y[i]
+    return found
+
+
+def _member(cone: Any, rng: np.random.Generator) -> RealArray:
+    """A member on the border of a cone: its rows of b - A x."""
+    kind, count = cone.kind.name, cone.rows
+    if kind == "ZERO":
+        return np.zeros(count)
+    if kind == "NONNEGATIVE":
+        return np.abs(rng.standard_normal(count)) * (rng.uniform(size=count) < 0.5)
+    if kind == "SECOND_ORDER":
+        v = rng.standard_normal(count - 1)
+        return np.concatenate([[np.linalg.norm(v)], v])
+    v = rng.standard_normal(cone.size)
+    return np.array([v[i] * v[j] for i, j in _triangle(cone.size)])
+
+
+def _outside(cone: Any, s: RealArray) -> float:
+    """How far s lies outside of a cone."""
+    kind = cone.kind.name
+    if kind == "ZERO":
+        return float(np.abs(s).max(initial=0.0))
+    if kind == "NONNEGATIVE":
+        return float(-s.min(initial=0.0))
+    if kind == "SECOND_ORDER":
+        return float(np.linalg.norm(s[1:]) - s[0])
+    S = np.zeros((cone.size, cone.size))
+    for (i, j), value in zip(_triangle(cone.size), s, strict=True):
+        S[i, j] = S[j, i] = value
+    return float(-np.linalg.eigvalsh(S)[0])
+
+
+def _triangle(order: int) -> list[tuple[int, int]]:
+    """Rows and columns of the upper triangle, column by column."""
+    return [(i, j) for j in range(order) for i in range(j + 1)]
