@@ -42,6 +42,12 @@ class Check:
     opinion: bool = False
     over: str = ""
 
+    def __post_init__(self) -> None:
+        for name in ("value", "limit"):
+            number = getattr(self, name)
+            if type(number) is not float:
+                object.__setattr__(self, name, np.asarray(number, dtype=float).item())
+
     @property
     def margin(self) -> float:
         """Limit less value: negative where the check fails, NaN where the value is NaN."""

@@ -208,7 +208,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:  # a Rust panic is no Exception
-        answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
+        answer, claim, message = None, Outcome.FAILED, _said(error)
         trace = traceback.format_exc()
     total = time.perf_counter() - start
     try:
@@ -220,6 +220,11 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     return Solution(answer, claim, message, None, seconds, trace, note, task=task)
+
+
+def _said(error: BaseException) -> str:
+    """Kind and words of an error, in characters that any file can hold."""
+    return f"{type(error).__name__}: {error}".encode("utf-8", "backslashreplace").decode()
 
 
 def need_unchanged(task: Task, by: str = "somebody") -> None:
@@ -254,7 +259,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
     except Exception as error:
         came = f"{_asked(task, method)} returned a {type(said.answer).__name__}"
         reason = (
-            f"the answer cannot be checked ({type(error).__name__}: {error}): {came}, and "
+            f"the answer cannot be checked ({_said(error)}): {came}, and "
             f"{task.answer_type()} is needed"
         )
         message = f"{reason}; the method said: {said.message}" if said.message else reason
@@ -285,7 +290,7 @@ def _with_proof(task: Task, found: Solution, context: Context) -> Solution:
             return replace(found, message=message)
         certificate = proof.certify(evidence, context.options.accuracy)
     except Exception as error:
-        message = f"{found.message}; not proven: {type(error).__name__}: {error}"
+        message = f"{found.message}; not proven: {_said(error)}"
         return replace(found, message=message, trace=traceback.format_exc())
     seconds = {**found.seconds, "check": time.perf_counter() - start}
     return replace(

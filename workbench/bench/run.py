@@ -6,6 +6,7 @@ import datetime
 import inspect
 import platform
 import time
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
@@ -27,7 +28,7 @@ from workbench.bench.question import Question, asked, canonical, digest, plain
 from workbench.bench.results import Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.bench.trust.information import FORMAT
-from workbench.certificate import Certificate
+from workbench.certificate import Certificate, Check
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
 from workbench.heavy_types import Dataset
@@ -35,6 +36,9 @@ from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
 from workbench.study import Study
+
+LONGEST_CHAIN = 100
+"""Most needs of needs; parameters that grow from one to the next would go on for ever."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,9 @@ class Bench:
         if step in path:
             chain = " -> ".join(one.partition(" ")[0] for one in (*path, step))
             raise RegistryError(f"cyclic needs: {chain}")
+        if len(path) >= LONGEST_CHAIN:
+            last = " -> ".join((*path[-2:], step))
+            raise RegistryError(f"needs that do not end, {len(path)} of them: ... -> {last}")
         # What a problem is fed with is made by its own method, not at this run's accuracy.
         upstream = replace(self, options=Options(seed=self.options.seed), fresh=False)
         fed: dict[str, Any] = {}
@@ -257,10 +264,12 @@ def publish(
     folder = writer.start()
     task = solution.proof or bound.task
     if data is not None and solution.certificate is not None:
+        solution, metrics, files = _told(task, solution)
+        assert solution.certificate is not None
         netcdf.write(data, folder / "data.nc")
         write_json(folder / "certificate.json", solution.certificate.to_json())
-        write_json(folder / "metrics.json", task.metrics(solution.answer))
-        for name, content in task.files(solution.answer).items():
+        write_json(folder / "metrics.json", metrics)
+        for name, content in files.items():
             (folder / name).write_text(content, encoding="utf-8", newline="\n")
     kind = "study" if isinstance(bound.task, Study) else "program"
     info = information(question, solution, about) | {"kind": kind, "headline": task.headline}
@@ -268,12 +277,31 @@ def publish(
     return seal_folder(writer, folder, info, text, bound.help)
 
 
+def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], dict[str, str]]:
+    """Metrics and files of an answer; where they raise an error, its certificate does not hold.
+
+    The answer itself is kept.
+    """
+    try:
+        return solution, task.metrics(solution.answer), task.files(solution.answer)
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+        failed = Check("metrics", "whether metrics or files raise an error", 1.0, 0.0, f"({said})")
+        certificate = solution.certificate
+        assert certificate is not None
+        certificate = replace(certificate, checks=(*certificate.checks, failed))
+        message = f"{solution.message}; metrics or files failed: {said}".removeprefix("; ")
+        trace = traceback.format_exc()
+        told = replace(solution, certificate=certificate, message=message, trace=trace)
+        return told, {}, {}
+
+
 def seal_folder(
     writer: Writer, folder: Path, info: Mapping[str, Any], text: str, help: str
 ) -> Path:
     """Write what every folder has, be there an answer or not, and move it to its place."""
     write_json(folder / "run.json", info)
-    (folder / "log.txt").write_text(text, encoding="utf-8")
+    (folder / "log.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
     write_crate(folder, info, help)
     return writer.publish(failed=not Outcome(info["outcome"]).proven)
 

@@ -33,7 +33,9 @@ Matrix = acb_mat
 
 def balls(values: Array) -> Matrix:
     """The matrix (m, n) of floating-point numbers as balls of radius 0."""
-    return acb_mat(np.asarray(values, complex).tolist())
+    array = np.asarray(values, complex)
+    rows, columns = array.shape  # which lists of rows would lose where one is 0
+    return acb_mat(rows, columns, array.ravel().tolist())
 
 
 def enclosed(matrix: Enclosure) -> Matrix:
@@ -65,7 +67,8 @@ def doubles(M: Matrix) -> Enclosure:
 
 def submatrix(M: Matrix, rows: Array, columns: Array) -> Matrix:
     """The rows and columns with these numbers."""
-    return acb_mat([[M[int(i), int(j)] for j in columns] for i in rows])
+    found = [M[int(i), int(j)] for i in rows for j in columns]
+    return acb_mat(len(rows), len(columns), found)
 
 
 def identity(n: int) -> Matrix:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,10 +11,11 @@ from workbench.arrays import RealArray
 from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds, with_peak
 from workbench.certify.modes.band_peak import largest_singular_value, proven_peak
 from workbench.certify.modes.partial_fractions import enclosed_fractions
-from workbench.certify.rounding import Enclosure, exact
+from workbench.certify.rounding import Enclosure, exact, nearest_power_of_two
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import with_state_units
+from workbench.systems.realisation import realisation
 
 NORM_TOLERANCE = 1e-4
 """Relative tolerance of a certified norm: the bound lies at most this far above the norm."""
@@ -21,6 +23,9 @@ NORM_TOLERANCE = 1e-4
 RESPONSE_ERROR = NORM_TOLERANCE / 100
 """Error of responses, as a share of the largest, above which they are refined. The largest one
 decides where the bound begins; it is proven on intervals then."""
+
+FAR = 2.0**200
+"""Outputs beyond this size, or its reciprocal, are measured in another unit."""
 
 INTERVALS_BEFORE_COARSENING = 300
 """Number of intervals after which the tolerance becomes ten times as large. A loop whose response
@@ -49,7 +54,13 @@ _norms: dict[tuple[object, ...], float] = {}
 
 
 def _certified_norm(loop: StateSpace) -> float:
-    parts = [np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D)]
+    A, B, C, D = (np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D))
+    largest = float(max(np.abs(C).max(initial=0.0), np.abs(D).max(initial=0.0)))
+    unit = float(nearest_power_of_two(largest))
+    if not 1 / FAR < unit < FAR and math.isfinite(largest):  # squares would over- or underflow
+        scaled = _certified_norm(realisation((A, B, C / unit, D / unit), loop.dt or 0.0))
+        return float(np.nextafter(scaled * unit, np.inf))
+    parts = [A, B, C, D]
     given = not loop.dt and all(np.isfinite(part).all() for part in parts)
     if given:
         found = _peak_of_fractions([exact(part) for part in with_state_units(*parts)])

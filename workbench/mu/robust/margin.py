@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.answer import RepeatedChecker
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
@@ -82,6 +83,13 @@ def robust_stability(
     need_count("parts", parts)
     need_tolerance(tolerance)
     given = analysed(system)
+    effective = given.reduced()
+    if not effective.elements:  # such as k - k: whatever they are, the system is its nominal
+        unlimited = StabilityMargin(math.inf, math.inf, math.nan, None, None, 0, given.dt or 0.0)
+        again = partial(robust_stability, given)
+        return unlimited.checked_by(RepeatedChecker(again, "for whatever the elements are"))
+    if len(effective.elements) < len(given.elements):
+        given = effective
     asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
         asked.append(with_damping(given, damping))

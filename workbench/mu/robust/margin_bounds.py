@@ -47,7 +47,7 @@ class StabilityMargin(Answer):
             verdict = "NOT stable for all of its uncertainty"
         lines = [
             f"StabilityMargin: from {self.lower:.5g} to {self.upper:.5g}, {verdict}",
-            f"  at {self.omega:.5g} rad/s",
+            *([] if math.isnan(self.omega) else [f"  at {self.omega:.5g} rad/s"]),
         ]
         for name, value in (self.worst or {}).items():
             order = getattr(value, "nstates", None)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, unchecked_kernel
+from workbench.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.linear_algebra import (
     copy,
     factor,
@@ -55,7 +55,7 @@ EARLY_GAP = 0.1
 """Relative duality gap at which a point is kept as the start for the next matrix."""
 
 
-@compiled
+@unchecked
 def follow(
     M: np.ndarray,
     pattern: Pattern,
@@ -159,7 +159,7 @@ def _add(X: np.ndarray, share: float, dX: np.ndarray) -> None:
             X[i, j] += share * dX[i, j]
 
 
-@compiled
+@unchecked
 def _newton_system(
     M: np.ndarray,
     pattern: Pattern,

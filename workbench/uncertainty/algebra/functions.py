@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -182,6 +183,9 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
     >>> float(G.at(k=5.0).dcgain())
     0.2
     """
+    if all(isinstance(part, list | tuple) and not any(part) for part in (A, B, C)):
+        direct = _matrix(D, "D")  # as python-control's ss([], [], [], D): a static system
+        return replace(direct, dt=float(dt) or direct.dt)
     parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
     states = parts[0].noutputs
     if parts[0].ninputs != states:

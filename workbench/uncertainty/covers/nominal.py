@@ -33,6 +33,7 @@ def nominal_fit(
     size = np.maximum(
         sizes.radius + sizes.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
     )
-    weight = np.abs(response) / size**2
+    # Where plants and their centre are all 0, nothing is asked of the nominal.
+    weight = np.divide(np.abs(response), size**2, out=np.zeros_like(size), where=size > 0)
     right = program.unstable_poles
     return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
