@@ -146,7 +146,7 @@ class Slow(Study):
         for _ in context.track(range(15), "vectors"):
             time.sleep(0.1)
         return xr.Dataset({"total": 1.0})
-    def checks(self, answer, tolerance): return []
+    def checks(self, answer, tolerance): return [wb.Check("done", "nothing", 0.0, 0.0)]
     def metrics(self, answer): return {}
 
 wb.solve(Slow()).outcome

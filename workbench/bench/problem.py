@@ -286,6 +286,7 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
             del sys.modules[name]
         for name in helpers:
             sys.modules.pop(name, None)
+        _outside.pop(package, None)
     parts = file.relative_to(root).with_suffix("").parts
     # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
     keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
@@ -303,9 +304,16 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
 
 def _helpers(package: str) -> dict[str, Path]:
     """Modules of the user's outside a package that it imports, with their files."""
-    modules = [name for name in sys.modules if name.startswith(f"{package}.")]
-    files = ((name, file_of(name)) for name in helper_modules(modules) if name != "__main__")
-    return {name: file for name, file in files if file is not None}
+    modules = {name for name in sys.modules if name.startswith(f"{package}.")}
+    read, found = _outside.get(package, (set(), {}))
+    if not read <= modules:  # they were imported anew, and may import others
+        read, found = set(), {}
+    for name in helper_modules(modules - read):
+        file = file_of(name)
+        if file is not None and name != "__main__":
+            found[name] = file
+    _outside[package] = modules, found
+    return found
 
 
 def helper_files() -> list[Path]:
@@ -333,6 +341,8 @@ def _package(root: Path) -> str:
     return name
 
 
+_outside: dict[str, tuple[set[str], dict[str, Path]]] = {}
+"""Modules of each root that were read for what they import, and those outside that they import."""
 _imported: dict[str, dict[Path, int]] = {}
 """The state of the files of each root when it was imported."""
 

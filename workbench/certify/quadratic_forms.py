@@ -24,16 +24,16 @@ LEAST_RATIO = 2.0**-200
 """Least ratio that is looked for."""
 
 
-def symmetric(P: RealArray) -> RealArray:
+def _symmetric(P: RealArray) -> RealArray:
     """The symmetric matrix of the form x' P x, rounded."""
     return (P + P.T) / 2
 
 
-class Form:
+class QuadraticForm:
     """The form x' P x of the symmetric part of P (n, n), rounded, and a basis for it."""
 
     def __init__(self, P: RealArray) -> None:
-        self.P = symmetric(np.asarray(P, dtype=float))
+        self.P = _symmetric(np.asarray(P, dtype=float))
         self.basis: arb_mat | None = None
         self.columns = np.zeros_like(self.P)
         diagonal = np.diagonal(self.P)
@@ -59,7 +59,7 @@ class Form:
         """Whether it is proven to be positive for every x but 0."""
         return self.basis is not None and positive_definite(self.seen(self.P))
 
-    def ratio_within(self, other: Form, size: RealArray) -> float:
+    def ratio_within(self, other: QuadraticForm, size: RealArray) -> float:
         """Upper bound as `ratio`, for every M whose entries are at most ``size`` (n, n) in modulus.
 
         With x = X z it is at most |z|' (|X|' S' |Q| S |X|) |z| over z' (X' P X) z.
@@ -80,7 +80,7 @@ class Form:
                 return bound / share * (1.0 + 4 * EPS)
         return np.inf
 
-    def ratio(self, other: Form, through: arb_mat) -> float:
+    def ratio(self, other: QuadraticForm, through: arb_mat) -> float:
         """Upper bound of y' Q y / x' P x over all x, y = M x; infinite where none is proven.
 
         Q is the form ``other``, M the balls ``through``.

@@ -30,7 +30,7 @@ from workbench import figures
 from workbench.answer import ProgramAnswer
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.certify.quadratic_forms import Form, ball_product, ball_quotient, power
+from workbench.certify.quadratic_forms import QuadraticForm, ball_product, ball_quotient, power
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
@@ -145,7 +145,7 @@ class SwitchedStability(Program):
 
         The second is 0 for a mode with a longest stay, where V_i need not fall in every sample.
         """
-        mode, forms = self.modes[i], [Form(P) for P in answer.P]
+        mode, forms = self.modes[i], [QuadraticForm(P) for P in answer.P]
         others = [form for j, form in enumerate(forms) if j != i]
         stays = self.stays(mode, answer.samples)
         found, decay = np.zeros(len(stays)), 0.0
@@ -202,7 +202,7 @@ class SwitchedStability(Program):
             return found
         skew = max(float(np.abs(P - P.T).max() / np.abs(P).max()) for P in answer.P)
         found.append(Check("symmetry", "largest P - P', relative", skew, 1e-12))
-        unproven = sum(not Form(P).positive for P in answer.P)
+        unproven = sum(not QuadraticForm(P).positive for P in answer.P)
         statement = "number of P that are not proven to be positive definite"
         found.append(Check("positive", statement, float(unproven), 0.0))
         if unproven:

@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from workbench.arrays import EPS, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
-from workbench.certify.quadratic_forms import BITS, Form, power
+from workbench.certify.quadratic_forms import BITS, QuadraticForm, power
 from workbench.errors import InputError
 
 LARGEST_EXPONENT = 500.0
@@ -50,7 +50,7 @@ class TransitionSet:
 
         Raises InputError unless P and Q are positive definite.
         """
-        at_entry, after = Form(P), Form(Q)
+        at_entry, after = QuadraticForm(P), QuadraticForm(Q)
         if not (at_entry.positive and after.positive):
             raise InputError("P and Q must be positive definite")
         hull = max(at_entry.ratio(after, power(A, 1)) for A in self.vertices)
