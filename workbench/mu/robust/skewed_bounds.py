@@ -166,7 +166,9 @@ def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -
     exogenous = np.arange(stable.D.shape[1]) >= structure.rows
     attained = attained_gain(stable, structure, found.Delta, stable.plane(found.omega))
     whole = whole_structure(stable, structure)
-    return quantified(EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained))
+    return quantified(
+        EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained, "gain")
+    )
 
 
 def bound_checks(
@@ -175,6 +177,7 @@ def bound_checks(
     inputs: BoolArray,
     found: SkewedPeak,
     proven: float,
+    lower_bound: str = "lower bound",
 ) -> list[Check]:
     """Checks of claimed bounds: of the upper by multipliers, of the lower by what is proven of it.
 
@@ -186,6 +189,8 @@ def bound_checks(
         Which inputs (r,) the level of the proof divides.
     proven
         The lower bound that the perturbation proves.
+    lower_bound
+        What it is called.
     """
     fault = level_fault(stable, structure, inputs, found) if math.isfinite(found.upper) else ""
     lower = found.lower
@@ -194,7 +199,7 @@ def bound_checks(
         Check("upper", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
         Check(
             "lower",
-            "claimed lower bound over what its perturbation proves, less 1",
+            f"claimed {lower_bound} over what its perturbation proves, less 1",
             short,
             REPROVEN_LOWER,
         ),
