@@ -15,7 +15,16 @@ from workbench.answer import Answer, ProgramAnswer
 from workbench.certificate import Certificate
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Real, Structure
-from workbench.uncertainty import dynamics, feedback, generalised_plant, real, tf
+from workbench.uncertainty import (
+    Responses,
+    UncertaintyModel,
+    contains,
+    dynamics,
+    feedback,
+    generalised_plant,
+    real,
+    tf,
+)
 
 STIFFNESS = real("k", 10, percent=40)
 PARAMETRIC = tf([18], [1, 1.8, STIFFNESS])
@@ -250,6 +259,24 @@ def test_figures_of_answers():
         sweep.plot(name="nothing")
     with pytest.raises(InputError, match="no figure of a NuGap"):
         mu.nu_gap(LAG, FAST).plot()
+
+
+def test_a_peak_and_a_margin_are_drawn_with_their_level():
+    for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED)):
+        (panel,) = answer.plot().axes
+        labels = panel.get_legend_handles_labels()[1]
+        assert labels == ["upper bound", "lower bound", "at every frequency"]
+    with pytest.raises(InputError, match="no figure of a StabilityMargin"):
+        mu.robust_stability(OF_PARAMETERS, 1e-2).plot()
+
+
+def test_what_is_contained_is_certified():
+    responses = Responses(OMEGA, np.array([g / (1j * OMEGA + 1) for g in (0.9, 1.0, 1.1)]).T)
+    model = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.11], [1.0]))
+    found = contains(model, responses)
+    assert found.holds and found.certificate.holds and found.value == found.worst
+    narrow = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.09], [1.0]))
+    assert not contains(narrow, responses).certificate.holds
 
 
 def test_the_answer_of_a_solution_has_its_certificate():

@@ -16,8 +16,9 @@ from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Figure, StateSpace
 from workbench.mu.frequency.complex_part import separated, with_complex_part
+from workbench.mu.frequency.sweep import frequency_sweep, mu_figure
 from workbench.second_opinion import peaks
 from workbench.structure import Structure
 from workbench.systems.conversion import as_system
@@ -112,6 +113,12 @@ class PeakChecker(Checker):
         if math.isfinite(answer.upper) and self.band == (0.0, math.inf):
             found += peaks.upper_tried(system, structure, answer.upper)
         return found
+
+    def figures(self, answer: Peak) -> dict[str, Figure]:
+        """Bounds of mu over frequency, and the level that is proven at every frequency."""
+        system, structure, _ = self._claimed_of(answer)
+        figure = mu_figure(frequency_sweep(system, structure), answer.upper)
+        return {"mu": figure}
 
     def _claimed_of(self, answer: Peak) -> tuple[Any, Structure, Array]:
         """System, structure and perturbation of the claim, with the complex part that it adds."""

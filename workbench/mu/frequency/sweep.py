@@ -73,14 +73,21 @@ class SweepChecker(Checker):
 
     def figures(self, answer: Sweep) -> dict[str, Figure]:
         """Both bounds over frequency."""
-        figure, (panel,) = figures.axes()
-        hertz = answer.omega / (2 * np.pi)
-        shown = (hertz > 0) & np.isfinite(hertz)
-        for values, name in ((answer.upper, "upper bound"), (answer.lower, "lower bound")):
-            panel.semilogx(hertz[shown], values[shown], label=name)
-        figures.label(panel, "frequency [Hz]", "mu [1]")
-        figures.legend_below(figure, panel)
-        return {"mu": figure}
+        return {"mu": mu_figure(answer)}
+
+
+def mu_figure(found: Sweep, level: float | None = None) -> Figure:
+    """Both bounds of mu over frequency, and the level that is proven at every one."""
+    figure, (panel,) = figures.axes()
+    hertz = found.omega / (2 * np.pi)
+    shown = (hertz > 0) & np.isfinite(hertz)
+    for values, name in ((found.upper, "upper bound"), (found.lower, "lower bound")):
+        panel.semilogx(hertz[shown], values[shown], label=name)
+    if level is not None:
+        panel.axhline(level, color=figures.BLACK, linestyle="--", label="at every frequency")
+    figures.label(panel, "frequency [Hz]", "mu [1]")
+    figures.legend_below(figure, panel)
+    return figure
 
 
 def _same_response(M: ComplexArray, claimed: ComplexArray) -> Check:

@@ -9,6 +9,7 @@ from typing import Any
 
 from workbench.answer import Answer, PartsChecker, RepeatedChecker
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
+from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.second_opinion import peaks
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -121,6 +122,10 @@ class StabilityChecker(PartsChecker):
             Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
             Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
         ]
+
+    def figures(self, answer: StabilityMargin) -> dict[str, Figure]:
+        """Mu over frequency, of which the margin is the reciprocal; none of parameters alone."""
+        return {} if answer.peak is None else {"mu": answer.peak.plot()}
 
     def second_opinion(self, answer: StabilityMargin) -> list[Check]:
         found = []

@@ -16,7 +16,9 @@ from typing import Any, get_args
 import numpy as np
 
 from workbench import figures
+from workbench.answer import Answer
 from workbench.arrays import RealArray
+from workbench.certificate import Check, Checker
 from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
@@ -172,8 +174,8 @@ class UncertaintyModel(Algebraic):
         return figure
 
 
-@dataclass(frozen=True)
-class Containment:
+@dataclass(frozen=True, repr=False)
+class Containment(Answer):
     """Whether a model contains measured responses.
 
     ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius and
@@ -210,8 +212,35 @@ class Containment:
         """Whether the largest excess is within CONTAINMENT_TOLERANCE."""
         return self.worst <= CONTAINMENT_TOLERANCE
 
+    @property
+    def value(self) -> float:
+        """As ``worst``."""
+        return self.worst
+
     def __bool__(self) -> bool:
         return self.holds
+
+
+@dataclass(frozen=True, eq=False)
+class ContainmentChecker(Checker):
+    """Checks a `Containment` by the model and the responses."""
+
+    model: UncertaintyModel
+    responses: Responses
+    leave_out: int
+
+    @property
+    def quantifier(self) -> str:
+        return self.responses.over
+
+    def checks(self, answer: Containment, tolerance: float) -> list[Check]:
+        found = contains(self.model, self.responses, self.leave_out)
+        statement = "largest distance of a point beyond its set, over the radius"
+        limit = CONTAINMENT_TOLERANCE
+        return [
+            Check("containment", statement, found.worst, limit, found.where),
+            Check("claim", "how much larger it is than claimed", found.worst - answer.worst, limit),
+        ]
 
 
 def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:
@@ -254,7 +283,8 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     ordered = np.sort(np.where(np.isnan(excess), np.inf, excess), axis=1)
     worst = ordered[:, -1 - leave_out]
     place = f"at {responses.place(int(worst.argmax()))}"
-    return Containment(worst, (excess > CONTAINMENT_TOLERANCE).sum(axis=1), place)
+    found = Containment(worst, (excess > CONTAINMENT_TOLERANCE).sum(axis=1), place)
+    return found.checked_by(ContainmentChecker(model, responses, leave_out))
 
 
 def _value(rational: Rational, s: np.ndarray) -> np.ndarray:
