@@ -81,8 +81,8 @@ def mu_figure(found: Sweep, level: float | None = None) -> Figure:
     figure, (panel,) = figures.axes()
     hertz = found.omega / (2 * np.pi)
     shown = (hertz > 0) & np.isfinite(hertz)
-    for values, name in ((found.upper, "upper bound"), (found.lower, "lower bound")):
-        panel.semilogx(hertz[shown], values[shown], label=name)
+    for values, name, style in ((found.upper, "upper", "-"), (found.lower, "lower", ":")):
+        panel.semilogx(hertz[shown], values[shown], style, label=f"{name} bound")
     if level is not None:
         panel.axhline(level, color=figures.BLACK, linestyle="--", label="at every frequency")
     figures.label(panel, "frequency [Hz]", "mu [1]")
