@@ -120,6 +120,9 @@ ANSWERS = {
     "gain_room": lambda: mu.gain_room(plant(1.0), GAIN, tolerance=0.05),
     "loop_margins": lambda: mu.loop_margins(PARAMETRIC, LEAD, tolerance=1e-2),
     "classical_margins": lambda: mu.classical_margins(control.tf([25], [1, 10, 10, 10])),
+    "classical_margins with a direct term": lambda: mu.classical_margins(
+        control.ss(control.tf([-0.5, 1.0], [1.0, 2.0]))
+    ),
     "classical_margins, sampled": lambda: mu.classical_margins(OSCILLATOR.sample(0.1)),
     "classical_margins, unstable": lambda: mu.classical_margins(control.tf([5], [1, 1, 1, 1])),
     "set_margins": lambda: mu.set_margins(PARAMETRIC, LEAD, tolerance=0.1)["input"],
@@ -160,6 +163,7 @@ EAGER = {"hinf", "fit_response", "fit_rational_model", "fit_parameters"}
 WITHOUT_NUMBER = {
     *("conditions", "conditions, unstable", "gain_room", "loop_margins", "set_margins"),
     *("classical_margins", "classical_margins, sampled", "classical_margins, unstable"),
+    "classical_margins with a direct term",
     *("reduce_order", "sampled_conditions"),
 }
 """Answers of several numbers with names of their own."""

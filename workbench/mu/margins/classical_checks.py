@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
@@ -50,14 +50,14 @@ class ClassicalChecker(Checker):
     def checks(self, answer: Any, tolerance: float) -> list[Check]:
         factor, at = answer.gains.T
         phase, omega = answer.phases.T
-        L = response(self.loop, omega)[:, 0, 0]
+        L = self._at(omega)
         turned = np.angle(-L * np.exp(-1j * np.radians(phase)))
         delay = np.radians(np.mod(phase, 360.0)) / np.maximum(omega, 1e-300)
         late = np.abs(answer.delays[:, 0] - delay) * omega
         loop = closed(self.loop)
         stable = loop is not None and bool(stability_of(loop).holds)
         modulus = 1.0 / certified_norm(loop) if stable and loop is not None else 0.0
-        gains = 1.0 + factor * response(self.loop, at)[:, 0, 0]
+        gains = 1.0 + factor * self._at(at)
         return [
             _crossing("gains", "distance of the loop with a factor from -1", np.abs(gains)),
             _crossing("unit gain", "distance of |L| from 1", np.abs(np.abs(L) - 1.0)),
@@ -77,6 +77,13 @@ class ClassicalChecker(Checker):
         found = [self._missed(answer.phases[:, 1])]
         if answer.stable:
             found.append(self._between(*answer.gain))
+        return found
+
+    def _at(self, omega: RealArray) -> ComplexArray:
+        """The response (F,) at frequencies [rad/s], infinity among them."""
+        found = np.full(omega.shape, complex(self.loop.D[0, 0]))
+        finite = np.isfinite(omega)
+        found[finite] = response(self.loop, omega[finite])[:, 0, 0]
         return found
 
     def _missed(self, crossings: RealArray) -> Check:
