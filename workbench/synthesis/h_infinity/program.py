@@ -192,7 +192,8 @@ class HinfSynthesis(Program):
         found.append(Check("level", statement, excess(size, level), limit, over=EVERY_FREQUENCY))
         if not math.isnan(answer.least):
             statement = "level without a controller over the norm that this one has, less 1"
-            found.append(Check("least", statement, excess(answer.least, size), limit))
+            value = excess(answer.least, size)
+            found.append(Check("least", statement, value, limit, over=EVERY_FREQUENCY))
         return found
 
     def second_opinion(self, answer: HinfController) -> list[Check]:
