@@ -12,6 +12,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.joints import system_of
+from workbench.systems.realisation import with_integrators
 
 
 def as_system(system: Any, name: str) -> StateSpace:
@@ -28,7 +29,7 @@ def as_system(system: Any, name: str) -> StateSpace:
             f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it needs one each"
         )
     try:
-        found = control.ss(system)
+        found = with_integrators(system) or control.ss(system)
     except ValueError as error:
         raise InputError(
             f"{name} has no realisation: {error}; an improper one needs fast poles"

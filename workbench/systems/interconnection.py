@@ -16,8 +16,9 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_list
 from workbench.structure import Block
-from workbench.systems.balancing import balancing, singular
+from workbench.systems.balancing import singular
 from workbench.systems.joints import UncertainPart, part_of
+from workbench.systems.realisation import companion
 
 Names = str | Sequence[str]
 """One name or several."""
@@ -66,7 +67,7 @@ def named_realisation(block: Any, name: str = "a block") -> NamedRealisation:
     if isinstance(block, control.TransferFunction):
         # With several inputs and outputs, python-control's realisation shares states.
         siso = (block.ninputs, block.noutputs) == (1, 1)
-        M, states = _companion(block) if siso else _stacked(control.ss(block))
+        M, states = companion(block) if siso else _stacked(control.ss(block))
     else:
         M, states = _stacked(block)
     return NamedRealisation(M, states, block.dt, inputs, outputs)
@@ -75,25 +76,6 @@ def named_realisation(block: Any, name: str = "a block") -> NamedRealisation:
 def _stacked(system: StateSpace) -> tuple[Array, int]:
     """[A B; C D] and the number of states."""
     return np.block([[system.A, system.B], [system.C, system.D]]), int(system.nstates)
-
-
-def _companion(system: Any) -> tuple[Array, int]:
-    """Realisation of a SISO transfer function with all its poles and scaled states."""
-    num, den = (np.trim_zeros(part[0][0], "f") for part in (system.num, system.den))
-    n = len(den) - 1
-    if len(num) > n + 1:
-        raise InputError(
-            f"the transfer function {system.name!r} is improper: it has {len(num) - 1} zeros and "
-            f"{n} poles; add fast poles, or a pole that belongs to it and stands elsewhere"
-        )
-    num = np.concatenate([np.zeros(n + 1 - len(num)), num]) / den[0]
-    den = den / den[0]
-    M = np.eye(n + 1, k=-1)
-    M[0] = [*-den[1:], 1.0]
-    M[n] = [*(num[1:] - num[0] * den[1:]), num[0]]
-    rows, columns = balancing(M, n)
-    rows[n:] = columns[n:] = 1.0
-    return rows[:, None] * M * columns, n
 
 
 def sum_of(name: str, terms: str) -> NamedRealisation:

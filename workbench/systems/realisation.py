@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.systems.balancing import balancing
 
 Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""
@@ -104,3 +105,44 @@ def modal_form(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, Rea
         T[:, 2 * place], T[:, 2 * place + 1] = v.real, v.imag
     into = np.linalg.inv(T)
     return into @ A @ T, into @ B, C @ T
+
+
+def companion(system: Any) -> tuple[Array, int]:
+    """[A B; C D] of a SISO transfer function with all its poles, and their number.
+
+    Poles at 0 are exact: they are zeros at the end of the denominator.
+
+    Raises InputError for an improper one.
+    """
+    num, den = (np.trim_zeros(part[0][0], "f") for part in (system.num, system.den))
+    n = len(den) - 1
+    if len(num) > n + 1:
+        raise InputError(
+            f"the transfer function {system.name!r} is improper: it has {len(num) - 1} zeros and "
+            f"{n} poles; add fast poles, or a pole that belongs to it and stands elsewhere"
+        )
+    num = np.concatenate([np.zeros(n + 1 - len(num)), num]) / den[0]
+    den = den / den[0]
+    M = np.eye(n + 1, k=-1)
+    M[0] = [*-den[1:], 1.0]
+    M[n] = [*(num[1:] - num[0] * den[1:]), num[0]]
+    rows, columns = balancing(M, n)
+    rows[n:] = columns[n:] = 1.0
+    return rows[:, None] * M * columns, n
+
+
+def with_integrators(system: Any) -> StateSpace | None:
+    """A continuous SISO transfer function with poles at 0, realised so that they are exactly there.
+
+    None for any other system: python-control's own realisation moves such poles by rounding, which
+    matters where nothing else tells how fast the system is.
+    """
+    import control
+
+    siso = isinstance(system, control.TransferFunction) and system.issiso()
+    if not siso or system.dt or not len(system.den[0][0]) > 1 or system.den[0][0][-1] != 0.0:
+        return None
+    M, n = companion(system)
+    parts = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
+    labels = {"inputs": system.input_labels, "outputs": system.output_labels}
+    return realisation(parts, 0.0, **labels)

@@ -115,7 +115,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     if L.dt is True:
         raise InputError("the loop is sampled, but its sampling time is not given: set its dt [s]")
     period, plane = float(L.dt or 0.0), bilinear_continuous(L) if L.dt else L
-    rate = speed(plane.A)
+    rate = _rate(plane)
     A, B, C = balanced(plane.A / rate, plane.B / rate, plane.C)
     D = float(plane.D[0, 0])
     scaled = realisation((A, B, C, plane.D), 0.0)
@@ -151,6 +151,22 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     modulus = 1.0 / certified_norm(loop) if stable and loop is not None else 0.0
     found = ClassicalMargins(gains, phases, delays, modulus, stable)
     return found.checked_by(ClassicalChecker(L))
+
+
+def _rate(L: StateSpace) -> float:
+    """A frequency [rad/s] to measure others by, a power of two.
+
+    Where all poles are integrators the gain tells it: L is nearly h / s^k at high frequencies.
+    """
+    if np.linalg.eigvals(L.A).any():
+        return speed(L.A)
+    row = np.asarray(L.C, dtype=float)
+    for k in range(1, L.nstates + 1):
+        size = abs(float((row @ L.B).item()))
+        if size > 0.0:
+            return float(np.exp2(np.round(np.log2(size) / k)))
+        row = row @ L.A
+    return 1.0
 
 
 def _at_zero(L: StateSpace) -> float:

@@ -23,7 +23,7 @@ from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.systems.realisation import in_words, pole_sizes, realisation, with_integrators
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
@@ -306,7 +306,9 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         return part
     if isinstance(part, UncertainPart):
         return UncertainSystem(*pulled_out(part))
-    system = control.ss(part) if isinstance(part, control.TransferFunction) else part
+    system = part
+    if isinstance(part, control.TransferFunction):
+        system = with_integrators(part) or control.ss(part)
     M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
     dt = system.dt if system.nstates or system.dt else None
     return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
