@@ -364,12 +364,20 @@ WRONG = {
     ),
     "large second set": (lambda a: replace(a, second=resized(a.second, 1.01)), "second set"),
     "small second set": (lambda a: replace(a, second=resized(a.second, 0.99)), "second set"),
+    "second set longer than needed": (
+        lambda a: replace(a, second=replace(a.second, half_length=a.second.half_length + 0.01)),
+        "second set",
+    ),
     "second set of no number": (lambda a: replace(a, second=resized(a.second, np.nan)), "second"),
 }
 WRONG_STADIUM = {
     "no W_r": (lambda a: altered(a, W_r=a.model.W_r.scaled(0)), "containment"),
     "turned W_r": (lambda a: altered(a, W_r=times_all_pass(a.model.W_r)), "order of W_r"),
     "unstable W_r": (lambda a: altered(a, W_r=mirrored(a.model.W_r, "poles")), "W_r stable"),
+    "long second set": (
+        lambda a: replace(a, second=resized(a.second, 1.25, "half_length")),
+        "second set",
+    ),
     "short second set": (
         lambda a: replace(a, second=resized(a.second, 0.9, "half_length")),
         "second set",

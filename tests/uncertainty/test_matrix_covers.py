@@ -1,5 +1,6 @@
 """Covers of matrix responses: every plant is in the model, in every form, in both kinds of time."""
 
+from dataclasses import replace
 from functools import cache
 from typing import get_args
 
@@ -279,6 +280,15 @@ def test_a_cover_too_small_is_refused():
     model = MatrixModel(answer.model.nominal, 0.999 * answer.model.W_1, answer.model.W_2)
     failures = program.certify(type(answer)(model, answer.least), 1e-6).failures
     assert any("containment" in each for each in failures)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_sets_called_the_smallest_are_proven_so(side):
+    program = cover()
+    answer = solved(program)
+    large = replace(answer.least, **{side: 1.25 * getattr(answer.least, side)})
+    failures = program.certify(replace(answer, least=large), 1e-6).failures
+    assert any(each.startswith("no set is smaller") for each in failures)
 
 
 VALUES = MatrixResponses.of_systems(family(2), OMEGA).values

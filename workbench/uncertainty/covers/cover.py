@@ -331,12 +331,16 @@ class UncertaintyCover(Program):
         """Lower bound (F,) on the radii of sets about the nominal, from the points alone."""
 
     def _second_off(self, answer: CoverSteps) -> RealArray:
-        """Distance (F,) of the second set from the smallest one, relative to that one's radius."""
+        """Distance (F,) of the second set from the smallest one, relative to that one's radius.
+
+        Radii count, points beyond the set, and round ends that touch no point.
+        """
         nominal, second = answer.model.nominal, answer.second
         sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
         least = self.least_radius(sets, second)
         beyond = sets.distance(second).max(axis=-1) - second.radius
         off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
+        off = np.maximum(off, sets.slack(second) * np.abs(second.radius))
         off = off - RADIUS_ROUNDING * self.away_scale(nominal)
         return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
 

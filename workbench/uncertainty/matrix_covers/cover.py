@@ -49,6 +49,9 @@ from workbench.uncertainty.matrix_covers.weights import inverse_weight
 from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import Shape, between_weights
 
+LEAST_GAP = 1e-4
+"""Largest logarithm by which a set that is called the smallest may exceed its proven bound."""
+
 KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 """Forms of which all plants have as many unstable poles as the nominal."""
 
@@ -299,7 +302,16 @@ class MatrixCover(Program):
                 Check(f"{name} {shape}", statement, off, SHAPED, over=THIS_SYSTEM),
             ]
         least = self.sets.checks(answer.least, tolerance)[0]
-        return [*checks, replace(least, name="smallest sets")]
+        checks.append(replace(least, name="smallest sets"))
+        if self.sets.size == "volume":  # the least mu of a loop is told with its gap
+            checks.append(self._least_check(answer.least, tolerance))
+        return checks
+
+    def _least_check(self, least: FoundSets, tolerance: float) -> Check:
+        value, where = worst(self.sets.excess(least), lambda i: f"at {self.responses.place(i[0])}")
+        statement = "logarithm of the size of a smallest set beyond its proven lower bound"
+        limit, over = max(tolerance, LEAST_GAP), self.sets.quantifier
+        return Check("no set is smaller", statement, value, limit, where, over=over)
 
     def _nominal_check(self, model: MatrixModel) -> Check:
         omega = self.responses.omega
