@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, get_args
 
 import numpy as np
@@ -42,6 +42,8 @@ RATE_STEPS = (2e-3, 1e-2, 5e-2, 0.2, 0.5)
 INNER_SHARE = 1e-7
 """Share of an inner point in a dual point. It keeps the point a million roundings of the form,
 which is computed, away from the edge of the cone: the point proves its bound on every processor."""
+BOUND_ROUNDING = 1e-12
+"""What rounding of the unit of scaled records may move in a bound, over the level."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,22 +193,30 @@ class FeedbackFromRecords(ConicallyStated):
         statement = "level over one that no gain with a common Lyapunov matrix has, less 1"
         if not answer.dual:
             return f"{statement}; no such proof was found", math.inf
-        y: Sequence[Any] = [parsed_rational(text) for text in answer.dual]
-        if self.criterion == "decay":
-            form = self.scaled.form(answer.bound)
-            held = len(y) == form.b.size
-            held = held and excluded_radius(form, settled_ray(form, y)) == math.inf
-            bound = answer.bound if held else 0.0
-        else:
-            form = self.conic_form()
-            y = settled_point(form, y) if len(y) == form.b.size else []
-            held = bool(y) and not outside(form, y, dual=True)
-            held = held and all(
-                value + exact_rational(cost) == 0
-                for value, cost in zip(transposed(form, y), form.c, strict=True)
-            )
-            bound = self._bound_of(y) if held else 0.0
-        return statement, excess(answer.level, bound)
+        return statement, excess(answer.level, self.proven_bound(answer))
+
+    def proven_bound(self, answer: ProvenFeedback) -> float:
+        """The level below which an answer's dual excludes every gain, recomputed; 0 by no dual."""
+        return _excluded_level(self, answer.bound, answer.dual) if answer.dual else 0.0
+
+    def excluded_rate(self, rate: float, y: Sequence[Any]) -> float:
+        """The rate, where an exact ray proves that no gain has it; else 0."""
+        if not 0.0 < rate < math.inf:
+            return 0.0
+        form = self.scaled.form(rate)
+        held = len(y) == form.b.size and excluded_radius(form, settled_ray(form, y)) == math.inf
+        return rate if held else 0.0
+
+    def excluded_norm(self, y: Sequence[Any]) -> float:
+        """The norm below which an exact dual point excludes every gain; else 0."""
+        form = self.conic_form()
+        y = settled_point(form, y) if len(y) == form.b.size else []
+        held = bool(y) and not outside(form, y, dual=True)
+        held = held and all(
+            value + exact_rational(cost) == 0
+            for value, cost in zip(transposed(form, y), form.c, strict=True)
+        )
+        return self._bound_of(y) if held else 0.0
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -228,6 +238,9 @@ class FeedbackFromRecords(ConicallyStated):
         least = proven_least_eigenvalue(self._implication(answer), starts)
         statement = "less the least eigenvalue of the S-lemma's matrix, scaled, rounded downward"
         found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT))
+        beyond = answer.bound - self.proven_bound(answer)
+        statement = "bound above the one that its dual proves, over the level"
+        found.append(Check("bound", statement, beyond / answer.level, BOUND_ROUNDING))
         if self.criterion == "decay":
             found.append(
                 Check("rate", "rate per sample, less 1", answer.level - 1.0, 0.0, over=EVERY_PLANT)
@@ -297,3 +310,12 @@ class FeedbackFromRecords(ConicallyStated):
 
     def figures(self, answer: ProvenFeedback) -> dict[str, Figure]:
         return {"loops": figures.loops(self, answer)}
+
+
+@lru_cache(maxsize=4)
+def _excluded_level(program: FeedbackFromRecords, bound: float, dual: tuple[str, ...]) -> float:
+    """`FeedbackFromRecords.proven_bound`, remembered: checks and gap of a certificate share it."""
+    y = [parsed_rational(text) for text in dual]
+    if program.criterion == "decay":
+        return program.excluded_rate(bound, y)
+    return program.excluded_norm(y)
