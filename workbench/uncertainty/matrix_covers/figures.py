@@ -57,7 +57,7 @@ def radius_figure(responses: MatrixResponses, radii: RealArray, least: RealArray
     return _beside_least(responses, radii, least, "geometric mean of the radius")
 
 
-def mu_figure(responses: MatrixResponses, mu: RealArray, least: RealArray) -> Figure:
+def loop_mu_figure(responses: MatrixResponses, mu: RealArray, least: RealArray) -> Figure:
     """The loop's mu with the model, and the least that any weights could give."""
     return _beside_least(responses, mu, least, "$\\mu$ of the loop")
 

@@ -15,7 +15,7 @@ from workbench.structure import Full
 from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.system import UncertainSystem
 from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
-from workbench.uncertainty.matrix_covers.figures import mu_figure
+from workbench.uncertainty.matrix_covers.figures import loop_mu_figure
 from workbench.uncertainty.matrix_covers.forms import delta_shape
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
@@ -113,7 +113,7 @@ class MatrixCoverForLoop(MatrixCover):
 
     def figures(self, answer: FoundCover) -> dict[str, Figure]:
         logs = self.log_mu(answer.model), self.sets.log_mu(answer.least)
-        mu = mu_figure(self.responses, *(np.exp(each) for each in logs))
+        mu = loop_mu_figure(self.responses, *(np.exp(each) for each in logs))
         return {"mu": mu} | super().figures(answer)
 
 
