@@ -192,10 +192,21 @@ class RepeatedChecker(Checker):
         statement = "by which share the claimed bound is better than the one computed again"
         crossed = np.any(np.asarray(answer.lower) > answer.upper)
         return [
-            Check("lower", statement, _largest(answer.lower, found.lower), REPEATED_ROUNDING),
-            Check("upper", statement, _largest(found.upper, answer.upper), REPEATED_ROUNDING),
+            *no_better(answer, found.lower, found.upper, statement, REPEATED_ROUNDING),
             Check("order", "whether a lower bound is above the upper", float(crossed), 0.0),
         ]
+
+
+def no_better(answer: Any, lower: Any, upper: Any, statement: str, limit: float) -> list[Check]:
+    """Checks that the bounds of an answer are no better than bounds that are proven.
+
+    ``lower`` and ``upper`` are the proven ones, numbers or arrays; a check's value is the share by
+    which a claimed one is better, and ``statement`` says so.
+    """
+    return [
+        Check("lower", statement, _largest(answer.lower, lower), limit),
+        Check("upper", statement, _largest(upper, answer.upper), limit),
+    ]
 
 
 def _largest(values: Any, claimed: Any) -> float:

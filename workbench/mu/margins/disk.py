@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.answer import Answer, PartsChecker
-from workbench.certificate import Check, excess
+from workbench.answer import Answer, PartsChecker, no_better
+from workbench.certificate import Check
 from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.channels import even_channels
@@ -108,10 +108,7 @@ class DiskChecker(PartsChecker):
     def checks(self, answer: DiskMargin, tolerance: float) -> list[Check]:
         lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
         statement = "by which share it is better than the reciprocal of a proven bound of the peak"
-        return [
-            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
-            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
-        ]
+        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
     def second_opinion(self, answer: DiskMargin) -> list[Check]:
         if answer.worst is None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.answer import Answer, PartsChecker
+from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
@@ -88,10 +88,7 @@ class NuGapChecker(PartsChecker):
         lower = 1.0 if winding is False else self.distance.lower
         upper = self.distance.upper if winding else 1.0
         statement = "by which share it is better than the proven one"
-        return [
-            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
-            Check("upper", statement, excess(min(upper, 1.0), answer.upper), RECIPROCAL_ROUNDING),
-        ]
+        return no_better(answer, lower, min(upper, 1.0), statement, RECIPROCAL_ROUNDING)
 
     def second_opinion(self, answer: NuGap) -> list[Check]:
         """Check by the formula of both plants' responses, without coprime factors."""
@@ -129,10 +126,7 @@ class CoprimeChecker(PartsChecker):
     def checks(self, answer: CoprimeMargin, tolerance: float) -> list[Check]:
         lower, upper = reciprocal(self.norm.upper), reciprocal(self.norm.lower)
         statement = "by which share it is better than the reciprocal of the proven norm"
-        return [
-            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
-            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
-        ]
+        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
     def second_opinion(self, answer: CoprimeMargin) -> list[Check]:
         """Check by the chordal distance of the plant from the controller's inverse."""

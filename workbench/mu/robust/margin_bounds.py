@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.answer import Answer, PartsChecker, RepeatedChecker
-from workbench.certificate import EVERY_FREQUENCY, Check, excess
+from workbench.answer import Answer, PartsChecker, RepeatedChecker, no_better
+from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.second_opinion import peaks
@@ -118,10 +118,7 @@ class StabilityChecker(PartsChecker):
             return RepeatedChecker(self.again, self.quantifier).checks(answer, tolerance)
         lower, upper = reciprocal(answer.peak.upper), reciprocal(answer.peak.lower)
         statement = "by which share it is better than the reciprocal of a proven bound of the peak"
-        return [
-            Check("lower", statement, excess(answer.lower, lower), RECIPROCAL_ROUNDING),
-            Check("upper", statement, excess(upper, answer.upper), RECIPROCAL_ROUNDING),
-        ]
+        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
     def figures(self, answer: StabilityMargin) -> dict[str, Figure]:
         """Mu over frequency, of which the margin is the reciprocal; none of parameters alone."""
@@ -160,7 +157,4 @@ class PerformanceChecker(PartsChecker):
         kept = self.factors[0] if low is not None and low.upper < 1.0 else 0.0
         lost = self.factors[1] if high is not None and high.lower >= 1.0 else math.inf
         statement = "by which share it is better than the factor at which a peak proves it"
-        return [
-            Check("lower", statement, excess(answer.lower, kept), 0.0),
-            Check("upper", statement, excess(lost, answer.upper), 0.0),
-        ]
+        return no_better(answer, kept, lost, statement, 0.0)
