@@ -240,7 +240,8 @@ class FeedbackFromRecords(ConicallyStated):
         found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT))
         beyond = answer.bound - self.proven_bound(answer)
         statement = "bound above the one that its dual proves, over the level"
-        found.append(Check("bound", statement, beyond / answer.level, BOUND_ROUNDING))
+        value = beyond / answer.level
+        found.append(Check("bound", statement, value, BOUND_ROUNDING, over=EVERY_PLANT))
         if self.criterion == "decay":
             found.append(
                 Check("rate", "rate per sample, less 1", answer.level - 1.0, 0.0, over=EVERY_PLANT)

@@ -274,6 +274,8 @@ class MatrixCover(Program):
 
     # --- the check --------------------------------------------------------------------------------
 
+    checks_follow_accuracy = True
+
     def checks(self, answer: FoundCover, tolerance: float) -> Sequence[Check]:
         model = answer.model
         if model.form != self.form:
