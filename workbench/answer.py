@@ -17,7 +17,7 @@ from workbench.accuracy import DEFAULT_TOLERANCE
 from workbench.certificate import Certificate, Check, Checker, excess
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
-from workbench.heavy_types import Figure
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.solvers import Options, Outcome
 
@@ -187,6 +187,23 @@ class RepeatedChecker(Checker):
     def quantifier(self) -> str:
         return self.over
 
+    def stored_answer(self, name: str, answer: Any) -> dict[str, Any]:
+        bounds = {"lower": np.asarray(answer.lower), "upper": np.asarray(answer.upper)}
+        return {
+            f"{name}_{side}": (
+                [f"{name}_{place}" for place in range(values.ndim)],
+                values,
+                {"long_name": f"{side} bound"},
+            )
+            for side, values in bounds.items()
+        }
+
+    def restored_answer(self, name: str, data: Dataset) -> Any:
+        if f"{name}_lower" not in data:
+            return None
+        lower, upper = (data[f"{name}_{side}"].values for side in ("lower", "upper"))
+        return replace(self.again(), lower=_plain(lower), upper=_plain(upper))
+
     def checks(self, answer: Any, tolerance: float) -> list[Check]:
         found = self.again()
         statement = "by which share the claimed bound is better than the one computed again"
@@ -213,6 +230,11 @@ def _largest(values: Any, claimed: Any) -> float:
     """The largest `excess` of numbers or arrays."""
     pairs = np.broadcast(np.asarray(values, dtype=float), np.asarray(claimed, dtype=float))
     return max((excess(float(one), float(other)) for one, other in pairs), default=0.0)
+
+
+def _plain(values: Any) -> Any:
+    """A number where there is one, else the array."""
+    return values if values.ndim else values.item()
 
 
 def _shown(value: Any) -> str:

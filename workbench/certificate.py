@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.heavy_types import Figure
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
 from workbench.solvers import Outcome
 
@@ -313,6 +314,23 @@ class Checker(ABC):
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
         return {}
+
+    def stored_answer(self, name: str, answer: Any) -> dict[str, Any]:
+        """The answer as variables of a dataset whose names begin with this one.
+
+        Raises
+        ------
+        InputError
+            Answers of this kind are not stored in a Study.
+        """
+        kind = type(answer).__name__
+        raise InputError(
+            f"a {kind} cannot be stored in a Study: store what it was made from, such as its peak"
+        )
+
+    def restored_answer(self, name: str, data: Dataset) -> Any:
+        """The answer that `stored_answer` put into a dataset under a name; None: there is none."""
+        raise InputError(f"a {type(self).__name__} stores no answers")
 
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""

@@ -122,6 +122,19 @@ class Task(Checker):
         """The answer, read back."""
         return data
 
+    def stored_answer(self, name: str, answer: Any) -> dict[str, Any]:
+        data = self.to_dataset(answer)
+        renamed = data.rename({one: f"{name}_{one}" for one in _names(data)})
+        return {str(one): array for one, array in renamed.variables.items()}
+
+    def restored_answer(self, name: str, data: Dataset) -> Any:
+        start = f"{name}_"
+        own = {one: one.removeprefix(start) for one in _names(data) if one.startswith(start)}
+        if not own:
+            return None
+        kept = data.drop_vars([one for one in data.variables if one not in own])
+        return self.from_dataset(kept.rename({one: own[one] for one in _names(kept)}))
+
     @classmethod
     def answer_type(cls) -> str:
         """Name of the type of its answers: what `from_dataset` is annotated with, or "Dataset"."""
@@ -435,3 +448,8 @@ def find_method(program: Program, name: str | None) -> Method:
     if reason:
         raise InputError(f"method {name!r} cannot take this {type(program).__name__}: {reason}")
     return known[name]
+
+
+def _names(data: Dataset) -> list[str]:
+    """Names of the variables and dimensions of a dataset."""
+    return sorted({*map(str, data.variables), *map(str, data.sizes)})

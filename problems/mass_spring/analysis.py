@@ -14,9 +14,16 @@ from workbench import figures, problem
 from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench.mu import Conditions, Sweep, conditions, frequency_sweep, upper_bound
+from workbench.mu import (
+    Conditions,
+    PeakChecker,
+    Sweep,
+    conditions,
+    frequency_sweep,
+    upper_bound,
+)
 from workbench.structure import Structure
-from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.study import Study, answers, array, check, dim, figure, metric, part
 from workbench.uncertainty import GeneralisedPlant
 
 from .equations import characteristic_roots, determinant, real_spring_mu
@@ -92,11 +99,16 @@ class Analysis(Study):
             kind: conditions(plant, K, tolerance=self.peak_width) for kind, plant in plants.items()
         }
 
-    @part
+    @answers
     def peaks(self, found: dict[str, Conditions]) -> dict[Case, Any]:
         """Certified peak of each case."""
         of = {"performance": "robust_performance", "stability": "robust_stability"}
         return {case: getattr(found[case[1]], of[case[0]]) for case in product(QUESTIONS, KINDS)}
+
+    @peaks.checkers
+    def of_the_cases(self, cases: Any) -> dict[Case, PeakChecker]:
+        """What certifies the peak of each case."""
+        return {case: PeakChecker(*question) for case, question in cases.items()}
 
     @part
     def cases(self, plants: Any) -> dict[Case, tuple[StateSpace, Structure]]:
@@ -194,6 +206,14 @@ class Analysis(Study):
     )
     def real_below_complex(self, upper: DataArray) -> DataArray:
         return upper.sel(kind="mixed", drop=True) / upper.sel(kind="complex", drop=True)
+
+    @check("bounds", "distance of a bound from that of the stored peak", at_most=0.0, where=AT_CASE)
+    def other_bounds(self, answer: Dataset, peak: DataArray) -> DataArray:
+        proven = [
+            [answer[f"peaks_{question}_{kind}_bounds"].values for kind in KINDS]
+            for question in QUESTIONS
+        ]
+        return abs(peak - np.array(proven)).max("bound")
 
     @check("peaks", "bound at a frequency over the certified peak", at_most=1.0, where=AT_CASE)
     def beyond_peak(self, upper: DataArray, peak: DataArray) -> DataArray:

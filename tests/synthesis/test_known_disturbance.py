@@ -31,7 +31,7 @@ def test_exponentials_are_orthonormal():
 @given(st.floats(0.2, 5), st.floats(0.2, 5), st.floats(0.1, 2))
 def test_close_below_the_least_norm_where_the_measurement_tells_the_disturbance(p, w, cost):
     program = mixed(p, w, cost)
-    bound, _ = known_disturbance_bound(program.plant, RATES)
+    bound = known_disturbance_bound(program.plant, RATES).lower
     least = hinf(program.plant).norm
     assert 0.99 * least < bound < least
 
@@ -46,7 +46,8 @@ def test_below_the_norm_of_any_controller_of_any_plant(seed):
     )
     system = control.ss(A, rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), D)
     plant = GeneralisedPlant(system, None, 1, 1)
-    bound, disturbance = known_disturbance_bound(plant, RATES)
+    found = known_disturbance_bound(plant, RATES)
+    bound, disturbance = found.lower, found.disturbance
     assert disturbance.shape == (3, 24)
     assert np.linalg.norm(disturbance) == pytest.approx(1)
     assert bound < hinf(plant).norm
@@ -55,7 +56,8 @@ def test_below_the_norm_of_any_controller_of_any_plant(seed):
 def test_it_is_the_least_energy_over_all_controls():
     """Against least squares over controls made of many exponentials, in the frequency domain."""
     program = mixed()
-    bound, (signal,) = known_disturbance_bound(program.plant, RATES)
+    found = known_disturbance_bound(program.plant, RATES)
+    bound, (signal,) = found.lower, found.disturbance
     omega = np.geomspace(1e-5, 1e5, 4000)
 
     def signals(rates):
@@ -79,13 +81,13 @@ def test_it_is_the_least_energy_over_all_controls():
 
 def test_more_signals_never_lower_it():
     plant = mixed().plant
-    bounds = [known_disturbance_bound(plant, RATES[::step])[0] for step in (8, 4, 2, 1)]
+    bounds = [known_disturbance_bound(plant, RATES[::step]).lower for step in (8, 4, 2, 1)]
     assert (np.diff(bounds) > -1e-9).all()
 
 
 def test_it_bounds_controllers_that_are_not_optimal():
     program = mixed()
-    bound, _ = known_disturbance_bound(program.plant, RATES)
+    bound = known_disturbance_bound(program.plant, RATES).lower
     for gain in (0.1, 1.0, 10.0):
         assert certified_norm(program.plant.close(control.ss([], [], [], gain))) > bound
 

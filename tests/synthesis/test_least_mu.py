@@ -93,10 +93,10 @@ def test_the_largest_is_found_between_frequencies():
         peak = 2 / np.sqrt(1 + ((omega - 33.3) / 0.5) ** 2)
         return LoopWeights(np.full(omega.shape, 9.0), 0.0, peak, 0.0)
 
-    bound, at = largest_least_mu(resonant, np.geomspace(1, 1e3, 100))
-    assert at == pytest.approx(33.3, abs=0.02)
-    assert bound == pytest.approx(2.0, rel=3e-3)
-    assert bound <= 2.0
+    found = largest_least_mu(resonant, np.geomspace(1, 1e3, 100))
+    assert found.omega == pytest.approx(33.3, abs=0.02)
+    assert found.lower == pytest.approx(2.0, rel=3e-3)
+    assert found.lower <= 2.0
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
     from workbench.mu.frequency.complex_part import with_complex_part
     from workbench.mu.frequency.peak import peak
-    from workbench.mu.frequency.peak_bounds import Peak
+    from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
     from workbench.mu.frequency.sweep import Sweep, frequency_sweep
     from workbench.mu.lower.bound import lower_bound
     from workbench.mu.lower.program import LowerBound, MuLowerBound
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from workbench.mu.robust.branch import branch_and_bound
     from workbench.mu.robust.conditions import Conditions, conditions
     from workbench.mu.robust.destabilising import destabilising
-    from workbench.mu.robust.element_sensitivity import margin_sensitivity
+    from workbench.mu.robust.element_sensitivity import MarginSensitivity, margin_sensitivity
     from workbench.mu.robust.gain_room import GainRoom, gain_room
     from workbench.mu.robust.margin import robust_performance, robust_stability
     from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
     from workbench.mu.robust.sensitivity import sensitivity
     from workbench.mu.robust.skew import SkewBounds, skew_bounds
-    from workbench.mu.robust.skewed_bounds import SkewedPeak, WorstCaseGain
+    from workbench.mu.robust.skewed_bounds import SkewedPeak, WorstCaseChecker, WorstCaseGain
     from workbench.mu.robust.skewed_peak import skewed_peak
     from workbench.mu.robust.worst_case import worst_case_gain
     from workbench.mu.upper.bound import upper_bound
@@ -51,11 +51,13 @@ __all__ = [
     "GuaranteedProbability",
     "LoopMargins",
     "LowerBound",
+    "MarginSensitivity",
     "MonteCarlo",
     "MuLowerBound",
     "MuUpperBound",
     "NuGap",
     "Peak",
+    "PeakChecker",
     "PerformanceMargin",
     "RankOneLoop",
     "Real",
@@ -66,6 +68,7 @@ __all__ = [
     "Structure",
     "Sweep",
     "UpperBound",
+    "WorstCaseChecker",
     "WorstCaseGain",
     "branch_and_bound",
     "bundle_plot",

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from workbench.on_demand import no_more_names
+from workbench.study.answers import answers
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.draws import (
@@ -21,6 +22,7 @@ if not TYPE_CHECKING:
 
 __all__ = [
     "Study",
+    "answers",
     "array",
     "arrays",
     "check",

@@ -9,12 +9,13 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
-from workbench.certificate import Check
+from workbench.certificate import Check, Checker
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
+from workbench.study.answers import AnswersDeclaration, certified
 from workbench.study.checks import Checked
 from workbench.study.declarations import (
     ArrayDeclaration,
@@ -27,6 +28,8 @@ from workbench.study.declarations import (
 from workbench.study.views import Drawn, Metric, Table, stem
 
 Kind = TypeVar("Kind", bound=Declaration)
+STORED = Dim | ArrayDeclaration | System | VariablesDeclaration | AnswersDeclaration
+"""Declarations of what a dataset holds."""
 
 
 class Study(Task):
@@ -81,7 +84,30 @@ class Study(Task):
 
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
         get = self._getter(answer)
-        return [one for check in self._declared(Checked) for one in check.checks(self, get)]
+        declared = [one for check in self._declared(Checked) for one in check.checks(self, get)]
+        return declared + self._of_answers(answer, lambda one, found: one.checks(found, tolerance))
+
+    def second_opinion(self, answer: Dataset) -> Sequence[Check]:
+        return self._of_answers(answer, lambda one, found: one.second_opinion(found))
+
+    def _of_answers(self, answer: Dataset, checks: Callable[[Checker, Any], Any]) -> list[Check]:
+        """Checks of the declared answers of functions, restored from what is stored."""
+        stored, parts = self._getter(answer), {}
+        declared = {one.name: one for one in self._declared(PartDeclaration)}
+
+        def get(name: str) -> Any:
+            """A stored value, or a part computed from stored values."""
+            if name not in declared:
+                return stored(name)
+            if name not in parts:
+                parts[name] = declared[name].value(self, get)
+            return parts[name]
+
+        return [
+            check
+            for one in self._declared(AnswersDeclaration)
+            for check in certified(one.restored(self, get, in_doubles(answer)), checks)
+        ]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         get = self._getter(answer)
@@ -193,7 +219,7 @@ class _Computation:
         import xarray as xr
 
         for one in self.declared.values():
-            if isinstance(one, Dim | ArrayDeclaration | System | VariablesDeclaration):
+            if isinstance(one, STORED):
                 self._make(one)
         return xr.Dataset(self.variables, self.coordinates)
 
@@ -250,6 +276,9 @@ class _Computation:
             self.variables |= made
         elif isinstance(one, PartDeclaration):
             self.values[one.name] = one.value(self.study, self.get)
+        elif isinstance(one, AnswersDeclaration):
+            self.values[one.name] = one.value(self.study, self.get)
+            self.variables |= one.variables(self.study, self.get)
         else:
             raise InputError(f"{one.name!r} is made from stored arrays; no array may need it")
 

@@ -8,7 +8,10 @@ if TYPE_CHECKING:
     from workbench.synthesis.designs import DESIGNS, DesignTask
     from workbench.synthesis.h_infinity.assumptions import regularised
     from workbench.synthesis.h_infinity.gap_metric import gap_metric
-    from workbench.synthesis.h_infinity.known_disturbance import known_disturbance_bound
+    from workbench.synthesis.h_infinity.known_disturbance import (
+        DisturbanceBound,
+        known_disturbance_bound,
+    )
     from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
     from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
     from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis, hinf
@@ -33,7 +36,12 @@ if TYPE_CHECKING:
     from workbench.synthesis.limits.analytic_basis import AnalyticBasis
     from workbench.synthesis.limits.dual_bound import DualCertificate
     from workbench.synthesis.limits.dual_search import highest_proven
-    from workbench.synthesis.limits.least_mu import LeastMu, largest_least_mu, least_mu
+    from workbench.synthesis.limits.least_mu import (
+        LargestLeastMu,
+        LeastMu,
+        largest_least_mu,
+        least_mu,
+    )
     from workbench.synthesis.limits.loop_functions import LoopFunctions
     from workbench.synthesis.limits.loop_weights import LoopWeights
     from workbench.synthesis.mu.control_cover import ControlCover
@@ -77,6 +85,7 @@ __all__ = [
     "DemandCost",
     "DesignTask",
     "Deviations",
+    "DisturbanceBound",
     "DualCertificate",
     "Dwell",
     "Family",
@@ -88,6 +97,7 @@ __all__ = [
     "Implementation",
     "ImplementedController",
     "Iterate",
+    "LargestLeastMu",
     "LeadLag",
     "LeastMu",
     "LoopFunctions",

@@ -176,7 +176,7 @@ class TradeOff:
         def level(x: RealArray, count: int) -> float:
             rates = 2 * np.pi * np.geomspace(*SIGNALS, count)
             try:
-                return known_disturbance_bound(self.shared(share, x), rates)[0]
+                return known_disturbance_bound(self.shared(share, x), rates).lower
             except SolverError:
                 return 0.0
 

@@ -101,7 +101,7 @@ def peak(
     band = ends if original.period else band
     omega, period = float(original.angular(omega)), original.period
     parts = lower, cover.proven, omega, Delta, intervals, message, complex_part, band, period
-    return Peak(*parts).checked_by(PeakChecker(system, structure, asked))
+    return Peak(*parts).checked_by(PeakChecker(system, structure, band=asked))
 
 
 def covered(

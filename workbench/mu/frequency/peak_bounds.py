@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
-from workbench.heavy_types import Figure, StateSpace
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu.frequency.complex_part import separated, with_complex_part
 from workbench.mu.frequency.sweep import frequency_sweep, mu_figure
 from workbench.second_opinion import peaks
@@ -85,11 +85,14 @@ class Peak(Answer):
 
 @dataclass(frozen=True, eq=False)
 class PeakChecker(Checker):
-    """Checks a `Peak` of mu over frequency of a system, as given to `peak`, and its structure."""
+    """Checks a `Peak` of mu over frequency of a system, as given to `peak`, and its structure.
+
+    ``band`` [rad/s]: lowest and highest frequency of the peak.
+    """
 
     system: Any
     structure: Structure
-    band: tuple[float, float] = (0.0, math.inf)
+    band: tuple[float, float] = field(default=(0.0, math.inf), kw_only=True)
 
     @property
     def quantifier(self) -> str:
@@ -119,6 +122,16 @@ class PeakChecker(Checker):
         system, structure, _ = self._claimed_of(answer)
         figure = mu_figure(frequency_sweep(system, structure), answer.upper)
         return {"mu": figure}
+
+    def stored_answer(self, name: str, answer: Peak) -> dict[str, Any]:
+        from workbench.mu.frequency.stored_peak import stored_peak
+
+        return stored_peak(name, answer)
+
+    def restored_answer(self, name: str, data: Dataset) -> Peak | None:
+        from workbench.mu.frequency.stored_peak import restored_peak
+
+        return restored_peak(data, name)
 
     def _claimed_of(self, answer: Peak) -> tuple[Any, Structure, Array]:
         """System, structure and perturbation of the claim, with the complex part that it adds."""

@@ -3,21 +3,94 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from workbench.answer import Answer, PartsChecker
+from workbench.arrays import RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
 from workbench.mu.robust.margin import robust_performance, robust_stability
+from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
 from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+Margin = StabilityMargin | PerformanceMargin
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MarginSensitivity(Answer, Mapping[str, tuple[float, float]]):
+    """Bounds, by name, of how much each uncertain element counts for a margin.
+
+    ``margin`` is the one as it is, ``grown`` those with the uncertainty of one element larger by
+    ``growth``.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import margin_sensitivity
+    >>> from workbench.uncertainty import feedback, real, tf
+    >>> k = real("k", 10, percent=40)
+    >>> closed = feedback(tf([18], [1, 1.8, k]) * control.tf([0.4, 1.0], [0.02, 1.0]), 1)
+    >>> found = margin_sensitivity(closed)
+    >>> list(found), found.holds
+    (['k'], True)
+    """
+
+    bounds: Mapping[str, tuple[float, float]]
+    growth: float
+    margin: Margin
+    grown: Mapping[str, Margin]
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        return self.bounds[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.bounds)
+
+    def __len__(self) -> int:
+        return len(self.bounds)
+
+    @property
+    def value(self) -> RealArray:
+        """The bounds (elements, 2), in the order of the names."""
+        return np.array(list(self.bounds.values()))
+
+    def said(self) -> str:
+        of = (f"  {name}: {low:.4g} to {high:.4g}" for name, (low, high) in self.bounds.items())
+        return "\n".join(["MarginSensitivity: 1 for an element that counts alone", *of])
+
+
+class SensitivityChecker(PartsChecker):
+    """Checks a `MarginSensitivity` by the margins that it is made of."""
+
+    @property
+    def quantifier(self) -> str:
+        return "for a growth of one element at a time"
+
+    def parts(self, answer: MarginSensitivity) -> Mapping[str, Margin]:
+        grown = {f"with more of {name}": one for name, one in answer.grown.items()}
+        return {"margin": answer.margin, **grown}
+
+    def checks(self, answer: MarginSensitivity, tolerance: float) -> list[Check]:
+        again = {
+            name: _rises(answer.margin, one, answer.growth) for name, one in answer.grown.items()
+        }
+        other = max(
+            (max(low - again[name][0], again[name][1] - high) if name in again else math.inf)
+            for name, (low, high) in answer.bounds.items()
+        )
+        statement = "by how much a bound is closer than its margins say"
+        return [Check("bounds", statement, other, 0.0)]
 
 
 def margin_sensitivity(
     system: Any, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
-) -> dict[str, tuple[float, float]]:
+) -> MarginSensitivity:
     """Bounds, by name, of how much each element counts: 0 for not at all, 1 for all alone.
 
     The reciprocal of the margin rises by a share, over that by which one element's uncertainty
@@ -52,25 +125,26 @@ def margin_sensitivity(
     """
     need_positive(growth, "growth")
 
-    def margin(one: Any) -> tuple[float, float]:
-        found = (
-            robust_stability(one, tolerance)
-            if gain is None
-            else robust_performance(one, gain, tolerance)
-        )
-        return found.lower, found.upper
+    def margin(one: Any) -> Margin:
+        if gain is None:
+            return robust_stability(one, tolerance)
+        return robust_performance(one, gain, tolerance)
 
     known = uncertain(system, "system")
-    low, high = margin(known)
-    if not 0.0 < low <= high < math.inf:
-        raise InputError(f"the margin lies between {low:g} and {high:g}: it has no sensitivity")
-    sizes: dict[str, tuple[float, float]] = {}
-    for name in known.elements:
-        least, most = margin(_grown(known, name, 1.0 + growth))
-        # A margin does not rise where the set grows.
-        rises = max(low / most - 1.0, 0.0), max(high / least - 1.0, 0.0)
-        sizes[name] = rises[0] / growth, rises[1] / growth
-    return sizes
+    own = margin(known)
+    if not 0.0 < own.lower <= own.upper < math.inf:
+        between = f"{own.lower:g} and {own.upper:g}"
+        raise InputError(f"the margin lies between {between}: it has no sensitivity")
+    grown = {name: margin(_grown(known, name, 1.0 + growth)) for name in known.elements}
+    bounds = {name: _rises(own, one, growth) for name, one in grown.items()}
+    return MarginSensitivity(bounds, growth, own, grown).checked_by(SensitivityChecker())
+
+
+def _rises(own: Margin, grown: Margin, growth: float) -> tuple[float, float]:
+    """Bounds of the share by which the margin's reciprocal rises, over the growth of the set."""
+    # A margin does not rise where the set grows.
+    low, high = max(own.lower / grown.upper - 1.0, 0.0), max(own.upper / grown.lower - 1.0, 0.0)
+    return low / growth, high / growth
 
 
 def _grown(system: UncertainSystem, name: str, factor: float) -> UncertainSystem:

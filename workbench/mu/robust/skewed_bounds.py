@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.skewed import proven_skew_of
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
+from workbench.heavy_types import Dataset
 from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, realised_in_doubles
 from workbench.second_opinion import peaks
 from workbench.structure import Structure
@@ -118,12 +119,12 @@ class SkewedPeakChecker(Checker):
 class WorstCaseChecker(Checker):
     """Checks a `WorstCaseGain` of a system in continuous time that stands for a sampled one.
 
-    ``period`` [s] is that of the sampled one, 0 where the system stands for itself.
+    ``dt`` is the sampling time [s] of that one, 0 where the system stands for itself.
     """
 
     system: Any
     structure: Structure
-    period: float = 0.0
+    dt: float = field(default=0.0, kw_only=True)
 
     @property
     def quantifier(self) -> str:
@@ -143,8 +144,18 @@ class WorstCaseChecker(Checker):
             )
         return found
 
+    def stored_answer(self, name: str, answer: WorstCaseGain) -> dict[str, Any]:
+        from workbench.mu.robust.stored_worst_case import stored_worst_case
+
+        return stored_worst_case(name, answer)
+
+    def restored_answer(self, name: str, data: Dataset) -> WorstCaseGain | None:
+        from workbench.mu.robust.stored_worst_case import restored_worst_case
+
+        return restored_worst_case(data, name) if f"{name}_bounds" in data else None
+
     def _in_plane(self, answer: WorstCaseGain) -> WorstCaseGain:
-        return replace(answer, omega=float(bilinear_frequency(answer.omega, self.period)))
+        return replace(answer, omega=float(bilinear_frequency(answer.omega, self.dt)))
 
 
 def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -> list[Check]:

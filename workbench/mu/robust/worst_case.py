@@ -93,7 +93,7 @@ def worst_case_gain(
     )
     omega = float(angular_frequency(stable.angular(omega), period))
     found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
-    return found.checked_by(WorstCaseChecker(system, structure, period))
+    return found.checked_by(WorstCaseChecker(system, structure, dt=period))
 
 
 def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:

@@ -14,12 +14,15 @@ Trans. Automatic Control 16 (1971) 621-634.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
+from workbench.certificate import Check, Checker, excess
 from workbench.errors import InputError, SolverError
 from workbench.synthesis.h_infinity.normalised import has_rank, rank_advice
 from workbench.systems.balancing import balanced
@@ -33,7 +36,54 @@ DISSIPATION_TOLERANCE = 1e-9
 of the largest."""
 
 
-def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[float, RealArray]:
+@dataclass(frozen=True, eq=False, repr=False)
+class DisturbanceBound(Answer):
+    """No stabilising K has a norm of F_l(P, K) below ``lower``.
+
+    ``disturbance`` (exogenous, m) has coefficients of the orthonormal signals of `exponentials`;
+    its norm is 1, and whoever knows it in advance still leaves z at least this norm.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import known_disturbance_bound
+    >>> from workbench.uncertainty import GeneralisedPlant
+    >>> P = control.ss(-1.0, [[1.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0], [0, 1], [0, 0]])
+    >>> found = known_disturbance_bound(GeneralisedPlant(P, None, 1, 1), [0.5, 1.0])
+    >>> found.holds, found.disturbance.shape
+    (True, (1, 2))
+    """
+
+    lower: float
+    disturbance: RealArray
+
+    @property
+    def value(self) -> float:
+        """As ``lower``."""
+        return self.lower
+
+    def said(self) -> str:
+        return f"DisturbanceBound: no controller has a norm below {self.lower:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceChecker(Checker):
+    """Checks a `DisturbanceBound` by the bound that the plant and the rates give again."""
+
+    plant: GeneralisedPlant
+    rates: RealArray
+
+    @property
+    def quantifier(self) -> str:
+        return "for every stabilising controller"
+
+    def checks(self, answer: DisturbanceBound, tolerance: float) -> list[Check]:
+        again = _proven(self.plant, self.rates).lower
+        statement = "by which share the claimed bound is larger than the one computed again"
+        return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+
+
+def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
     """A lower bound of the norm of F_l(P, K) over all stabilising K, and its disturbance.
 
     Parameters
@@ -46,10 +96,8 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
 
     Returns
     -------
-    bound
-        Lower bound, proven by a matrix that is positive semidefinite up to rounding.
-    disturbance
-        Coefficients (exogenous, m) of the orthonormal signals of `exponentials`; its norm is 1.
+    DisturbanceBound
+        Proven by a matrix that is positive semidefinite up to rounding.
 
     Raises
     ------
@@ -73,10 +121,16 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
     ...     control="u",
     ...     measurement="y",
     ... )
-    >>> bound, disturbance = known_disturbance_bound(plant, [0.5, 1.0, 2.0])
-    >>> bool(0 < bound < hinf(plant).norm), disturbance.shape
+    >>> found = known_disturbance_bound(plant, [0.5, 1.0, 2.0])
+    >>> bool(0 < found.lower < hinf(plant).norm), found.disturbance.shape
     (True, (2, 3))
     """
+    found = _proven(plant, rates)
+    return found.checked_by(DisturbanceChecker(plant, np.array(rates, dtype=float)))
+
+
+def _proven(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:
+    """The bound that the solution of the Riccati equation proves."""
     poles = np.unique(np.asarray(rates, dtype=float))
     if not (poles.size == np.size(rates) > 0 and (poles > 0).all() and np.isfinite(poles).all()):
         raise InputError("rates must be positive, finite and different [rad/s]")
@@ -113,7 +167,7 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
         raise SolverError(f"the Riccati equation is solved to {-ends[0] / ends[1]:.1e} only")
     values, vectors = np.linalg.eigh((X[n:, n:] + X[n:, n:].T) / 2)
     bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - BOUND_LOWERING)
-    return bound, vectors[:, -1].reshape(q, -1)
+    return DisturbanceBound(bound, vectors[:, -1].reshape(q, -1))
 
 
 def exponentials(rates: RealArray) -> tuple[RealArray, RealArray]:

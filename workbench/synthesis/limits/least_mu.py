@@ -19,14 +19,14 @@ Both turn W_r T towards that axis: phi and psi are not negative, and together de
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import Check
+from workbench.certificate import Check, Checker, excess
 from workbench.errors import InputError
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
@@ -157,10 +157,59 @@ class LeastMuChecker(RepeatedChecker):
         ]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class LargestLeastMu(Answer):
+    """Every controller's peak of mu is at least ``lower``, by its mu at ``omega`` [rad/s].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LoopWeights, largest_least_mu
+    >>> def weights(omega):
+    ...     return LoopWeights(1 / np.hypot(omega, 0.1), 0.5 * omega, 0.1 + 0 * omega, 0j * omega)
+    ...
+    >>> largest_least_mu(weights, np.geomspace(0.1, 10, 30)).holds
+    True
+    """
+
+    lower: float
+    omega: float
+
+    @property
+    def value(self) -> float:
+        """As ``lower``."""
+        return self.lower
+
+    def said(self) -> str:
+        return f"LargestLeastMu: no peak below {self.lower:.6g}, by mu at {self.omega:.6g} rad/s"
+
+
+@dataclass(frozen=True, eq=False)
+class LargestLeastMuChecker(Checker):
+    """Checks a `LargestLeastMu` by the weights at its one frequency."""
+
+    weights: Callable[[RealArray], LoopWeights]
+
+    @property
+    def quantifier(self) -> str:
+        return "for all complex K"
+
+    def checks(self, answer: LargestLeastMu, tolerance: float) -> list[Check]:
+        again = float(least_mu(self.weights(np.array([answer.omega]))).lower[0])
+        statement = "by which share the claimed bound is larger than the one computed again"
+        return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+
+    def second_opinion(self, answer: LargestLeastMu) -> list[Check]:
+        found = least_mu(self.weights(np.array([answer.omega])))
+        claimed = replace(found, lower=np.array([answer.lower]))
+        assert found._checked_by is not None
+        return [found._checked_by[0].second_opinion(claimed)[1]]
+
+
 def largest_least_mu(
     weights: Callable[[RealArray], LoopWeights], omega: RealArray, rounds: int = 3
-) -> tuple[float, float]:
-    """A lower bound on every controller's peak of mu, and its frequency [rad/s].
+) -> LargestLeastMu:
+    """A lower bound on every controller's peak of mu, and its frequency.
 
     Parameters
     ----------
@@ -178,8 +227,7 @@ def largest_least_mu(
     >>> def weights(omega):
     ...     return LoopWeights(1 / np.hypot(omega, 0.1), 0.5 * omega, 0.1 + 0 * omega, 0j * omega)
     ...
-    >>> bound, omega = largest_least_mu(weights, np.geomspace(0.1, 10, 30))
-    >>> bool(0 < bound < 1)
+    >>> bool(0 < largest_least_mu(weights, np.geomspace(0.1, 10, 30)).lower < 1)
     True
     """
     lower = least_mu(weights(omega)).lower
@@ -189,4 +237,5 @@ def largest_least_mu(
         omega = np.unique(np.append(np.geomspace(low, high, 16), omega[k]))
         lower = least_mu(weights(omega)).lower
     k = int(lower.argmax())
-    return float(lower[k]), float(omega[k])
+    found = LargestLeastMu(float(lower[k]), float(omega[k]))
+    return found.checked_by(LargestLeastMuChecker(weights))

@@ -8,23 +8,116 @@ if the model structure can follow it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench.answer import Answer
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check, Checker, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.samples import as_count, as_frequencies
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.heavy_types import Figure
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.input_checks import need_tolerance
+from workbench.second_opinion import SEED
 from workbench.solvers import Options
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.weights import complex_weight
 
 COVERED_DECADE_POINTS = 100
 """Frequencies in a decade at which discs are computed, beside those of the data."""
+
+
+BETWEEN = 8
+"""Frequencies at which a check looks between two that were covered."""
+DRAWN = 400
+"""Models that the second opinion draws from the distribution of the estimates."""
+DOUBT = 1e-9
+"""Probability that a cover at the stated confidence is refuted by the models drawn."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CoverOfEstimate(Answer, UncertaintyModel):
+    """A model of the plants that an estimate allows; ``value`` is its largest disc over its weight.
+
+    Examples
+    --------
+    See `cover_of_estimate`.
+    """
+
+    @property
+    def value(self) -> float:
+        """Largest radius of a disc over the weight's, at most 1."""
+        return self._checked_by[0].headline_value(self) if self._checked_by else np.nan
+
+    def said(self) -> str:
+        return UncertaintyModel.__repr__(self).replace("UncertaintyModel", type(self).__name__, 1)
+
+    def plot(self, *, name: str | None = None) -> Figure:
+        """The sets of the model over frequency, as `UncertaintyModel.plot`."""
+        return UncertaintyModel.plot(self)
+
+
+@dataclass(frozen=True, eq=False)
+class CoverOfEstimateChecker(Checker):
+    """Checks a `CoverOfEstimate` by the distribution of the estimates, on a finer grid."""
+
+    uncertainty: ModelUncertainty
+    confidence: float
+    entry: tuple[int, int]
+    omega: RealArray
+
+    @property
+    def quantifier(self) -> str:
+        return f"at {self._fine.size} frequencies, for the plants of the estimate's region"
+
+    @property
+    def _fine(self) -> RealArray:
+        places = np.arange((self.omega.size - 1) * BETWEEN + 1) / BETWEEN
+        found: RealArray = np.exp(np.interp(places, np.arange(self.omega.size), np.log(self.omega)))
+        return found
+
+    def _sizes(self, answer: UncertaintyModel) -> RealArray:
+        """Radius (F,) of the model's discs."""
+        found: RealArray = np.abs(answer.W_c.response(self._fine))
+        if answer.form == "multiplicative":
+            found = found * np.abs(answer.nominal.response(self._fine))
+        return found
+
+    def headline_value(self, answer: UncertaintyModel) -> float:
+        return float((self._discs() / self._sizes(answer)).max())
+
+    def _discs(self) -> RealArray:
+        radius = self.uncertainty.radius(self._fine, self.confidence, everywhere=True)
+        return radius[:, *self.entry]
+
+    def checks(self, answer: UncertaintyModel, tolerance: float) -> list[Check]:
+        apart = answer.nominal.response(self._fine) - self._estimated()
+        beyond = (self._discs() + np.abs(apart)) / self._sizes(answer) - 1.0
+        value, where = worst(beyond, lambda at: f"at {self._fine[at[0]]:.6g} rad/s")
+        statement = "radius of a disc over that of the model, less 1"
+        return [Check("containment", statement, value, CONTAINMENT_TOLERANCE, where)]
+
+    def second_opinion(self, answer: UncertaintyModel) -> list[Check]:
+        from scipy.stats import binom
+
+        rng = np.random.default_rng(SEED)
+        drawn = self.uncertainty.drawn(rng, DRAWN, self._fine)[:, :, *self.entry]
+        away = np.abs(drawn - answer.nominal.response(self._fine))
+        outside = int((away > self._sizes(answer)).any(axis=1).sum())
+        most = float(binom.isf(DOUBT, DRAWN, 1.0 - self.confidence))
+        statement = f"number of {DRAWN} models drawn from the estimate that are not in the model"
+        return [Check("drawn", statement, outside, most)]
+
+    def _estimated(self) -> ComplexArray:
+        """Response (F,) of the entry of the estimate."""
+        found: ComplexArray = self.uncertainty.model.response(self._fine)[:, *self.entry]
+        return found
 
 
 def cover_of_estimate(
@@ -36,7 +129,7 @@ def cover_of_estimate(
     form: Literal["multiplicative", "additive"] = "multiplicative",
     omega: ArrayLike | None = None,
     options: Options | None = None,
-) -> UncertaintyModel:
+) -> CoverOfEstimate:
     """Cover of one entry of an estimated continuous-time model, by discs at a confidence.
 
     Its ``system`` and ``structure`` are the linear fractional transformation that mu synthesis
@@ -79,8 +172,8 @@ def cover_of_estimate(
     ... )
     >>> estimate = fit_rational_model(measured, orders=1, excess=1)
     >>> model = cover_of_estimate(estimate.uncertainty, order=1, confidence=0.95)
-    >>> model.structure.rows
-    1
+    >>> model.structure.rows, model.holds
+    (1, True)
     """
     need_tolerance(confidence)
     order = as_count("order", order)
@@ -116,4 +209,5 @@ def cover_of_estimate(
     weight = complex_weight(
         grid, radius, np.ones_like(radius), order, Context(options=options or Options())
     )
-    return UncertaintyModel(nominal, weight, form=form)
+    found = CoverOfEstimate(nominal, weight, form=form)
+    return found.checked_by(CoverOfEstimateChecker(uncertainty, confidence, entry, grid))

@@ -152,7 +152,7 @@ class Controllers(Study):
         """Largest least mu of each model over frequency, and its frequency [Hz]."""
         omega = 2 * np.pi * FREQUENCIES
         found = (largest_least_mu(self.weights(m), omega) for m in range(1, len(MODELS)))
-        return [(np.nan, np.nan), *((bound, where / (2 * np.pi)) for bound, where in found)]
+        return [(np.nan, np.nan), *((one.lower, one.omega / (2 * np.pi)) for one in found)]
 
     peak = array((*over, bound), "1", "certified bounds of the supremum of mu")(
         lambda judged: judged.peaks

@@ -11,6 +11,7 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis import (
     DualCertificate,
+    LargestLeastMu,
     highest_proven,
     hinf,
     largest_least_mu,
@@ -35,7 +36,7 @@ START_FACTOR = 1.002
 class LowerBounds(NamedTuple):
     """Levels of mu that no controller stays below, by three kinds of reasoning."""
 
-    pointwise: list[tuple[float, float]]
+    pointwise: list[LargestLeastMu]
     """For each channel of BOUNDED: mu that every controller has at one frequency [rad/s]."""
     pointwise_1x: float
     """The same for both channels at the disc's nominal speed."""
@@ -53,14 +54,14 @@ def lower_bounds(
     `omega` (F,) [rad/s]; `best` is a peak of mu that some controller has.
     """
     pointwise = [largest_least_mu(partial(uncertain.weights, channel=c), omega) for c in BOUNDED]
-    at_one, _ = largest_least_mu(partial(uncertain.weights, speed=1.0), omega)
+    at_one = largest_least_mu(partial(uncertain.weights, speed=1.0), omega).lower
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
     optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE))
     W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
         "nominal": (float(nominal.max()), optimal.norm),
-        "dynamic": (START_FACTOR * pointwise[BOUNDED.index("both")][0], best),
+        "dynamic": (START_FACTOR * pointwise[BOUNDED.index("both")].lower, best),
     }
     proofs = []
     for name in PROOFS:

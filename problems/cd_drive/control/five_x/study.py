@@ -187,10 +187,10 @@ class FiveX(Study):
 
     pole = dim(-BASIS.corners, unit="rad/s", meaning="pole of h")
     pointwise_bound = array(bounded, "1", "mu that every controller has at one frequency")(
-        lambda bounds: [bound for bound, _ in bounds.pointwise]
+        lambda bounds: [one.lower for one in bounds.pointwise]
     )
     pointwise_frequency = array(bounded, "Hz", "frequency of the pointwise bound")(
-        lambda bounds: [at / (2 * np.pi) for _, at in bounds.pointwise]
+        lambda bounds: [one.omega / (2 * np.pi) for one in bounds.pointwise]
     )
     pointwise_bound_1x = arrays(
         (),

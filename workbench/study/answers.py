@@ -1,0 +1,127 @@
+"""Answers of functions in a Study, declared: stored with it, and certified as part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from workbench.answer import Answer
+from workbench.certificate import Check, Checker, quantified
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset
+from workbench.study.declarations import (
+    Declaration,
+    Function,
+    PartDeclaration,
+    identifier,
+)
+
+Labelled = Mapping[Any, Any]
+
+
+class AnswersDeclaration(Declaration):
+    """Answers by label, and the function that gives what certifies each of them."""
+
+    def __init__(self, function: Function) -> None:
+        super().__init__(function)
+        self.of_checkers: PartDeclaration | None = None
+
+    def checkers(self, function: Function) -> PartDeclaration:
+        """Declare what certifies the answers: a `Checker` by label, from the Study's data alone."""
+        self.of_checkers = PartDeclaration(function)
+        return self.of_checkers
+
+    def variables(self, study: Any, get: Callable[[str], Any]) -> dict[str, Any]:
+        """The variables of a dataset from which `restored` has the answers back."""
+        checkers = self._checkers(study, get)
+        found: dict[str, Any] = {}
+        for label, answer in get(self.name).items():
+            if answer is None:
+                continue
+            if not isinstance(answer, Answer):
+                kind = type(answer).__name__
+                raise InputError(f"{self.name!r} gave a {kind} for {label!r}; it needs an Answer")
+            if label not in checkers:
+                known = ", ".join(map(repr, checkers))
+                raise InputError(f"{self.name!r} has no checker for {label!r}; there are {known}")
+            witnessed = checkers[label].witnessed(answer)
+            found |= checkers[label].stored_answer(self._prefix(label), witnessed)
+        return found
+
+    def restored(
+        self, study: Any, get: Callable[[str], Any], data: Dataset
+    ) -> Iterator[tuple[str, Checker, Any]]:
+        """Label, checker and answer of those that are stored."""
+        for label, checker in self._checkers(study, get).items():
+            answer = checker.restored_answer(self._prefix(label), data)
+            if answer is not None:
+                yield _words(label), checker, answer
+
+    def _checkers(self, study: Any, get: Callable[[str], Any]) -> Labelled:
+        if self.of_checkers is None:
+            raise InputError(
+                f"answers {self.name!r} of {type(study).__name__} need @{self.name}.checkers: "
+                "a function that gives what certifies each of them"
+            )
+        checkers: Labelled = self.of_checkers.value(study, get)
+        return checkers
+
+    def _prefix(self, label: Any) -> str:
+        return f"{self.name}_{identifier(_words(label))}"
+
+
+def answers(function: Function) -> Any:
+    """Declare answers of functions by label, which are stored and certified with the Study.
+
+    A second function, under ``@NAME.checkers``, gives the checker of each from the Study's data
+    alone. `workbench verify` restores the answers and asks the checkers again; their
+    checks stand in the Study's certificate under the label. Other declarations that need the
+    answers get what the function gave: they can be computed with the arrays, and are not there for
+    metrics and figures. None stands for an answer that is not there.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import control
+    >>> from workbench import Study, solve
+    >>> from workbench.mu import PeakChecker, peak
+    >>> from workbench.structure import Full, Structure
+    >>> from workbench.study import answers
+    >>> @dataclass(frozen=True)
+    ... class Norm(Study):
+    ...     '''The H-infinity norm of a lag.'''
+    ...
+    ...     lag = control.ss(control.tf([1.0], [1.0, 2.0]))
+    ...     structure = Structure([Full(1, 1)])
+    ...
+    ...     @answers
+    ...     def norm(self):
+    ...         return {"lag": peak(self.lag, self.structure)}
+    ...
+    ...     @norm.checkers
+    ...     def of_the_lag(self):
+    ...         return {"lag": PeakChecker(self.lag, self.structure)}
+    ...
+    >>> certificate = solve(Norm()).certificate
+    >>> certificate.holds, certificate.checks[0].name
+    (True, 'lag: upper')
+    """
+    return AnswersDeclaration(function)
+
+
+def certified(
+    found: Iterator[tuple[str, Checker, Any]],
+    checks: Callable[[Checker, Any], Any],
+) -> list[Check]:
+    """The checks of answers, each under the label of its answer."""
+    return [
+        replace(check, name=f"{label}: {check.name}")
+        for label, checker, answer in found
+        for check in quantified(checker.quantifier, checks(checker, answer))
+    ]
+
+
+def _words(label: Any) -> str:
+    """A label in words; those of a tuple beside each other."""
+    return " ".join(map(str, label)) if isinstance(label, tuple) else str(label)
