@@ -1,20 +1,12 @@
 """Every method of the library reads the tolerance if it says that this makes a difference."""
 
-from dataclasses import replace
-
-import control
-import numpy as np
 import pytest
+from small_problems import OTHERS
 from tight_problems import PROGRAMS, solved
 
-from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
 from workbench.executor import Context
-from workbench.fitting import ResponseFit
-from workbench.geometry import NarrowestStadium
-from workbench.identification import ClosedLoopFit, RationalModelFit
 from workbench.program import _METHODS, methods
 from workbench.solvers import ACCURACY, Options, conic_solvers
-from workbench.synthesis import Implementation
 
 
 class Recorded(Options):
@@ -24,54 +16,6 @@ class Recorded(Options):
         if name in ("tolerance", "accuracy"):
             object.__setattr__(self, "heard", True)
         return super().__getattribute__(name)
-
-
-def rational_fit():
-    omega = np.geomspace(0.1, 100.0, 25)
-    s = 1j * omega
-    return ResponseFit(omega, (s + 4.0) / (s**2 + s + 9.0) * (1 + 0.05 * np.exp(s)), 2)
-
-
-def mu_synthesis():
-    """With a start, which the method of a fixed order needs: it moves the pole from 1 to -2."""
-    return replace(PROGRAMS["mu_synthesis"](), start=control.ss([], [], [], [[-3.0]]))
-
-
-def given_angle():
-    return NarrowestStadium(np.random.default_rng(3).normal(size=(7, 2)) @ [1.0, 1j], angle=0.3)
-
-
-def implementation():
-    """A gain and a slow pole around a first-order plant."""
-    s = control.tf("s")
-    return Implementation((s + 1) / (s + 0.1), 1 / (s + 1), period=0.05, delay=0.5)
-
-
-def rational_model():
-    """A mode with a little that no model of two poles has."""
-    omega = np.geomspace(0.1, 100.0, 40)
-    response = rational_fit().response
-    response = np.interp(omega, np.geomspace(0.1, 100.0, 25), response)
-    return RationalModelFit(omega, response, 1e-4 * np.abs(response) ** 2, (2,))
-
-
-def closed_loop_fit():
-    """A first-order plant in a loop with a gain, moved by a random reference."""
-    rng = np.random.default_rng(0)
-    r, e = rng.standard_normal(600), 0.1 * rng.standard_normal(600)
-    x, u, y = 0.0, np.zeros(600), np.zeros(600)
-    for t in range(600):
-        y[t] = x + e[t]
-        u[t] = r[t] - 0.3 * y[t]
-        x = 0.8 * x + u[t]
-    gain = control.ss([], [], [], [[0.3]], 1.0)
-    return ClosedLoopFit(u, y, orders=(1,), excitation=r, controller=gain, direct=False)
-
-
-def conic_program():
-    """The least x that is 1 or more."""
-    cone = ConeFactor(ConeKind.NONNEGATIVE, 1)
-    return ConicProgram(ConicForm([1.0], [[-1.0]], [-1.0], [cone]))
 
 
 SMALL = {
@@ -95,15 +39,7 @@ SMALL = {
     )
 }
 
-SMALL |= {
-    "conic_program": conic_program,
-    "closed_loop_fit": closed_loop_fit,
-    "implementation": implementation,
-    "rational_model": rational_model,
-    "rational_fit": rational_fit,
-    "given_angle": given_angle,
-    "mu_synthesis": mu_synthesis,
-}
+SMALL |= OTHERS
 """Programs on which every method of the library runs, or another of the same name."""
 COVERS = ("steps", "joint", *(solver.name for solver in conic_solvers()))
 ELSEWHERE = {*(("StadiumCover", name) for name in COVERS), ("LoopShaping", "coprime")}

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check
+from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check, excess
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
 from workbench.diagnosis.estimation.weighting import (
@@ -25,7 +25,8 @@ from workbench.diagnosis.estimation.weighting import (
     Requirement,
     estimation_plant,
 )
-from workbench.errors import InputError
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.mu.frequency.peak_bounds import peak_checks
@@ -33,11 +34,16 @@ from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
 from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.figures import DrawnController
+from workbench.synthesis.h_infinity.program import HinfSynthesis
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.realisation import in_words
 from workbench.systems.storage import restored, stored
+
+LEAST_TOLERANCE = 0.02
+"""Distance of a least norm from the one found again, relative: twice that at the lowest accuracy,
+at which levels are told apart to 1e-2."""
 
 
 class Channel(NamedTuple):
@@ -257,6 +263,8 @@ class FaultEstimation(Program):
                 loop.system, loop.performance_structure, float(lower), float(upper), evidence
             )
             found += [replace(one, name=f"{name}: {one.name}", over=over) for one in checks]
+        if not math.isnan(answer.least):
+            found.append(self._least_check(answer))
         return found
 
     def second_opinion(self, answer: FaultFilter) -> list[Check]:
@@ -285,6 +293,16 @@ class FaultEstimation(Program):
             "order": float(answer.K.nstates),
             "iterations": float(len(answer.history)),
         }
+
+    def _least_check(self, answer: FaultFilter) -> Check:
+        """Check of the least norm for the nominal plant, by two Riccati equations."""
+        synthesis = HinfSynthesis(self.nominal)
+        again, _, said = synthesis.respond("riccati", Context())
+        if again is None:
+            raise SolverError(f"the least nominal norm is not found again: {said}")
+        apart = max(excess(answer.least, again.least), excess(again.least, answer.least))
+        statement = "distance of the least nominal norm from the one found again, relative"
+        return Check("least", statement, apart, LEAST_TOLERANCE, over="for the nominal plant")
 
     # --- datasets and figures -----------------------------------------------------------------
 
@@ -317,7 +335,10 @@ class FaultEstimation(Program):
         bounds = data["peak"].values
         history = tuple(map(float, data["round_peak"].values))
         least = float(data["least"])
-        proven = tuple(restored_peak(data, f"proven_{number}") for number in range(len(bounds)))
+        proven = tuple(
+            _of_bounds(restored_peak(data, f"proven_{number}"), *row)
+            for number, row in enumerate(bounds.tolist())
+        )
         F = restored(data, "filter")
         return FaultFilter(F, bounds[:-1], bounds[-1], least, history, proven)
 
@@ -328,3 +349,8 @@ class FaultEstimation(Program):
             structure = loop.performance_structure
             loops.append(RequirementLoop(channel.name, loop.system, structure, channel.band))
         return {"channels": channels(loops), "filter": fault_filter(answer.K)}
+
+
+def _of_bounds(found: Peak | None, lower: float, upper: float) -> Peak | None:
+    """A stored peak with the bounds that are claimed, and no complex part."""
+    return found and replace(found, lower=lower, upper=upper, complex_part=0.0)

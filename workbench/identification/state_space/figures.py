@@ -155,6 +155,6 @@ def validation_figure(data: Dataset) -> Figure:
         panel.axvline(chosen, color=figures.BLACK, lw=0.8, ls=":", label="chosen order")
         panel.set_title(f"{name}, {use.replace('_', ' ')}")
         panel.set_xlabel("order")
-    panels[0].set_ylabel("fit in validation [%]")
+    panels[0].set_ylabel("fit in validation, as told [%]")
     figures.legend_below(figure, panels[0])
     return figure

@@ -40,6 +40,8 @@ from workbench.second_opinion.known_plants import has_known
 from workbench.second_opinion.records import convolved
 from workbench.tables import markdown
 
+AS_TOLD = "These fits are as the method told them: other orders are not stored, and not checked."
+"""What stands below tables of fits that chose an order."""
 CONVOLUTION_ROUNDING = 1e-6
 """Largest difference of the free-run error by convolution and by simulation."""
 RUN_ROUNDING = 1e-13
@@ -314,9 +316,9 @@ class StateSpaceFit(RecordedQuestion, Program):
             for order, score in zip(self.orders or (), answer.scores.swapaxes(0, 1), strict=True)
         ]
         choice = answer.candidates
-        return {"validation": markdown(["order", *fits], rows)} | (
-            {} if choice is None else {"candidates": choice.table()}
-        )
+        found = {"validation": markdown(["order", *fits], rows)}
+        found |= {} if choice is None else {"candidates": choice.table()}
+        return {name: f"{table}\n{AS_TOLD}\n" for name, table in found.items()}
 
     def figures(self, answer: IdentifiedModels) -> dict[str, Figure]:
         data = self.to_dataset(answer)

@@ -24,6 +24,9 @@ from workbench.structure import Structure
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
+NEAR_SINGULAR = 1e-4
+"""Smallest singular value of I - M Delta, as a share of M Delta, at the frequency of Delta where a
+proof over all frequencies takes the place of one at that frequency."""
 REPROVEN_LOWER = 1e-9
 """Share by which a lower bound may exceed what its perturbation proves again, on a machine that
 rounds the loop's realisation in another way."""
@@ -141,6 +144,15 @@ class PeakChecker(Checker):
         return *larger, separated(answer.Delta, self.structure, answer.complex_part)
 
 
+def _there(stable: StableSystem, Delta: Array, omega: float) -> bool:
+    """Whether Delta makes the loop singular near omega; a real one may destabilise it elsewhere."""
+    if not Delta.imag.any():
+        return True
+    turn = stable.response(np.array([stable.plane(omega)]))[0] @ Delta
+    least = float(np.linalg.svd(np.eye(len(turn)) - turn, compute_uv=False)[-1])
+    return least <= NEAR_SINGULAR * max(1.0, float(np.linalg.norm(turn, 2)))
+
+
 def realised_in_doubles(system: StableSystem) -> StateSpace:
     """The realisation in doubles, in continuous time."""
     return realisation((system.A, system.B, system.C, system.D), 0.0)
@@ -177,7 +189,7 @@ def peak_checks(
         Delta = found.Delta if Delta is None else Delta
         if lower > 0 and np.isfinite(Delta).all():
             proven = proven_at(stable, structure, Delta, stable.plane(found.omega))
-            if proven < lower:
+            if proven < lower and _there(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)
     return [

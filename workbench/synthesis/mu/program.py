@@ -433,6 +433,8 @@ class MuSynthesis(Program):
         lower, upper = data["peak"].values.tolist()
         omega = float(data["peak_omega"])
         found = restored_peak(data, "proven")
+        if found is not None:
+            found = replace(found, lower=lower, upper=upper, omega=omega, complex_part=0.0)
         K = self.plant.named(restored(data, "controller"))
         return MuController(K, lower, upper, omega, history, found)
 

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.geometry import Circle, NarrowestStadium, Stadium, smallest_circle
+from workbench.geometry import NarrowestStadium, SmallestCircle, Stadium
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.sets import circles_about_nominal
 
@@ -23,8 +23,8 @@ class CircleCover(UncertaintyCover):
     headline: ClassVar[str] = "radius_peak"
     size_name: ClassVar[str] = "radius"
 
-    def first_set(self, points: ComplexArray) -> Circle:
-        return smallest_circle(points)
+    def first_program(self, points: ComplexArray) -> SmallestCircle:
+        return SmallestCircle(points)
 
     def second_set(self, away: ComplexArray) -> Stadium:
         return circles_about_nominal(away)

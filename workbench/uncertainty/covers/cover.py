@@ -15,14 +15,15 @@ from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
+from workbench.answer import answer_of
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import Check, worst
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
-from workbench.geometry import Circle, NarrowestStadium, Stadium
+from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
@@ -40,6 +41,7 @@ from workbench.uncertainty.covers.everywhere import (
 )
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
+from workbench.uncertainty.covers.set_checks import least_radii, set_check, set_off
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped
@@ -204,8 +206,13 @@ class UncertaintyCover(Program):
         return False
 
     @abstractmethod
+    def first_program(self, points: ComplexArray) -> SmallestCircle | NarrowestStadium:
+        """The program of the smallest shapes around the points (F, N), with free centres."""
+
     def first_set(self, points: ComplexArray) -> Circle | Stadium:
         """Smallest shapes around the points (F, N), with free centres."""
+        found: Circle | Stadium = answer_of(self.first_program(points))
+        return found
 
     @abstractmethod
     def second_set(self, away: ComplexArray) -> Stadium:
@@ -276,9 +283,6 @@ class UncertaintyCover(Program):
             + (f"; assumed: {assumed}" if assumed else "")
         )
         fits = self._orders(model)
-        excess, where = worst(
-            self._second_off(answer), lambda i: f"at {self.responses.place(i[0])}"
-        )
         return [
             Check(
                 "containment",
@@ -289,14 +293,7 @@ class UncertaintyCover(Program):
                 over=self.responses.over,
             ),
             *self._between(containment_check, model),
-            Check(
-                "second set",
-                "a radius off the least about the nominal, a deviation beyond it, relative",
-                excess,
-                max(tolerance, CONTAINMENT_TOLERANCE),
-                where,
-                over=self.responses.over,
-            ),
+            *self._set_checks(answer, max(tolerance, CONTAINMENT_TOLERANCE)),
             *(at_most("order", name, of.order, most) for name, of, most in fits),
             self._nominal_check(model.nominal),
             self._sides_check(model.nominal),
@@ -330,19 +327,27 @@ class UncertaintyCover(Program):
     def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
         """Lower bound (F,) on the radii of sets about the nominal, from the points alone."""
 
-    def _second_off(self, answer: CoverSteps) -> RealArray:
-        """Distance (F,) of the second set from the smallest one, relative to that one's radius.
-
-        Radii count, points beyond the set, and round ends that touch no point.
-        """
-        nominal, second = answer.model.nominal, answer.second
-        sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
-        least = self.least_radius(sets, second)
-        beyond = sets.distance(second).max(axis=-1) - second.radius
-        off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
-        off = np.maximum(off, sets.slack(second) * np.abs(second.radius))
-        off = off - RADIUS_ROUNDING * self.away_scale(nominal)
-        return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
+    def _set_checks(self, answer: CoverSteps, limit: float) -> list[Check]:
+        """Checks that the sets of each step are the smallest; the third has an angle of its own."""
+        nominal, first, second, third = (
+            answer.model.nominal, answer.first, answer.second, answer.third
+        )  # fmt: skip
+        away, scale = self.away(nominal, self.points), self.away_scale(nominal)
+        free = self.first_program(self.points)
+        about = NarrowestStadium(away, center=0.0)
+        turned = NarrowestStadium(away, center=0.0, angle=third.angle)
+        rounding, size = RADIUS_ROUNDING * scale, np.abs(self.points).max(axis=1)
+        off = {
+            "first": set_off(free, first, least_radii(free, first), RADIUS_ROUNDING * size),
+            "second": set_off(about, second, self.least_radius(about, second), rounding),
+            "third": set_off(turned, third, self.least_radius(turned, third), rounding),
+        }
+        given = {"first": "", "second": " about the nominal", "third": " about the nominal"}
+        over = self.responses.over
+        return [
+            set_check(f"{name} set", given[name], one, limit, self.responses, over)
+            for name, one in off.items()
+        ]
 
     def _sides_check(self, nominal: Rational) -> Check:
         """Check that the nominal is stable, or has as many unstable poles as the plants."""

@@ -13,7 +13,7 @@ from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
+from workbench.geometry import NarrowestStadium, Stadium
 from workbench.uncertainty.covers.checks import left_check
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.model import UncertaintyModel
@@ -68,8 +68,8 @@ class StadiumCover(UncertaintyCover):
     def _most(self) -> dict[str, int]:
         return super()._most | {"real_order": self.responses.omega.size - 1}
 
-    def first_set(self, points: ComplexArray) -> Stadium:
-        return narrowest_stadium(points)
+    def first_program(self, points: ComplexArray) -> NarrowestStadium:
+        return NarrowestStadium(points)
 
     def second_set(self, away: ComplexArray) -> Stadium:
         return stadiums_about_nominal(away)

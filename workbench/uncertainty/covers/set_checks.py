@@ -1,0 +1,55 @@
+"""How far the sets of a cover are from the smallest ones, by the points alone."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import Check, worst
+from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
+from workbench.geometry.bounds import circle_radius_bound
+
+
+class Places(Protocol):
+    """What names the place of the f-th set."""
+
+    def place(self, f: int, /) -> str: ...
+
+
+def set_off(
+    sets: NarrowestStadium | SmallestCircle,
+    found: Circle | Stadium,
+    least: RealArray,
+    rounding: RealArray,
+) -> RealArray:
+    """Distance (F,) of the sets from the smallest ones, relative to the least radius ``least``.
+
+    Points beyond a set count, radii off the least, a centre off the given one, and round ends that
+    touch no point. ``rounding`` (F,) is what rounding may take from a radius.
+    """
+    beyond = sets.distance(found).max(axis=-1) - found.radius
+    off = np.maximum(beyond, np.abs(found.radius - least))
+    if isinstance(sets, NarrowestStadium) and isinstance(found, Stadium):
+        off = np.maximum(off, sets.slack(found) * np.abs(found.radius))
+        if sets.center is not None:
+            off = np.maximum(off, np.abs(found.center - sets.center))
+    off = off - rounding
+    return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
+
+
+def least_radii(sets: NarrowestStadium | SmallestCircle, found: Circle | Stadium) -> RealArray:
+    """Lower bound (F,) on the radii of sets around the points."""
+    if isinstance(sets, NarrowestStadium) and isinstance(found, Stadium):
+        return sets.radius_bound(found).astype(float)
+    return circle_radius_bound(sets.points, found.center).astype(float)
+
+
+def set_check(
+    name: str, about: str, off: RealArray, limit: float, places: Places, over: str
+) -> Check:
+    """The check of one kind of set; ``about`` says what its centre is."""
+    value, where = worst(off, lambda i: f"at {places.place(i[0])}")
+    statement = f"a radius off the least{about}, a deviation beyond it, relative"
+    return Check(name, statement, value, limit, where, over=over)
