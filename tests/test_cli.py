@@ -118,17 +118,17 @@ def test_the_version_is_told(cli):
 def test_run_prints_the_certificate_and_the_folder(cli):
     status, out, _ = cli("run", "toy/root")
     assert status == 0
-    assert "largest 2" in out and "holds  reach: " in out and "optimality gap" in out
+    assert "largest 2" in out and "checked  reach: " in out and "optimality gap" in out
     assert workbench.open_run(out.splitlines()[-1]).holds
 
 
 @pytest.mark.parametrize(
     ("method", "status", "words"),
     [
-        ("exact", 0, "holds  reach"),
+        ("exact", 0, "checked  reach"),
         ("rough", 0, "optimality gap 0.5"),
         ("boastful", 1, "FAILS (inaccurate)"),
-        ("lying", 1, "FAILS  reach: 4 <= 1e-09"),
+        ("lying", 1, "FAILS    reach: 4 <= 1e-09"),
         ("raising", 1, "ArithmeticError: the sky fell"),
         ("hopeless", 1, "FAILS (no claim)"),
     ],
@@ -256,7 +256,7 @@ def test_the_best_so_far_is_told_from_an_answer(project, cli):
     words = ("run", "toy/root", "--method", "newton", "--time-limit", "0.5")
     status, out, _ = cli(*words)
     assert status == 1
-    assert "best so far (time limit)" in out and "holds  reach" in out
+    assert "best so far (time limit)" in out and "checked  reach" in out
     assert "  time limit of 0.5 s reached after " in out and "goes on from there" in out
     (row,) = json.loads(cli(*words, "--seed", "1", "--json")[1])
     assert (row["outcome"], row["holds"]) == ("time limit", False)

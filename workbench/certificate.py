@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,9 @@ class Check:
     ``where`` names the place of the worst value, for instance a frequency. ``opinion`` marks the
     checks of the second opinion, which share neither code nor mathematics with the others. ``over``
     says what the statement quantifies over, such as "at every frequency, for these 12 plants".
+    ``proven`` marks values that come from arithmetic which bounds its own error: exact, of balls,
+    or of doubles with a proven rounding. Others are computed in doubles, and the limit is the slack
+    for that.
 
     Examples
     --------
@@ -42,6 +45,7 @@ class Check:
     where: str = ""
     opinion: bool = False
     over: str = ""
+    proven: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("value", "limit"):
@@ -58,6 +62,11 @@ class Check:
     def holds(self) -> bool:
         """Whether the value is at most its limit; NaN is not, and infinity is no limit."""
         return self.value <= self.limit < math.inf
+
+    @property
+    def verdict(self) -> str:
+        """How it holds, proven or checked, or that it fails: words of one width."""
+        return ("proven " if self.proven else "checked") if self.holds else "FAILS  "
 
 
 EVERY_FREQUENCY = "at every frequency"
@@ -193,7 +202,7 @@ class Certificate:
     def __repr__(self) -> str:
         lines = [f"Certificate: {self.outcome}"]
         lines += [
-            f"  {'holds' if c.holds else 'FAILS'}  {'second opinion, ' if c.opinion else ''}"
+            f"  {c.verdict}  {'second opinion, ' if c.opinion else ''}"
             f"{c.name}: {c.value:.6g} <= {c.limit:.6g} {c.where}".rstrip()
             + (f"; {c.over}" if c.over else "")
             for c in self.checks
@@ -205,7 +214,7 @@ class Certificate:
 
     def to_json(self) -> dict[str, Any]:
         """The certificate as data for `json`."""
-        checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
+        checks = [_plain(check) for check in self.checks]
         gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
         found = {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
         return found | ({"facts": list(self.facts)} if self.facts else {})
@@ -219,6 +228,12 @@ class Certificate:
             None if gap is None else Gap(**_read(gap, "closed")),
             tuple(map(str, stored.get("facts", ()))),
         )
+
+
+def _plain(check: Check) -> dict[str, Any]:
+    """A check as data for `json`, which says of proven ones that they are."""
+    found = asdict(check) | {"holds": check.holds}
+    return found if check.proven else {k: v for k, v in found.items() if k != "proven"}
 
 
 def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:

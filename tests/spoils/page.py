@@ -19,6 +19,10 @@ here, with what they are:
 
 {kinds}
 
+Of each check the certificate says how: **proven** values come from arithmetic that bounds its own
+error (exact numbers, balls, or doubles with a proven rounding); **checked** ones are computed in
+doubles, and the limit beside them is the slack for that.
+
 Metrics are not stored to be believed: `workbench verify` computes them anew from the variables, as
 it does the certificate. Timings are as told. A Study says in its own checks what is checked of it.
 

@@ -47,7 +47,7 @@ def log(
     ]
     if solution.certificate is not None:
         lines += [
-            f"  {'holds' if check.holds else 'FAILS'}  {check.name}: "
+            f"  {check.verdict}  {check.name}: "
             f"{check.value:.3g} <= {check.limit:.3g} {check.where}".rstrip()
             for check in solution.certificate.checks
         ]

@@ -86,7 +86,7 @@ def print_details(one: Run) -> None:
         for check in one.certificate.checks:
             if check in inherited:
                 continue
-            sign = "holds" if check.holds else "FAILS"
+            sign = check.verdict
             click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
         if inherited:
             click.echo(f"  holds  {len(inherited)} checks of its needs")

@@ -116,8 +116,9 @@ class NoSolution(_ConicClaim):
                 "cones whose dual does not hold y, decided exactly",
                 outside(self.form, y, dual=True),
                 0.0,
+                proven=True,
             ),
-            Check("separation", meaning, float(dot(self.form.b, y) >= 0), 0.0),
+            Check("separation", meaning, float(dot(self.form.b, y) >= 0), 0.0, proven=True),
         ]
 
     def second_opinion(self, answer: Vectors) -> Sequence[Check]:
@@ -190,18 +191,21 @@ class NoLeastValue(_ConicClaim):
                 "cones that do not hold their part of b - A x, decided exactly",
                 outside(form, conic_slack(form, x)),
                 0.0,
+                proven=True,
             ),
             Check(
                 "ray",
                 "cones that do not hold their part of -A d, decided exactly",
                 outside(form, conic_slack(form, ray, of_ray=True)),
                 0.0,
+                proven=True,
             ),
             Check(
                 "falling",
                 "1 if c'd of the ray is 0 or more, 0 if it is negative, decided exactly",
                 float(dot(form.c, ray) >= 0),
                 0.0,
+                proven=True,
             ),
         ]
 

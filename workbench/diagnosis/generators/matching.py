@@ -150,7 +150,8 @@ class MatchChecker(Checker):
         if not stable.holds:
             return [stable]
         proven = excess(certified_norm(answer.error), answer.norm)
-        return [stable, Check("norm", "proven norm over the claimed one, less 1", proven, 0.0)]
+        statement = "proven norm over the claimed one, less 1"
+        return [stable, Check("norm", statement, proven, 0.0, proven=True)]
 
     def second_opinion(self, answer: ModelMatch) -> list[Check]:
         return [

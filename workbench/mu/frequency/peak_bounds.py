@@ -193,12 +193,20 @@ def peak_checks(
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)
     return [
-        Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
+        Check(
+            "peak",
+            "whether the multipliers leave it unproven",
+            float(bool(fault)),
+            0.0,
+            fault,
+            proven=True,
+        ),
         Check(
             "lower",
             "claimed lower bound over what its perturbation proves, less 1",
             short,
             REPROVEN_LOWER,
+            proven=True,
         ),
         Check("order", "claimed lower over claimed upper bound, less 1", excess(lower, upper), 0.0),
     ]

@@ -139,7 +139,8 @@ class MuLowerBound(Program):
                 finite = bool(np.isfinite(Delta[at]).all())
                 excess[at] = measure(self.M[at], Delta[at], value[at]) if finite else np.nan
             value_worst, where = worst(excess, self.place)
-            checks.append(Check(name, statement, value_worst, limit, where))
+            proven = name == "singularity"
+            checks.append(Check(name, statement, value_worst, limit, where, proven=proven))
         return checks
 
     def _misfit(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:

@@ -70,6 +70,7 @@ class ClassicalChecker(Checker):
                 excess(answer.modulus, modulus),
                 CROSSING_ROUNDING,
                 over="at every frequency",
+                proven=True,
             ),
         ]
 

@@ -154,7 +154,8 @@ class MatrixChecker(RepeatedChecker):
         if answer.lower > 0:
             proven = proven_bound(balls(self.M), self.structure, answer.Delta)
         statement = "claimed lower bound over what its perturbation proves, less 1"
-        return [*found, Check("proof", statement, excess(answer.lower, proven), 0.0)]
+        beyond = excess(answer.lower, proven)
+        return [*found, Check("proof", statement, beyond, 0.0, proven=True)]
 
     def second_opinion(self, answer: MuBounds) -> list[Check]:
         if answer.lower == 0:

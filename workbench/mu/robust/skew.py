@@ -156,6 +156,7 @@ class SkewChecker(Checker):
                 "claimed lower bound over what its perturbation proves, less 1",
                 max(short, default=0.0),
                 0.0,
+                proven=True,
             ),
         ]
 

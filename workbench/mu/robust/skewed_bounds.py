@@ -207,12 +207,20 @@ def bound_checks(
     lower = found.lower
     short = 0.0 if lower <= proven else excess(lower, proven)
     return [
-        Check("upper", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
+        Check(
+            "upper",
+            "whether the multipliers leave it unproven",
+            float(bool(fault)),
+            0.0,
+            fault,
+            proven=True,
+        ),
         Check(
             "lower",
             f"claimed {lower_bound} over what its perturbation proves, less 1",
             short,
             REPROVEN_LOWER,
+            proven=True,
         ),
         Check(
             "order",

@@ -81,6 +81,7 @@ def opinion(
             proven,
             0.0,
             where,
+            proven=True,
         ),
         Check(
             "perturbations, not proven",
@@ -88,7 +89,13 @@ def opinion(
             suggested,
             float(np.finfo(float).max),
         ),
-        Check("multipliers", "matrices whose inequality balls do not prove", unproven, 0.0),
+        Check(
+            "multipliers",
+            "matrices whose inequality balls do not prove",
+            unproven,
+            0.0,
+            proven=True,
+        ),
     ]
 
 

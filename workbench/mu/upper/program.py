@@ -174,6 +174,7 @@ class MuUpperBound(Program):
                 excess,
                 0.0,
                 at,
+                proven=True,
             ),
         ]
         return found

@@ -185,11 +185,13 @@ class HinfSynthesis(Program):
                 excess(size, answer.norm),
                 limit,
                 over=EVERY_FREQUENCY,
+                proven=True,
             )
         )
         level = answer.gamma if self.gamma is None else self.gamma
         statement = "norm of the loop over gamma, less 1"
-        found.append(Check("level", statement, excess(size, level), limit, over=EVERY_FREQUENCY))
+        beyond = excess(size, level)
+        found.append(Check("level", statement, beyond, limit, over=EVERY_FREQUENCY, proven=True))
         if not math.isnan(answer.least):
             statement = "level without a controller over the norm that this one has, less 1"
             value = excess(answer.least, size)

@@ -233,15 +233,19 @@ class FeedbackFromRecords(ConicallyStated):
         found.append(Check("symmetry", "largest entry of Y - Y'", skew, 0.0, over=EVERY_PLANT))
         positive = proven_least_eigenvalue(exact(answer.Y), (0,))
         statement = "less the least eigenvalue of Y, scaled, rounded downward"
-        found.append(Check("Lyapunov matrix", statement, -positive, -TINY, over=EVERY_PLANT))
+        found.append(
+            Check("Lyapunov matrix", statement, -positive, -TINY, over=EVERY_PLANT, proven=True)
+        )
         starts = 0, n, 2 * n + m, 3 * n + m
         least = proven_least_eigenvalue(self._implication(answer), starts)
         statement = "less the least eigenvalue of the S-lemma's matrix, scaled, rounded downward"
-        found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT))
+        found.append(Check("S-lemma", statement, -least, -TINY, over=EVERY_PLANT, proven=True))
         beyond = answer.bound - self.proven_bound(answer)
         statement = "bound above the one that its dual proves, over the level"
         value = beyond / answer.level
-        found.append(Check("bound", statement, value, BOUND_ROUNDING, over=EVERY_PLANT))
+        found.append(
+            Check("bound", statement, value, BOUND_ROUNDING, over=EVERY_PLANT, proven=True)
+        )
         if self.criterion == "decay":
             found.append(
                 Check("rate", "rate per sample, less 1", answer.level - 1.0, 0.0, over=EVERY_PLANT)
@@ -249,7 +253,9 @@ class FeedbackFromRecords(ConicallyStated):
         elif self.criterion == "h2":
             trace = math.sqrt(trace_of_cost(answer.Y, self.disturbance)) / answer.level
             statement = "root of the trace of F' Y^-1 F, rounded upward, over the level, less 1"
-            found.append(Check("H2 level", statement, trace - 1.0, -2 * EPS, over=EVERY_PLANT))
+            found.append(
+                Check("H2 level", statement, trace - 1.0, -2 * EPS, over=EVERY_PLANT, proven=True)
+            )
         return found
 
     def _implication(self, answer: ProvenFeedback) -> Enclosure:

@@ -204,7 +204,7 @@ class SwitchedStability(Program):
         found.append(Check("symmetry", "largest P - P', relative", skew, 1e-12))
         unproven = sum(not QuadraticForm(P).positive for P in answer.P)
         statement = "number of P that are not proven to be positive definite"
-        found.append(Check("positive", statement, float(unproven), 0.0))
+        found.append(Check("positive", statement, float(unproven), 0.0, proven=True))
         if unproven:
             return found
         for i, mode in enumerate(self.modes):
@@ -216,11 +216,13 @@ class SwitchedStability(Program):
             limit = 1.0 - FALL_MARGIN
             name = f"{mode.name}, entries"
             over = f"for every state, after each stay of {stays[0]} to {stays[-1]} samples"
-            found.append(Check(name, statement, float(at_entry[worst]), limit, where, over=over))
+            found.append(
+                Check(name, statement, float(at_entry[worst]), limit, where, over=over, proven=True)
+            )
             if mode.longest is None:
                 of = "" if mode.rate is None else " and rate^2"
                 statement = f"largest V of this mode after a sample over V before{of}"
-                decays = Check(f"{mode.name}, decay", statement, decay, limit)
+                decays = Check(f"{mode.name}, decay", statement, decay, limit, proven=True)
                 found.append(replace(decays, over="for every state"))
         return found
 

@@ -169,6 +169,7 @@ def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
         CONTAINMENT_TOLERANCE,
         f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
         over=f"at every frequency, for these {len(plants)} plants",
+        proven=True,
     )
 
 

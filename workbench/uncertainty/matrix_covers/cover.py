@@ -288,7 +288,8 @@ class MatrixCover(Program):
             value, where = worst(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
             over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
             statement = "proven bound of the norm of a Delta, less 1"
-            checks.append(Check("everywhere", statement, value, CONTAINED, where, over=over))
+            found = Check("everywhere", statement, value, CONTAINED, where, over=over, proven=True)
+            checks.append(found)
         checks.append(self._nominal_check(model))
         for name, shape, order in (
             ("W_1", self.left, self.left_order),
