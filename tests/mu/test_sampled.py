@@ -23,8 +23,7 @@ from workbench.mu import (
     upper_bound,
     worst_case_gain,
 )
-from workbench.mu.frequency.peak_bounds import peak_checks
-from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
+from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import dynamics, feedback, real, ss, tf

@@ -9,8 +9,11 @@ import xarray as xr
 
 from workbench.errors import InputError
 from workbench.mu import worst_case_gain
-from workbench.mu.robust.skewed_bounds import worst_case_checks
-from workbench.mu.robust.stored_worst_case import restored_worst_case, stored_worst_case
+from workbench.mu.robust.skewed_bounds import (
+    restored_worst_case,
+    stored_worst_case,
+    worst_case_checks,
+)
 from workbench.structure import Complex, Full, Real, Structure
 
 

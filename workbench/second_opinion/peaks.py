@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import ComplexArray
-from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
@@ -112,6 +112,13 @@ def one_unstable(members: Sequence[Any]) -> Check:
         decay = min(decay, -rate - rounding)
     statement = "logarithmic decay per sample of the system with the worst perturbation"
     return Check("destabilised", statement, decay, BORDER_DECAY, over=THIS_SYSTEM)
+
+
+def all_decay(members: Sequence[Any], name: str) -> Check:
+    """Check that powers of the transition matrices of some systems fall, all of them."""
+    rates = [sum(growth(one.A, one.dt)) for one in members]
+    statement = "largest logarithmic growth per sample of systems that must be stable, and rounding"
+    return Check(name, statement, max(rates), 0.0, over=these(len(rates), "system", "systems"))
 
 
 def regularity(loop: ComplexArray) -> float:

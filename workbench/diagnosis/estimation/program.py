@@ -29,8 +29,7 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
-from workbench.mu.frequency.peak_bounds import peak_checks
-from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
+from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.synthesis.h_infinity.figures import DrawnController

@@ -22,6 +22,7 @@ from workbench.mu.frequency.attained import Attained, destabilised
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.robust.delay_margins import delay_margins
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.margin_bounds import (
     PerformanceChecker,
@@ -95,7 +96,12 @@ def robust_stability(
         asked.append(with_damping(given, damping))
     margins = [_margin(one, tolerance, parts) for one in asked]
     first = min(margins, key=lambda one: one.upper)
-    found = replace(first, lower=min(one.lower for one in margins), dt=given.dt or 0.0)
+    found = replace(
+        first,
+        lower=min(one.lower for one in margins),
+        dt=given.dt or 0.0,
+        delays=delay_margins(given, tolerance),
+    )
     again = partial(robust_stability, given, tolerance, decay=decay, damping=damping, parts=parts)
     return found.checked_by(StabilityChecker(tuple(asked), again))
 

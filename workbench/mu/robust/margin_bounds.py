@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from workbench.answer import Answer, PartsChecker, RepeatedChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.robust.delay_margins import delay_is_borne, delay_is_lost
 from workbench.second_opinion import peaks
 from workbench.uncertainty.algebra.system import UncertainSystem
 
+SHORTER = 1 - 1e-6
+"""Share of a delay that is proven again: a search stops where the proof has no room left."""
+TRIED = 9
+"""Delays that a second opinion tries, up to the one that is proven."""
 RECIPROCAL_ROUNDING = 1e-15
 """Share by which the reciprocal of a bound may exceed it, rounded."""
 
@@ -30,6 +37,11 @@ class StabilityMargin(Answer):
     their box (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] all of this is about the
     sampled system, whose perturbations are sampled with it: for a continuous plant under a sampled
     controller see `workbench.synthesis.sampled_robustness`.
+
+    The factor is one of perturbations. Of uncertain delays it is no factor of seconds: a smaller
+    disc about no delay contains no delay at all frequencies. ``delays`` [s] tells by name up to
+    which delay stability is proven, whatever the other elements are within their sets, and a delay
+    with which the loop of their nominals is unstable.
     """
 
     lower: float
@@ -39,6 +51,7 @@ class StabilityMargin(Answer):
     peak: Peak | None
     parts: int = 0
     dt: float = 0.0
+    delays: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
 
     def said(self) -> str:
         verdict = "not decided for all of its uncertainty"
@@ -54,6 +67,9 @@ class StabilityMargin(Answer):
             order = getattr(value, "nstates", None)
             shown = f"{value:.6g}" if order is None else f"a system of order {order}"
             lines.append(f"  worst {name}: {shown}")
+        for name, (borne, lost) in self.delays.items():
+            until = f"unstable with {lost:.5g} s" if math.isfinite(lost) else "no longer one found"
+            lines.append(f"  {name}: any delay up to {borne:.5g} s, {until}")
         if self.dt:
             lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
         return "\n".join(lines)
@@ -118,7 +134,28 @@ class StabilityChecker(PartsChecker):
             return RepeatedChecker(self.again, self.quantifier).checks(answer, tolerance)
         lower, upper = reciprocal(answer.peak.upper), reciprocal(answer.peak.lower)
         statement = "by which share it is better than the reciprocal of a proven bound of the peak"
-        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
+        found = no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
+        for name, claimed in answer.delays.items():
+            found += self._delay_checks(name, *claimed)
+        return found
+
+    def _delay_checks(self, name: str, borne: float, lost: float) -> list[Check]:
+        (system,) = self.systems
+        over = f"for every delay {name} up to it, whatever the other elements are"
+        found = [
+            Check(
+                f"{name} borne",
+                "whether the delay is not proven to be borne, at 1 - 1e-6 of it",
+                float(borne > 0 and not delay_is_borne(system, name, SHORTER * borne)),
+                0.0,
+                over=over,
+            )
+        ]
+        if math.isfinite(lost):
+            stable = float(not delay_is_lost(system, name, lost))
+            statement = "whether the loop of the nominals is stable with the delay"
+            found.append(Check(f"{name} lost", statement, stable, 0.0, over="for this one delay"))
+        return found
 
     def figures(self, answer: StabilityMargin) -> dict[str, Figure]:
         """Mu over frequency, of which the margin is the reciprocal; none of parameters alone."""
@@ -134,6 +171,10 @@ class StabilityChecker(PartsChecker):
         if answer.worst is not None:
             members = [one.at(**answer.worst) for one in self.systems]
             found.append(peaks.one_unstable(members))
+        for name, (borne, _) in answer.delays.items():
+            tried = np.linspace(0.0, borne, TRIED).tolist()
+            members = [self.systems[0].at(**{name: tau}) for tau in tried]
+            found.append(peaks.all_decay(members, f"{name} tried"))
         return found
 
 

@@ -16,6 +16,7 @@ from workbench.certify.balls import response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
+from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.certify.skewed import proven_skew_of
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.heavy_types import Dataset
@@ -145,13 +146,9 @@ class WorstCaseChecker(Checker):
         return found
 
     def stored_answer(self, name: str, answer: WorstCaseGain) -> dict[str, Any]:
-        from workbench.mu.robust.stored_worst_case import stored_worst_case
-
         return stored_worst_case(name, answer)
 
     def restored_answer(self, name: str, data: Dataset) -> WorstCaseGain | None:
-        from workbench.mu.robust.stored_worst_case import restored_worst_case
-
         return restored_worst_case(data, name) if f"{name}_bounds" in data else None
 
     def _in_plane(self, answer: WorstCaseGain) -> WorstCaseGain:
@@ -284,3 +281,36 @@ def divided(system: StableSystem, inputs: BoolArray, level: float) -> StableSyst
     """The system with some of its inputs (r,) divided by a level."""
     outputs, every = (np.arange(count) for count in system.D.shape)
     return system.channels(outputs, every, input_gains=np.where(inputs, 1.0 / level, 1.0))
+
+
+def stored_worst_case(name: str, found: WorstCaseGain) -> dict[str, Any]:
+    """The gain as variables of a dataset, under a name; `restored_worst_case` reads them back."""
+    one, parts = {"units": "1"}, np.stack([found.Delta.real, found.Delta.imag], axis=-1)
+    about = {"long_name": "lower and upper bound of the worst-case gain"}
+    return {
+        f"{name}_bounds": (("bound",), [found.lower, found.upper], about),
+        f"{name}_omega": ((), found.omega, {"units": "rad/s", "long_name": "of the lower bound"}),
+        f"{name}_Delta": (
+            (f"{name}_input", f"{name}_output", "complex"),
+            parts,
+            one | {"long_name": "worst perturbation, real and imaginary"},
+        ),
+        f"{name}_level": ((), found.level, {"long_name": "gain by which inputs are divided"}),
+        **({} if found.proof is None else stored_proof(f"{name}_proof", found.proof)),
+    }
+
+
+def restored_worst_case(data: Dataset, name: str) -> WorstCaseGain:
+    """The gain that `stored_worst_case` put into the dataset under this name."""
+    lower, upper = data[f"{name}_bounds"].values.tolist()
+    parts = data[f"{name}_Delta"].values
+    proof = restored_proof(data, f"{name}_proof") if f"{name}_proof_band" in data else None
+    return WorstCaseGain(
+        lower,
+        upper,
+        float(data[f"{name}_omega"]),
+        parts[..., 0] + 1j * parts[..., 1],
+        "",
+        float(data[f"{name}_level"]),
+        proof,
+    )

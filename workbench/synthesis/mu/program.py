@@ -17,9 +17,8 @@ from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
-from workbench.mu.frequency.peak_bounds import peak_checks
+from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
-from workbench.mu.frequency.stored_peak import restored_peak, stored_peak
 from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
 from workbench.solvers import Outcome

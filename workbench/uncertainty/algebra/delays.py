@@ -58,6 +58,16 @@ class DelayElement(Element):
         scale = self.high ** np.arange(4)
         return control.ss(control.tf((above * scale)[::-1], (below * scale)[::-1]))
 
+    def shortened(self, high: float) -> StateSpace:
+        """What delta is multiplied by, so that the set has delays up to another `high` only."""
+        import control
+
+        above, below = _polynomials()
+        one, other = (t ** np.arange(3) * above[1:] for t in (high, self.high))
+        into, out = (t ** np.arange(4) * below for t in (self.high, high))
+        num, den = polynomial.polymul(one, into), polynomial.polymul(other, out)
+        return control.ss(control.tf(high / self.high * num[::-1], den[::-1]))
+
     def delta(self, value: Any) -> Any:
         """(exp(-s tau) - 1) / W for a delay tau, made rational; a system as it is."""
         import control

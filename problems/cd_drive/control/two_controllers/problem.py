@@ -19,8 +19,11 @@ from workbench.certify.norms import certified_norm
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
-from workbench.mu.robust.skewed_bounds import worst_case_checks
-from workbench.mu.robust.stored_worst_case import restored_worst_case, stored_worst_case
+from workbench.mu.robust.skewed_bounds import (
+    restored_worst_case,
+    stored_worst_case,
+    worst_case_checks,
+)
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table, variables
 from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response

@@ -1,0 +1,100 @@
+"""Uncertain delays that a loop bears, in seconds: how long they may be, and what is too long."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.mu.frequency.channels import even_channels
+from workbench.mu.frequency.peak import peak
+from workbench.structure import Structure
+from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.delays import DelayElement
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+SHORTEST, LONGEST = 1e-6, 1e6
+"""Delays that are tried, as shares of the longest one of the set."""
+BISECTIONS = 40
+"""Most delays that are tried for one bound."""
+GROWS = 1e-6
+"""Least growth in the time of a delay that counts as one: a pole at 0 is found to either side."""
+PROOF_TOLERANCE = 1e-3
+"""Tolerance of the peaks of mu that prove a delay."""
+STEP = 1.05
+"""Factor from one delay to the next in the search for one that is too long."""
+
+
+def delay_margins(found: UncertainSystem, tolerance: float) -> dict[str, tuple[float, float]]:
+    """Delays [s] by name: stable for all up to the first, unstable for the second.
+
+    The first is proven with all other uncertainty at its full size, by the cover of all delays up
+    to it; it is 0 where nothing is proven. At the second, with all else nominal, the loop with the
+    delay's Pade approximation is unstable; it is infinite where none was found.
+    """
+    return {
+        name: (_borne(found, element, tolerance), _lost(found, element))
+        for name, element in found.elements.items()
+        if isinstance(element, DelayElement)
+    }
+
+
+def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
+    """Whether stability is proven for all delays up to one, whatever the other elements are."""
+    return peak(*_up_to(found, name, high), PROOF_TOLERANCE).upper < 1.0
+
+
+def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:
+    """Whether the loop of the nominals is unstable with a delay."""
+    poles = np.asarray(found.at(**{name: tau}).poles())
+    return bool(poles.real.max(initial=-math.inf) * tau > GROWS)
+
+
+def _borne(found: UncertainSystem, element: DelayElement, tolerance: float) -> float:
+    """The longest delay up to which stability is proven."""
+    low, high = 0.0, math.inf
+    tried = element.high
+    for _ in range(BISECTIONS):
+        if delay_is_borne(found, element.name, tried):
+            low = tried
+        else:
+            high = tried
+        if high <= low * (1.0 + max(tolerance, PROOF_TOLERANCE)):
+            break
+        if not SHORTEST <= tried / element.high <= LONGEST:
+            break
+        if math.isinf(high):
+            tried = 2.0 * low
+        else:
+            tried = high / 2.0 if low == 0.0 else math.sqrt(low * high)
+    return low
+
+
+def _up_to(found: UncertainSystem, name: str, high: float) -> tuple[StateSpace, Structure]:
+    """The system that Delta closes, where the set has this delay's values up to `high` only."""
+    import control
+
+    structure = found.structure
+    N, _ = even_channels(found.system, structure)
+    into = structure.column_slices[list(found.elements).index(name)]
+    element = found.elements[name]
+    assert isinstance(element, DelayElement)
+    factor, one = element.shortened(high), control.ss([], [], [], [[1.0]])
+    parts = [factor if into.start <= place < into.stop else one for place in range(N.noutputs)]
+    filtered = control.append(*parts) * N
+    return realisation((filtered.A, filtered.B, filtered.C, filtered.D), 0.0), structure
+
+
+def _lost(found: UncertainSystem, element: DelayElement) -> float:
+    """A delay with which the loop of all else nominal is unstable, near the shortest one."""
+    low = high = SHORTEST * element.high
+    while not delay_is_lost(found, element.name, high):
+        low, high = high, high * STEP
+        if high > LONGEST * element.high:
+            return math.inf
+    for _ in range(BISECTIONS):
+        middle = math.sqrt(low * high)
+        lost = delay_is_lost(found, element.name, middle)
+        low, high = (low, middle) if lost else (middle, high)
+    return high
