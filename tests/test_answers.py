@@ -133,6 +133,8 @@ ANSWERS = {
     "guaranteed_probability": lambda: mu.guaranteed_probability(
         OF_PARAMETERS, gain=0.67, tolerance=0.1
     ),
+    "h_infinity_norm": lambda: mu.h_infinity_norm(N),
+    "h2_norm": lambda: mu.h2_norm(N),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),
     "hinf": lambda: synthesis.hinf(
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),

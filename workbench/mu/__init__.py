@@ -7,6 +7,7 @@ from workbench.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
     from workbench.mu.frequency.complex_part import with_complex_part
+    from workbench.mu.frequency.norms import SystemNorm, h2_norm, h_infinity_norm
     from workbench.mu.frequency.peak import peak
     from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
     from workbench.mu.frequency.sweep import Sweep, frequency_sweep
@@ -67,6 +68,7 @@ __all__ = [
     "StabilityMargin",
     "Structure",
     "Sweep",
+    "SystemNorm",
     "UpperBound",
     "WorstCaseChecker",
     "WorstCaseGain",
@@ -82,6 +84,8 @@ __all__ = [
     "gain_room",
     "gradient",
     "guaranteed_probability",
+    "h2_norm",
+    "h_infinity_norm",
     "loop_margins",
     "lower_bound",
     "margin_sensitivity",

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from workbench.arrays import RealArray
 
@@ -138,3 +139,33 @@ def _balanced(A: RealArray) -> tuple[RealArray, float]:
 
     A = matrix_balance(A, permute=False)[0]
     return A, 2.0 * float(np.linalg.norm(A, 2)) or 1.0
+
+
+DOUBLINGS = 64
+"""Doublings of the time that is summed; what then still moves never ends."""
+
+
+def root_energy(A: Any, B: Any, C: Any, D: Any, dt: float) -> float:
+    """The H2 norm of a stable system, D being 0 in continuous time.
+
+    Q is the sum of (A^k)' C'C A^k, in blocks of twice as many samples each (R. A. Smith, Matrix
+    equation XA + BX = C, SIAM J. Appl. Math. 16 (1968) 198-201). A continuous system is sampled by
+    the Cayley transform (a + A) / (a - A), with the output sqrt(2 a) C / (a - A).
+    """
+    A, B, C, D = (np.asarray(part, dtype=float) for part in (A, B, C, D))
+    if not len(A):
+        return float(np.linalg.norm(D))
+    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    B, C = B / scale[:, None], C * scale
+    if not dt:
+        rates = np.abs(np.linalg.eigvals(A))
+        a = float(np.exp(np.mean(np.log(np.maximum(rates, 1e-12 * rates.max())))))
+        inverse = np.linalg.inv(a * np.eye(len(A)) - A)
+        A, C = inverse @ (a * np.eye(len(A)) + A), math.sqrt(2.0 * a) * C @ inverse
+    Q, power = C.T @ C, A
+    for _ in range(DOUBLINGS):
+        more = power.T @ Q @ power
+        Q, power = Q + more, power @ power
+        if np.abs(more).max() <= np.finfo(float).eps * np.abs(Q).max():
+            break
+    return float(math.sqrt(max(float(np.trace(B.T @ Q @ B)) + float(np.sum(D**2)), 0.0)))

@@ -1,0 +1,216 @@
+"""Norms of systems between proven bounds: H-infinity and H2."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from workbench.answer import REPEATED_ROUNDING, Answer, PartsChecker, no_better
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, excess
+from workbench.certify.eigenvalues import separate_pole_discs
+from workbench.certify.proofs.energy import energy_bounds
+from workbench.certify.rounding import exact
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak_bounds import Peak
+from workbench.second_opinion.powers import root_energy
+from workbench.structure import Full, Structure
+from workbench.systems.balancing import with_state_units
+from workbench.systems.conversion import as_system
+
+SUM_ROUNDING = 1e-6
+"""Share by which a sum over samples in plain doubles may lie outside the bounds."""
+NORM_TOLERANCE = 1e-3
+"""Default relative distance of the bounds of an H-infinity norm."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SystemNorm(Answer):
+    """The norm of a system lies between ``lower`` and ``upper``; both are infinite without one.
+
+    ``omega`` [rad/s] is a frequency of the largest gain, NaN of an H2 norm or without one.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import h2_norm, h_infinity_norm
+    >>> lag = control.tf([3.0], [1.0, 2.0])
+    >>> round(h_infinity_norm(lag).upper, 3), round(h2_norm(lag).upper, 3)
+    (1.5, 1.5)
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    peak: Peak | None = field(default=None, kw_only=True)
+
+    def __float__(self) -> float:
+        """The upper bound."""
+        return self.upper
+
+    def said(self) -> str:
+        at = "" if math.isnan(self.omega) else f", at {self.omega:.6g} rad/s"
+        return f"SystemNorm: from {self.lower:.8g} to {self.upper:.8g}{at}"
+
+
+def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
+    """The largest gain of a system over all frequencies; infinite unless it is stable.
+
+    Parameters
+    ----------
+    system
+        A StateSpace, TransferFunction or what else has states, of any number of inputs and outputs,
+        in continuous or sampled time.
+    tolerance
+        Relative distance of the bounds.
+
+    Raises
+    ------
+    InputError
+        It is improper, or it cannot be told from rounding whether a pole is stable.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import h_infinity_norm
+    >>> norm = h_infinity_norm(control.tf([1.0], [1.0, 0.2, 1.0]))
+    >>> bool(norm.lower <= 5.0252 <= norm.upper), norm.holds  # 1 / (2 zeta sqrt(1 - zeta^2))
+    (True, True)
+    """
+    found = as_system(system, "system")
+    if not is_stable(found):
+        return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
+    bounds = peak(found, Structure([Full(found.ninputs, found.noutputs)]), tolerance)
+    norm = SystemNorm(bounds.lower, bounds.upper, bounds.omega, peak=bounds)
+    return norm.checked_by(GainChecker())
+
+
+def h2_norm(system: Any) -> SystemNorm:
+    """The H2 norm: the root of the energy of the impulse responses, or of the output's variance.
+
+    White noise of intensity 1 (sampled: of variance 1) at all inputs gives outputs of this root
+    mean square. It is infinite unless the system is stable and, in continuous time, without a
+    direct term.
+
+    Parameters
+    ----------
+    system
+        As of `h_infinity_norm`.
+
+    Raises
+    ------
+    InputError
+        As `h_infinity_norm`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import h2_norm
+    >>> norm = h2_norm(control.tf([1.0], [1.0, 2.0]))
+    >>> bool(norm.lower <= 0.5 <= norm.upper), norm.holds
+    (True, True)
+    """
+    found = as_system(system, "system")
+    if not is_stable(found):
+        return SystemNorm(math.inf, math.inf, math.nan).checked_by(UnstableChecker(found))
+    lower, upper = _energy(found)
+    return SystemNorm(lower, upper, math.nan).checked_by(EnergyChecker(found))
+
+
+def is_stable(system: StateSpace) -> bool:
+    """Whether all poles are proven to be stable; False where one is proven not to be.
+
+    Raises
+    ------
+    InputError
+        Rounding hides on which side of the boundary a pole lies.
+    """
+    stability = stability_of(system)
+    if stability.holds:
+        return True
+    A = with_state_units(*(np.asarray(getattr(system, part), dtype=float) for part in "ABCD"))[0]
+    discs = separate_pole_discs(exact(A))
+    centre = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
+    if (centre >= 0.0).any():
+        return False
+    raise InputError(
+        f"a pole {stability.where} of the system lies within rounding of the boundary of stability"
+    )
+
+
+def _energy(system: StateSpace) -> tuple[float, float]:
+    """Bounds of the H2 norm of a stable system."""
+    dt, D = float(system.dt or 0.0), np.asarray(system.D, dtype=float)
+    if D.any() and not dt:
+        return math.inf, math.inf
+    low, high = energy_bounds(system.A, system.B, system.C, dt)
+    direct = float(np.sum(D**2))
+    rounding = 4.0 * D.size * np.finfo(float).eps
+    low, high = low + direct * (1.0 - rounding), high + direct * (1.0 + rounding)
+    return (
+        float(np.nextafter(math.sqrt(low), 0.0)) if low else 0.0,
+        float(np.nextafter(math.sqrt(high), math.inf)) if high else 0.0,
+    )
+
+
+class GainChecker(PartsChecker):
+    """Checks an H-infinity norm by the peak that it is."""
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_FREQUENCY
+
+    def parts(self, answer: SystemNorm) -> Mapping[str, Peak | None]:
+        return {"gain": answer.peak}
+
+    def checks(self, answer: SystemNorm, tolerance: float) -> list[Check]:
+        if answer.peak is None:
+            return [Check("gain", "whether no peak proves it", 1.0, 0.0)]
+        statement = "by which share it is better than the proven bound"
+        return no_better(answer, answer.peak.lower, answer.peak.upper, statement, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class UnstableChecker(Checker):
+    """Checks that a system has no norm."""
+
+    system: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return THIS_SYSTEM
+
+    def checks(self, answer: SystemNorm, tolerance: float) -> list[Check]:
+        finite = float(not math.isinf(answer.lower) or is_stable(self.system))
+        return [Check("no norm", "whether it is stable, or a finite norm is claimed", finite, 0.0)]
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyChecker(Checker):
+    """Checks an H2 norm by the residual of its Lyapunov equation, and by a sum over samples."""
+
+    system: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return THIS_SYSTEM
+
+    def checks(self, answer: SystemNorm, tolerance: float) -> list[Check]:
+        statement = "by which share the bound is better than the proven one"
+        found = [stability_of(self.system)]
+        return found + no_better(answer, *_energy(self.system), statement, REPEATED_ROUNDING)
+
+    def second_opinion(self, answer: SystemNorm) -> list[Check]:
+        if not 0.0 < answer.upper < math.inf:
+            return []
+        one = self.system
+        size = root_energy(one.A, one.B, one.C, one.D, float(one.dt or 0.0))
+        apart = max(excess(size, answer.upper), excess(answer.lower, size))
+        statement = "distance of the sum over samples from the bounds, relative"
+        return [Check("summed", statement, apart, SUM_ROUNDING, over=THIS_SYSTEM)]
