@@ -12,7 +12,7 @@ from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.second_opinion import peaks
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.system import IllPosedError, UncertainSystem
 
 RECIPROCAL_ROUNDING = 1e-15
 """Share by which the reciprocal of a bound may exceed it, rounded."""
@@ -132,8 +132,11 @@ class StabilityChecker(PartsChecker):
                 for one in self.systems
             ]
         if answer.worst is not None:
-            members = [one.at(**answer.worst) for one in self.systems]
-            found.append(peaks.one_unstable(members))
+            try:
+                members = [one.at(**answer.worst) for one in self.systems]
+            except IllPosedError:  # a pole went through infinity, and the loop divides by zero
+                return found
+            found.append(peaks.one_unstable(members, [one.nominal for one in self.systems]))
         return found
 
 

@@ -79,6 +79,10 @@ class Algebraic(UncertainPart):
         return _combined(-1.0, self, _series)
 
 
+class IllPosedError(InputError):
+    """Values of uncertain elements at which a system divides by zero."""
+
+
 @dataclass(frozen=True, eq=False)
 class UncertainSystem(Algebraic):
     """A system with uncertain elements; a constant one is an uncertain number or matrix.
@@ -216,7 +220,9 @@ class UncertainSystem(Algebraic):
             parts.append(_repeated(delta, times, size))
         Delta = control.append(*parts) if len(parts) > 1 else parts[0]
         if np.linalg.cond(np.eye(r) - whole.D[:r, :r] @ Delta.D) > 1e13:
-            raise InputError(f"the system is not well posed at {values}: it divides by zero there")
+            raise IllPosedError(
+                f"the system is not well posed at {values}: it divides by zero there"
+            )
         return _upper(whole, Delta, r)
 
     def vertices(self) -> list[StateSpace]:
