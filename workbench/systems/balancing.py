@@ -86,6 +86,8 @@ def singular(a: Array) -> bool:
     """Whether a square matrix is singular up to rounding, in any units of rows and columns."""
     if not a.size:
         return False
+    if not np.isfinite(a).all():
+        return True
     rows = abs(a).max(axis=1, keepdims=True)
     scaled = a / np.where(rows > 0.0, rows, 1.0)
     columns = abs(scaled).max(axis=0)

@@ -22,6 +22,7 @@ from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -133,6 +134,7 @@ class DiskChecker(PartsChecker):
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
     """Least and largest real factor of a disk; the largest is infinite for a half plane or more."""
+    need_numbers(alpha=alpha, skew=skew)
     up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
     if math.isinf(alpha):
         return (-up / down if down else -math.inf), math.inf
@@ -143,6 +145,7 @@ def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
 
 def disk_phase(alpha: float, skew: float = 0.0) -> float:
     """Largest phase [deg] of the factors of gain 1 in a disk."""
+    need_numbers(alpha=alpha, skew=skew)
     if math.isinf(alpha):
         return 180.0
     # |f| = 1 with f = exp(j phi): |delta| = |f - 1| / |(1 - e) / 2 + (1 + e) f / 2|

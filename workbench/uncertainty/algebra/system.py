@@ -314,8 +314,15 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         return UncertainSystem(*pulled_out(part))
     system = part
     if isinstance(part, control.TransferFunction):
-        system = with_integrators(part) or control.ss(part)
+        try:
+            system = with_integrators(part) or control.ss(part)
+        except ValueError as error:
+            raise InputError(
+                f"{name} has no realisation: {error}; an improper one needs fast poles"
+            ) from None
     M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
+    if not np.isfinite(M).all():
+        raise InputError(f"{name} has entries that are not finite")
     dt = system.dt if system.nstates or system.dt else None
     return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
 

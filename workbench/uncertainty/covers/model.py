@@ -25,6 +25,7 @@ from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
@@ -268,6 +269,12 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     >>> contains(model, plants).holds, contains(narrow, plants).holds
     (True, False)
     """
+    need_kind(model, UncertaintyModel, "model")
+    need_kind(responses, Responses, "responses")
+    need_whole(leave_out, "leave_out")
+    if not 0 <= leave_out < responses.values.shape[1]:
+        plants = responses.values.shape[1]
+        raise InputError(f"leave_out is {leave_out}; it must be from 0 to {plants - 1}")
     s = 1j * responses.axis.astype(np.longdouble)
     nominal = _value(model.nominal, s)
     size = nominal if model.form == "multiplicative" else np.ones_like(nominal)
