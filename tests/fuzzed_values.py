@@ -15,6 +15,10 @@ from workbench.uncertainty import complex_scalar, dynamics, real, ss, tf
 SIZES = (5e-324, 1e-300, 1e-100, -1.0, 1e100, 1e300, 1.7e308, math.inf, -math.inf, math.nan)
 
 
+ODD = {"place": "", "value": None}
+"""What is odd of a problem that is run, and where."""
+
+
 class Refusing:
     """Refuses to be a number, an array, a length or a sequence."""
 

@@ -42,7 +42,9 @@ def trial(seed):
     try:
         used(function(**arguments))
     except WorkbenchError as error:
-        if not str(error).isprintable() and "\n" not in str(error):
+        try:
+            str(error).encode()
+        except UnicodeEncodeError:
             return f"{seed} {name}: cannot be printed: {error!a}"
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +58,12 @@ def as_list(values: Any, name: str) -> list[Any]:
         return list(values)
     except Exception as error:  # some things look like sequences and are none
         raise InputError(f"{name} must be a list, not {values!r}: {error}") from None
+
+
+def need_choice(value: Any, choices: Any, name: str) -> None:
+    """Raise InputError for what is none of the words of a Literal."""
+    if not (isinstance(value, str) and value in get_args(choices)):
+        raise InputError(f"{name} is {value!r}; it must be one of {', '.join(get_args(choices))}")
 
 
 def need_kind(value: Any, kind: type, name: str) -> None:

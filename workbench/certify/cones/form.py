@@ -100,6 +100,8 @@ class ConicForm:
             given = as_array(getattr(self, name), name)
             object.__setattr__(self, name, np.atleast_1d(given))
         A = self.A if issparse(self.A) else np.atleast_2d(as_array(self.A, "A"))
+        if A.ndim != 2:
+            raise InputError(f"A has shape {A.shape}; (m, n) is needed")
         object.__setattr__(self, "A", csr_array(A, dtype=float))
         object.__setattr__(self, "cones", tuple(as_list(self.cones, "cones")))
         for cone in self.cones:

@@ -180,7 +180,7 @@ def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> 
             numbers.add(names.index(one))
         elif isinstance(one, bool) or not isinstance(one, Integral):
             raise InputError(f"fixed must be names or numbers of blocks, not {one!r}")
-        elif not 0 <= one < len(names):
+        elif not 0 <= int(one) < len(names):
             raise InputError(f"there is no block {one}; the structure has {len(names)}, from 0")
         else:
             numbers.add(int(one))

@@ -219,7 +219,10 @@ class UncertainSystem(Algebraic):
                 continue
             parts.append(_repeated(delta, times, size))
         Delta = control.append(*parts) if len(parts) > 1 else parts[0]
-        if np.linalg.cond(np.eye(r) - whole.D[:r, :r] @ Delta.D) > 1e13:
+        loop = np.eye(r) - whole.D[:r, :r] @ Delta.D
+        if not np.isfinite(loop).all():
+            raise InputError(f"the system overflows doubles at {values}")
+        if np.linalg.cond(loop) > 1e13:
             raise IllPosedError(
                 f"the system is not well posed at {values}: it divides by zero there"
             )

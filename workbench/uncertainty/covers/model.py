@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Figure, StateSpace
-from workbench.input_checks import need_kind, need_whole
+from workbench.input_checks import need_choice, need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
@@ -60,8 +60,7 @@ class UncertaintyModel(Algebraic):
     dt: Any = None  # a float after construction
 
     def __post_init__(self) -> None:
-        if self.form not in get_args(Form):
-            raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
+        need_choice(self.form, Form, "form")
         for name in ("nominal", "W_c", "W_r"):
             given = getattr(self, name)
             if given is None and name != "W_r":
