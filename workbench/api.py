@@ -320,6 +320,7 @@ def verify(path: str | Path, *, rerun: bool = False, trust: bool = False) -> Ver
         Its ``holds`` tells whether the certificate, recomputed here, holds for what is stored. The
         log, the seconds and the method's claim are covered by their checksums only.
     """
+    from workbench.bench.trust.untrusted import possible_path
     from workbench.bench.verify import verify_folder
 
-    return verify_folder(Path(path), rerun=rerun, trust=trust)
+    return verify_folder(possible_path(path), rerun=rerun, trust=trust)

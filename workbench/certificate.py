@@ -52,6 +52,10 @@ class Check:
             number = getattr(self, name)
             if type(number) is not float:
                 object.__setattr__(self, name, np.asarray(number, dtype=float).item())
+        for name in ("name", "statement", "where", "over"):
+            text = getattr(self, name)
+            if type(text) is not str:
+                object.__setattr__(self, name, str(text))
 
     @property
     def margin(self) -> float:
@@ -132,6 +136,12 @@ class Gap:
     value: float
     tolerance: float
     required: bool
+
+    def __post_init__(self) -> None:
+        if type(self.value) is not float:
+            object.__setattr__(self, "value", np.asarray(self.value, dtype=float).item())
+        if type(self.statement) is not str:
+            object.__setattr__(self, "statement", str(self.statement))
 
     @property
     def closed(self) -> bool:
@@ -357,7 +367,8 @@ class Checker(ABC):
                 checks += tuple(replace(check, opinion=True) for check in opinion)
                 facts = tuple(self.facts(answer))
             gap = self.gap(answer)
-        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal), facts)
+        proven = None if gap is None else Gap(gap[0], gap[1], tolerance, required=optimal)
+        return Certificate(checks, proven, facts)
 
 
 @dataclass(frozen=True, eq=False)

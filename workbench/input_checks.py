@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ def need_structure(structure: Any) -> None:
 
 def need_tolerance(tolerance: Any) -> None:
     """Raise InputError for what is no number between 0 and 1."""
-    if not (isinstance(tolerance, numbers.Real) and 0.0 < float(tolerance) < 1.0):
+    if not (is_real(tolerance) and 0.0 < tolerance < 1.0):
         raise InputError(f"tolerance is {tolerance!r}; it must be a number between 0 and 1")
 
 
@@ -54,12 +54,33 @@ def as_list(values: Any, name: str) -> list[Any]:
     """Several things as a list; raises InputError where they are none, such as a number."""
     if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
         raise InputError(f"{name} must be a list, not {values!r}")
-    return list(values)
+    try:
+        return list(values)
+    except Exception as error:  # some things look like sequences and are none
+        raise InputError(f"{name} must be a list, not {values!r}: {error}") from None
+
+
+def need_choice(value: Any, choices: Any, name: str) -> None:
+    """Raise InputError for what is none of the words of a Literal."""
+    if not (isinstance(value, str) and value in get_args(choices)):
+        raise InputError(f"{name} is {value!r}; it must be one of {', '.join(get_args(choices))}")
+
+
+def need_kind(value: Any, kind: type, name: str) -> None:
+    """Raise InputError for what is no instance of a class."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be a {kind.__name__}, not {type(value).__name__}")
 
 
 def is_real(value: Any) -> bool:
-    """Whether a value is a real number; True and False are not."""
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+    """Whether a value is a real number that a double can be near; True and False are not."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        float(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+    return True
 
 
 def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[Any]:
@@ -73,7 +94,7 @@ def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[An
         if given.dtype.kind not in ("biufc" if dtype is complex else "biuf"):
             raise TypeError
         return given.astype(dtype)
-    except (TypeError, ValueError):
+    except Exception:  # an object that is no array may say so by any error
         kind = "" if dtype is complex else "real "
         raise InputError(
             f"{name} is {values!r}; {kind}numbers in rows of one length are needed"
@@ -90,7 +111,7 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     """
     try:
         matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("M must be an array of numbers (..., columns, rows)") from None
     need_structure(structure)
     structure.check(matrices)

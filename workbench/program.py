@@ -32,6 +32,7 @@ from workbench.certificate import Checker
 from workbench.errors import InputError, RegistryError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
+from workbench.input_checks import need_kind
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
 
 Claim = tuple[Any, Outcome, str]
@@ -441,6 +442,8 @@ def find_method(program: Program, name: str | None) -> Method:
         The method cannot take this program; the message says why.
     """
     known = methods(program)
+    if name is not None:
+        need_kind(name, str, "the name of a method")
     name = name or program.default_method
     if name not in known:
         raise UnknownNameError(f"method of {type(program).__name__}", name, known)

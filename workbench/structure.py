@@ -184,9 +184,10 @@ class Structure:
     blocks: tuple[Block, ...]
 
     def __init__(self, blocks: Iterable[Block]) -> None:
-        if not isinstance(blocks, Iterable):
-            raise InputError(f"a list of blocks is needed, not {blocks!r}")
-        object.__setattr__(self, "blocks", tuple(blocks))
+        try:
+            object.__setattr__(self, "blocks", tuple(blocks))
+        except Exception:  # some things look like sequences and are none
+            raise InputError(f"a list of blocks is needed, not {blocks!r}") from None
         if not self.blocks:
             raise InputError("the structure has no blocks; give at least one")
         for block in self.blocks:

@@ -111,7 +111,13 @@ class Problem:
         """
         needs = self.settings.needs
         if callable(needs):
-            needs = needs(**bound)
+            try:
+                needs = needs(**bound)
+            except Exception as error:
+                raise RegistryError(
+                    f"{self.entry.place}: its needs cannot be told: {place_of(error)}"
+                ) from error
+        _check_needs(needs, self.entry)
         taken = self.signature.parameters
         strangers = needs.keys() - taken.keys()
         if strangers:
@@ -233,6 +239,22 @@ class Problem:
             raise RegistryError(
                 f"{self.entry.place}: an annotation cannot be evaluated: {error}"
             ) from None
+
+
+def _check_needs(needs: Any, entry: Entry) -> None:
+    """Raise RegistryError for what is no mapping of arguments to references."""
+    if not isinstance(needs, Mapping):
+        raise RegistryError(
+            f"{entry.place}: needs are {type(needs).__name__}; a mapping from arguments to "
+            "ref(...) is needed"
+        )
+    for name, value in needs.items():
+        references = value if isinstance(value, list) else [value]
+        if not (isinstance(name, str) and all(isinstance(one, Ref) for one in references)):
+            raise RegistryError(
+                f"{entry.place}: it needs {name!r}: {value!r}; a name with ref(...) is needed, or "
+                "with a list of them"
+            )
 
 
 def _fill(needs: Needs, entry: Entry) -> Needs:

@@ -10,6 +10,7 @@ from pathlib import Path
 from workbench.bench.discovery import Entry, method_files, scan
 from workbench.bench.problem import Problem, axis_values, import_file
 from workbench.errors import RegistryError, UnknownNameError, WorkbenchError
+from workbench.input_checks import need_kind
 
 
 class Registry:
@@ -86,7 +87,8 @@ class Registry:
         return found
 
     def find(self, name: str) -> Problem:
-        """The problem of that name, imported. Raises as `match`."""
+        """The problem of that name, imported. Raises as `match`, and InputError for no text."""
+        need_kind(name, str, "the name of a problem")
         if name not in self.entries:
             raise self._unknown(name, [name] if name in self.clashes else [])
         self.import_methods()

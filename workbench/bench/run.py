@@ -14,6 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import workbench
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
@@ -139,7 +141,7 @@ class Bench:
         context = Context(self.options, self.progress, self.watch, checkpoint, self.executor)
         solution = solve(bound.task, question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
-        data = answer_arrays(bound, solution)
+        solution, data = _stored_form(bound, solution)
         if data is not None:
             notes += compared(earlier, data, self.options)
         seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
@@ -241,7 +243,28 @@ def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:
     """The arrays of a judged answer, or of what proves that there is none; None without either."""
     if solution.certificate is None:
         return None
-    return (solution.proof or bound.task).to_dataset(solution.answer)
+    data = (solution.proof or bound.task).to_dataset(solution.answer)
+    if not hasattr(data, "data_vars"):
+        raise TypeError(f"to_dataset returned {type(data).__name__}; an xarray.Dataset is needed")
+    return data
+
+
+def _stored_form(bound: Bound, solution: Solution) -> tuple[Solution, Dataset | None]:
+    """A judged answer with its `answer_arrays`; where they raise an error, there is no answer."""
+    try:
+        return solution, answer_arrays(bound, solution)
+    except Exception as error:
+        message = (
+            f"{solution.message}; the answer cannot be stored: {type(error).__name__}: {error}"
+        )
+        lost = replace(
+            solution,
+            answer=None,
+            certificate=None,
+            message=message.removeprefix("; "),
+            trace=traceback.format_exc(),
+        )
+        return lost, None
 
 
 def publish(
@@ -272,7 +295,8 @@ def publish(
         for name, content in files.items():
             (folder / name).write_text(content, encoding="utf-8", newline="\n")
     kind = "study" if isinstance(bound.task, Study) else "program"
-    info = information(question, solution, about) | {"kind": kind, "headline": task.headline}
+    info = information(question, solution, about) | {"kind": kind}
+    info["headline"] = task.headline if isinstance(task.headline, str) else ""
     text = log(info, solution, rows, notes)
     return seal_folder(writer, folder, info, text, bound.help)
 
@@ -283,7 +307,14 @@ def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], d
     The answer itself is kept.
     """
     try:
-        return solution, task.metrics(solution.answer), task.files(solution.answer)
+        metrics, files = task.metrics(solution.answer), task.files(solution.answer)
+        for name, value in metrics.items():
+            if not isinstance(name, str):
+                raise TypeError(f"a metric is called {name!r}, which is no text")
+            np.asarray(value, dtype=float).item()  # raises for what is no number
+        if not isinstance(task.headline, str):
+            raise TypeError(f"headline is {task.headline!r}, which is no name of a metric")
+        return solution, metrics, files
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
         failed = Check("metrics", "whether metrics or files raise an error", 1.0, 0.0, f"({said})")

@@ -17,8 +17,10 @@ from workbench.certify.cones.rays import dot, transposed
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.conic.claims import ConicallyStated, parsed_rational
 from workbench.conic.ray_search import dual_point
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset
+from workbench.input_checks import need_kind, need_numbers
 from workbench.program import Claim, conic_method
 from workbench.second_opinion import conic_proofs
 from workbench.solvers import ConicSolver, solve_conic
@@ -61,6 +63,13 @@ class ConicProgram(ConicallyStated):
     @property
     def quantifier(self) -> str:
         return "for this one program"
+
+    def __post_init__(self) -> None:
+        need_kind(self.form, ConicForm, "form")
+        need_numbers(constant=self.constant)
+        if not math.isfinite(self.constant):
+            raise InputError(f"constant is {self.constant!r}; it must be finite")
+        need_kind(self.maximise, bool, "maximise")
 
     def conic_form(self) -> ConicForm:
         return self.form

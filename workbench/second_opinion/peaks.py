@@ -16,14 +16,21 @@ from workbench.second_opinion.perturbations import (
     loop_eigenvalues,
     vertex_perturbations,
 )
-from workbench.second_opinion.powers import growth
-from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
+from workbench.second_opinion.powers import growth, slowness
+from workbench.second_opinion.responses import (
+    plain_response,
+    precise_response,
+    tried_frequencies,
+    upper_closed,
+)
 from workbench.structure import Real, Structure
 
 DRAWN, LOOPS = 16, 6
 """Perturbations drawn for responses, and for loops."""
 NEARLY_SINGULAR = 1e-6
 """Largest distance of I - M Delta from a singular matrix, relative to M Delta."""
+FREQUENCY_ROUNDING = 4 * float(np.finfo(float).eps)
+"""Relative rounding of a frequency that went through the bilinear plane and back."""
 ENLARGED, BORDER = 1.0 + 1e-4, 1e-12
 """Factor that moves a destabilising perturbation beyond the border, and the growth per sample that
 counts as none there."""
@@ -47,6 +54,10 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
     omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
     drawn = vertex_perturbations(structure, DRAWN)
     size = np.abs(loop_eigenvalues(plain_response(system, omega)[:, None], drawn))
+    for k in np.argsort(-size.max(axis=(1, 2))):  # what rounding may have lifted above the claim
+        if size[k].max() <= claimed * (1 + SAMPLED_ROUNDING) or not math.isfinite(omega[k]):
+            break
+        size[k] = np.abs(loop_eigenvalues(precise_response(system, omega[k])[None, None], drawn))[0]
     where = omega[int(np.argmax(size.max(axis=(1, 2))))]
     return Check(
         "sampled perturbations",
@@ -78,6 +89,8 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if enlarged."""
     M = plain_response(system, np.array([omega]))[0]
     distance = regularity(M @ Delta)
+    if distance > NEARLY_SINGULAR and math.isfinite(omega):
+        distance = _precise_distance(system, Delta, omega)
     if distance > NEARLY_SINGULAR and not Delta.imag.any():
         rate, rounding = growth(perturbed(system, ENLARGED * Delta.real)[0], system.dt)
         distance = 0.0 if rate + rounding > -BORDER else distance
@@ -89,6 +102,21 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
         NEARLY_SINGULAR,
         f"at {omega:.6g} rad/s",
     )
+
+
+def _precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
+    """The distance of I - M Delta from a singular matrix in exact responses of M.
+
+    The frequency itself is rounded: what this moves is no distance.
+    """
+    loop = precise_response(system, omega) @ Delta
+    step = FREQUENCY_ROUNDING * omega
+    moved = [
+        float(np.linalg.norm(precise_response(system, omega + sign * step) @ Delta - loop, 2))
+        for sign in (1, -1)
+    ]
+    size = max(float(np.linalg.norm(loop, 2)), 1.0)
+    return max(regularity(loop) - max(moved) / size, 0.0)
 
 
 def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> Check:
@@ -104,12 +132,16 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
     )
 
 
-def one_unstable(members: Sequence[Any]) -> Check:
-    """Check that one of some systems is unstable, or on the border of stability."""
+def one_unstable(members: Sequence[Any], nominal: Sequence[Any] | None = None) -> Check:
+    """Check that one of some systems is unstable, or on the border of stability.
+
+    Each is as slow as it looks beside its nominal, of which it may have the slow poles only.
+    """
     decay = math.inf
-    for one in members:
+    for one, other in zip(members, nominal or members, strict=True):
         rate, rounding = growth(one.A, one.dt)
-        decay = min(decay, -rate - rounding)
+        share = 1.0 if one.dt else slowness(one.A, other.A)
+        decay = min(decay, -(rate + rounding) * share if one.nstates else math.inf)
     statement = "logarithmic decay per sample of the system with the worst perturbation"
     return Check("destabilised", statement, decay, BORDER_DECAY, over=THIS_SYSTEM)
 

@@ -123,6 +123,15 @@ def precise_growth(S: Any) -> float:
     return size
 
 
+def slowness(A: Any, other: Any) -> float:
+    """Factor from a decay per sample of A to one per sample of another system, if that is shorter.
+
+    Samples of a system in continuous time are as short as its fastest pole asks for.
+    """
+    own, its = (_balanced(np.asarray(one))[1] if np.size(one) else 0.0 for one in (A, other))
+    return min(own / its, 1.0) if its else 1.0
+
+
 def cayley(A: Any) -> RealArray:
     """(a + A) / (a - A) with balanced states; `a` is above every pole, so that a - A is regular."""
     A = np.asarray(A)

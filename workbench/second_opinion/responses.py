@@ -27,6 +27,8 @@ FREQUENCIES_AT_ONCE = 256
 """Frequencies whose matrices are held in memory together."""
 ROWS_AT_ONCE = 16
 """Rows of a triangular form whose common part is computed in one product."""
+BITS = 512
+"""Bits of a response that doubles do not tell."""
 FEWEST_STATES = 60
 """Fewest states of which responses are found by substitution in a triangular form."""
 TRIANGLE_ROUNDING = 1e-6
@@ -61,8 +63,31 @@ def plain_response(system: Any, omega: RealArray) -> ComplexArray:
         if triangle is not None:
             found[part] += C @ _substituted(T, B, s)
             continue
-        found[part] += C @ np.linalg.solve(s[:, None, None] * unit - A, B[None] + 0j)
+        try:
+            found[part] += C @ np.linalg.solve(s[:, None, None] * unit - A, B[None] + 0j)
+        except np.linalg.LinAlgError:  # one of them cannot be told from a pole in doubles
+            found[part] = [precise_response(system, one) for one in omega[part].tolist()]
     return found
+
+
+def precise_response(system: Any, omega: float) -> ComplexArray:
+    """As `plain_response` at one frequency [rad/s], in BITS bits; infinite at a pole."""
+    import flint
+
+    with flint.ctx.workprec(BITS):
+        A, B, C, D = (
+            flint.acb_mat(rows, columns, np.asarray(part, dtype=complex).ravel().tolist())
+            for part in (system.A, system.B, system.C, system.D)
+            for rows, columns in [np.shape(part)]
+        )
+        place = flint.acb(0, flint.arb(omega) * flint.arb(float(system.dt or 1.0)))
+        s = place.exp() if system.dt else place
+        moved = s * flint.acb_mat(np.eye(system.nstates).tolist()) - A
+        try:
+            entries = [complex(entry.mid()) for entry in (D + C * moved.solve(B)).entries()]
+        except ZeroDivisionError:
+            entries = [complex(math.inf)] * np.size(system.D)
+    return np.reshape(entries, np.shape(system.D))
 
 
 @lru_cache(maxsize=4)

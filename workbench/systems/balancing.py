@@ -35,6 +35,10 @@ def speed(A: RealArray) -> float:
     return float(np.exp2(np.round(np.log2(np.median(size))))) if len(size) else 1.0
 
 
+FAR = 2.0**200
+"""Entries beyond this size, or its reciprocal, have squares whose quotients may overflow."""
+
+
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     """Factors of the rows and of the columns of M that bring its entries to similar sizes.
 
@@ -42,9 +46,28 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     row, as in a change of coordinates; the other factors are free. All are powers of two, so that
     scaling causes no rounding (Osborne 1960).
     """
+    size: RealArray = np.abs(M)
+    known = size[size > 0.0]
+    if known.size and not (known.min() > 1 / FAR and known.max() < FAR):
+        # The factors of roots of the entries are roots of factors.
+        rows, columns = (factor**8 for factor in _balancing(size**0.125, channels))
+        inner, outer = _balancing(_scaled(size, rows, columns), channels)
+        return rows * inner, columns * outer
+    return _balancing(size, channels)
+
+
+def _scaled(size: RealArray, rows: RealArray, columns: RealArray) -> RealArray:
+    """Entries times the factors of their row and column, which alone may overflow."""
+    with np.errstate(divide="ignore"):
+        found: RealArray = np.exp2(np.log2(size) + np.log2(rows)[:, None] + np.log2(columns))
+    return found
+
+
+def _balancing(size: RealArray, channels: int) -> tuple[Array, Array]:
+    """As `balancing`, of the sizes of entries whose squares neither over- nor underflow."""
     # In squares, of which norms of rows and columns are sums: a step is two products with vectors.
-    square = abs(M) ** 2
-    rows, columns = np.ones(M.shape[0]), np.ones(M.shape[1])
+    square = size**2
+    rows, columns = np.ones(size.shape[0]), np.ones(size.shape[1])
     for _ in range(50):
         into, out = rows * (square @ columns), columns * (rows @ square)
         into[into == 0.0], out[out == 0.0] = 1.0, 1.0
@@ -63,6 +86,8 @@ def singular(a: Array) -> bool:
     """Whether a square matrix is singular up to rounding, in any units of rows and columns."""
     if not a.size:
         return False
+    if not np.isfinite(a).all():
+        return True
     rows = abs(a).max(axis=1, keepdims=True)
     scaled = a / np.where(rows > 0.0, rows, 1.0)
     columns = abs(scaled).max(axis=0)

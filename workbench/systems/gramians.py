@@ -54,7 +54,10 @@ def balancing_projections(S: RealArray, R: RealArray) -> tuple[RealArray, RealAr
     """
     if not S.size:
         return np.zeros((0, len(S))), np.zeros((len(S), 0)), np.zeros(0)
-    U, values, Vh = np.linalg.svd(R @ S)
+    product = R @ S
+    if not np.isfinite(product).all():
+        raise InputError("the Gramians overflow doubles; measure time or signals in other units")
+    U, values, Vh = np.linalg.svd(product)
     rank = int((values > len(S) * EPS * values[0]).sum())
     values, root = values[:rank], np.sqrt(values[:rank])
     left = (U[:, :rank] / root).T @ R

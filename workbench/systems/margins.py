@@ -301,7 +301,10 @@ def modulus_margin(L: ArrayLike) -> float:
     >>> modulus_margin([-0.5, -0.5 - 0.5j, -1j])
     0.5
     """
-    return float(abs(1.0 + np.asarray(L)).min())
+    responses = as_array(L, "L", dtype=complex)
+    if not responses.size:
+        raise InputError("L has no response")
+    return float(abs(1.0 + responses).min())
 
 
 def _grid(loop: StateSpace, frequency: ArrayLike | None) -> RealArray:

@@ -52,9 +52,18 @@ def in_words(system: StateSpace) -> str:
 
 
 def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
-    """A StateSpace of the matrices, with every state kept; `labels` name its signals."""
+    """A StateSpace of the matrices, with every state kept; `labels` name its signals.
+
+    Raises InputError for entries that are not finite.
+    """
     import control
 
+    if not all(np.isfinite(part).all() for part in matrices):
+        raise InputError(
+            "a realisation has entries that are not finite: sizes in the system overflow doubles; "
+            "measure its time or its signals in other units"
+        )
+    dt = dt if dt is None or dt is True else float(dt)
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
 
 

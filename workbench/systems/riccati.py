@@ -84,6 +84,10 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
     return X / half[:, None] / half
 
 
+FAR = 2.0**60
+"""Rates [1/s] beyond this one, or its reciprocal, are measured in another unit of time."""
+
+
 def right_factors(P: StateSpace, name: str) -> StateSpace:
     """[N; M] with P = N M^-1 and N~ N + M~ M = 1, both stable; P in continuous time.
 
@@ -91,6 +95,14 @@ def right_factors(P: StateSpace, name: str) -> StateSpace:
     """
     A, B, C = balanced(P.A, P.B, P.C)
     D = P.D
+    a, b, c = (float(np.abs(part).max(initial=0.0)) for part in (A, B, C))
+    fastest = max(a, b * c)
+    if fastest > 0.0 and not (1 / FAR < fastest < FAR and max(b, c) < FAR):
+        # In units of time and of the states of its own, by powers of two.
+        rate = float(np.exp2(np.round(np.log2(fastest))))
+        unit = float(np.exp2(np.round(np.log2(c * rate / b) / 2))) if b * c > 0.0 else 1.0
+        slow = right_factors(realisation((A / rate, B / rate * unit, C / unit, D), 0.0), name)
+        return realisation((slow.A * rate, slow.B * rate, slow.C, slow.D), 0.0)
     R = np.eye(P.ninputs) + D.T @ D
     try:
         X = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D) if len(A) else np.zeros((0, 0))

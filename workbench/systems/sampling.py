@@ -31,7 +31,7 @@ def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealAr
     n, m = b.shape
     block = np.zeros((n + m, n + m))
     block[:n] = np.hstack([a, b])
-    block = expm(block * duration)
+    block = expm(block * float(duration))
     return block[:n, :n], block[:n, n:]
 
 

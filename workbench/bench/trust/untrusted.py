@@ -53,7 +53,9 @@ def file_stem(name: str) -> str:
 
 
 def possible_path(path: str | Path) -> Path:
-    """A path as a user names it. Raises ResultError for a text that no path can be."""
+    """A path as a user names it. Raises ResultError for what no path can be, such as a number."""
+    if not isinstance(path, str | os.PathLike):
+        raise ResultError(f"{_short(repr(path))} cannot be a path: it is no text")
     try:
         os.lstat(path)
     except ValueError as error:  # a NUL byte, half of a character

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.input_checks import as_array, as_list, need_kind
 
 
 class ConeKind(StrEnum):
@@ -93,12 +94,18 @@ class ConicForm:
     cones: tuple[ConeFactor, ...]
 
     def __post_init__(self) -> None:
-        from scipy.sparse import csr_array
+        from scipy.sparse import csr_array, issparse
 
-        object.__setattr__(self, "c", np.atleast_1d(np.asarray(self.c, dtype=float)))
-        object.__setattr__(self, "b", np.atleast_1d(np.asarray(self.b, dtype=float)))
-        object.__setattr__(self, "A", csr_array(self.A, dtype=float))
-        object.__setattr__(self, "cones", tuple(self.cones))
+        for name in ("c", "b"):
+            given = as_array(getattr(self, name), name)
+            object.__setattr__(self, name, np.atleast_1d(given))
+        A = self.A if issparse(self.A) else np.atleast_2d(as_array(self.A, "A"))
+        if A.ndim != 2:
+            raise InputError(f"A has shape {A.shape}; (m, n) is needed")
+        object.__setattr__(self, "A", csr_array(A, dtype=float))
+        object.__setattr__(self, "cones", tuple(as_list(self.cones, "cones")))
+        for cone in self.cones:
+            need_kind(cone, ConeFactor, "each of cones")
         shapes = self.c.shape, self.A.shape, self.b.shape
         if shapes != ((self.c.size,), (self.b.size, self.c.size), (self.b.size,)):
             raise InputError(f"c, A and b have shapes {shapes}; (n,), (m, n) and (m,) are needed")

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from workbench.arrays import EPS, Array, ComplexArray, RealArray
+from workbench.errors import InputError
 
 FEWEST_DECOMPOSED = 12
 """Fewest states of which a decomposition takes less time than elimination at every point."""
@@ -134,7 +135,10 @@ def _times(M: RealArray, X: ComplexArray) -> ComplexArray:
 
 @lru_cache(maxsize=4)
 def _eigenvectors(entries: bytes, n: int) -> tuple[Array, Array]:
-    values, vectors = np.linalg.eig(np.frombuffer(entries).reshape(n, n))
+    A = np.frombuffer(entries).reshape(n, n)
+    if not np.isfinite(A).all():
+        raise InputError("the rates of the system overflow doubles; measure time in another unit")
+    values, vectors = np.linalg.eig(A)
     values.flags.writeable = vectors.flags.writeable = False
     return values, vectors
 

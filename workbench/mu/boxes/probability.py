@@ -20,7 +20,7 @@ from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError, UnknownNameError
-from workbench.input_checks import need_count, need_positive
+from workbench.input_checks import need_count, need_kind, need_positive
 from workbench.mu.boxes.bands import WHOLE
 from workbench.mu.boxes.margin import Growing
 from workbench.mu.boxes.partition import BoxPart, Partition, Weight, corner_signs, effects_in
@@ -123,7 +123,8 @@ def guaranteed_probability(
     need_count("parts", parts)
     if gain is not None:
         need_positive(gain, "gain")
-    laws = distributions or {}
+    laws = {} if distributions is None else distributions
+    need_kind(laws, Mapping, "distributions")
     weight = _weight(found, laws)
     question = _Question(found, gain)
     partition = Partition(Growing(len(found.elements)).box(1.0), weight)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from numbers import Real as Number
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
+from workbench.input_checks import need_positive, need_structure
 from workbench.structure import Complex, Real, Structure
 
 
@@ -42,10 +42,8 @@ def with_complex_part(
     >>> len(structure)
     2
     """
-    if not (isinstance(complex_part, Number) and 0.0 < complex_part < math.inf):
-        raise InputError(
-            f"complex_part is {complex_part!r}; it must be a number, positive and finite"
-        )
+    need_structure(structure)
+    need_positive(complex_part, "complex_part")
     places = zip(structure, structure.column_slices, structure.row_slices, strict=True)
     real = [(block, column, row) for block, column, row in places if isinstance(block, Real)]
     if not real:
@@ -96,7 +94,7 @@ def separated(Delta: Array, structure: Structure, complex_part: float) -> Array:
         a, b = abs(delta.real), abs(delta.imag)
         radius = b / complex_part
         if radius < a:  # then |t| is the radius too
-            root = max(a * a - (1 - complex_part**2) * abs(delta) ** 2, 0.0)
+            root = max(a * a - (1 - complex_part * complex_part) * abs(delta) ** 2, 0.0)
             radius = abs(delta) ** 2 / (a + math.sqrt(root))
         t = math.copysign(min(a, radius), delta.real)
         whole[row, column] = t * np.eye(n)

@@ -10,7 +10,7 @@ from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import BandCover, refined_bounds
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
-from workbench.input_checks import need_count, need_tolerance
+from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_tolerance
 from workbench.mu.frequency.attained import LOWER_BOUND_SHARE, attained_peak
 from workbench.mu.frequency.complex_part import summed, with_complex_part
 from workbench.mu.frequency.peak_bounds import Peak, PeakChecker
@@ -70,15 +70,14 @@ def peak(
     """
     need_tolerance(tolerance)
     need_count("steps", steps)
-    asked = low, high = band
-    if not 0.0 <= low < high:
-        raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
+    asked = low, high = _ends(band)
     original = fitting(system, structure, sampled=True)
     if not isinstance(system, StableSystem):
         warn_far_frequencies(band, system)
     low, high = original.plane(low), original.plane(high)
     if not low < high:
         raise InputError(f"band is {band}; it lies beyond half the sampling rate")
+    need_numbers(complex_part=complex_part)
     if complex_part:
         stable, larger = with_complex_part(original, structure, complex_part)
     elif all(isinstance(block, Real) for block in structure):
@@ -121,3 +120,13 @@ def covered(
     plain = partial(bounds_at, stable, structure.complexified()) if real else None
     cover = BandCover(stable, at, tolerance, found, plain, sweep.holds)
     return cover, cover.complete(steps, most)
+
+
+def _ends(band: Any) -> tuple[float, float]:
+    """The lower and the upper end of a band; raises InputError for what is none."""
+    ends = as_list(band, "band")
+    if not (len(ends) == 2 and all(map(is_real, ends)) and 0.0 <= ends[0] < ends[1]):
+        raise InputError(
+            f"band is {band!r}; it must be two frequencies [rad/s], the lower one first"
+        )
+    return ends[0], ends[1]

@@ -146,7 +146,7 @@ def frequency_sweep(
     else:
         try:
             points = np.unique(np.asarray(omega, dtype=float))
-        except (TypeError, ValueError):
+        except Exception:  # an object that is no array may say so by any error
             raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")

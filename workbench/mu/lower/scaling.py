@@ -39,8 +39,9 @@ def scaled_matrices(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np
             weight = squares * 4.0 ** (power[:, :, None] - power[:, None, :])
             left, entered = weight[:, i].sum(axis=1), weight[:, :, i].sum(axis=1)
             usable = (left > 0) & (entered > 0)
-            ratio = np.where(usable, entered, 1) / np.where(usable, left, 1)
-            step = np.round(0.25 * np.log2(ratio))
+            # The quotient of both may overflow, the difference of logarithms does not.
+            ratio = np.log2(np.where(usable, entered, 1)) - np.log2(np.where(usable, left, 1))
+            step = np.round(0.25 * ratio)
             power[:, i] = np.clip(
                 power[:, i] + step, -LARGEST_SCALING_EXPONENT, LARGEST_SCALING_EXPONENT
             )

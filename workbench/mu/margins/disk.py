@@ -22,6 +22,7 @@ from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
 from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
@@ -33,6 +34,7 @@ from workbench.mu.robust.skewed_peak import skewed_peak
 from workbench.second_opinion import peaks
 from workbench.second_opinion.responses import plain_response
 from workbench.structure import Complex, Structure
+from workbench.systems.balancing import speed
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -132,6 +134,7 @@ class DiskChecker(PartsChecker):
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
     """Least and largest real factor of a disk; the largest is infinite for a half plane or more."""
+    need_numbers(alpha=alpha, skew=skew)
     up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
     if math.isinf(alpha):
         return (-up / down if down else -math.inf), math.inf
@@ -142,6 +145,7 @@ def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
 
 def disk_phase(alpha: float, skew: float = 0.0) -> float:
     """Largest phase [deg] of the factors of gain 1 in a disk."""
+    need_numbers(alpha=alpha, skew=skew)
     if math.isinf(alpha):
         return 180.0
     # |f| = 1 with f = exp(j phi): |delta| = |f - 1| / |(1 - e) / 2 + (1 + e) f / 2|
@@ -223,7 +227,11 @@ def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace
 
     D = Delta.D[[row], [column]]
     delta = control.ss(Delta.A, Delta.B[:, [column]], Delta.C[[row]], D, Delta.dt)
-    delta = control.minreal(delta, verbose=False) if delta.nstates else delta
+    if delta.nstates:  # in a unit of time of its own, because its tolerance is absolute
+        rate = speed(delta.A)
+        slow = control.ss(delta.A / rate, delta.B / rate, delta.C, delta.D, delta.dt)
+        slow = control.minreal(slow, verbose=False)
+        delta = control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, delta.dt)
     share = (1.0 + skew) / 2.0
     if abs(1.0 - share * delta.D.item()) <= INFINITE_FACTOR:
         return None

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from workbench.answer import Answer, PartsChecker, no_better
+from workbench.arrays import RealArray
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
@@ -93,8 +94,7 @@ class NuGapChecker(PartsChecker):
     def second_opinion(self, answer: NuGap) -> list[Check]:
         """Check by the formula of both plants' responses, without coprime factors."""
         poles = np.concatenate([one.poles() for one in (self.first, self.second)])
-        omega = tried_frequencies(poles, bilinear_frequency(answer.omega, self.period))
-        omega = omega[(omega > 0) & np.isfinite(omega)]
+        omega = _inner(tried_frequencies(poles, bilinear_frequency(answer.omega, self.period)))
         chord = chordal_distance(self.first, self.second, omega)
         worst = int(np.argmax(chord))
         return [
@@ -132,8 +132,7 @@ class CoprimeChecker(PartsChecker):
         """Check by the chordal distance of the plant from the controller's inverse."""
         P, K = self.plant, self.controller
         poles = np.concatenate([P.poles(), K.poles()])
-        omega = tried_frequencies(poles, answer.omega, P.dt)
-        omega = omega[(omega > 0) & np.isfinite(omega)]
+        omega = _inner(tried_frequencies(poles, answer.omega, P.dt))
         margin = loop_distance(P, K, omega)
         worst = int(np.argmin(margin))
         return [
@@ -218,6 +217,15 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     found = peak(whole, Structure([Full(m + p, m + p)]), tolerance)
     margin = CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
     return margin.checked_by(CoprimeChecker(P, K, found))
+
+
+def _inner(omega: RealArray) -> RealArray:
+    """Frequencies (F,) other than 0 and infinity; any one where there are only these.
+
+    Gains alone are the same everywhere, and integrators have no frequency of their own.
+    """
+    found = omega[(omega > 0) & np.isfinite(omega)]
+    return found if found.size else np.ones(1)
 
 
 def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:

@@ -151,13 +151,15 @@ def margins_of_channel(
         "phase": turn,
         "delay": late,
     }
+    # Poles of the plants that are lost were found in doubles, so their sizes are known no better.
+    beyond = 1.0 + REPEATED_ROUNDING
     return SetMargins(
         (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
         math.degrees(2 * math.atan(turn.lower)),
-        (1.0 / (1.0 + fall.upper), 1.0 + rise.upper),
-        math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
+        (1.0 / (1.0 + fall.upper * beyond), 1.0 + rise.upper * beyond),
+        math.degrees(2 * math.atan(turn.upper * beyond)) if turn.values is not None else math.inf,
         late.lower,
-        late.upper,
+        late.upper * beyond,
         {kind: _plant(loop, one.values) for kind, one in kinds.items() if one.values is not None},
     )
 

@@ -70,7 +70,9 @@ def bundle_plot(
     if not found.elements:
         raise InputError("the system has no uncertain element; all its members are the same")
     wanted = [kinds] if isinstance(kinds, str) else as_list(kinds, "kinds")
-    if not wanted or any(kind not in get_args(Kind) for kind in wanted):
+    if not wanted or any(
+        not isinstance(kind, str) or kind not in get_args(Kind) for kind in wanted
+    ):
         raise InputError(f"kinds are {kinds!r}; any of {get_args(Kind)} are needed")
     need_count("samples", samples)
     members = found.sample(samples, seed)

@@ -17,7 +17,7 @@ from scipy import stats
 
 from workbench import figures
 from workbench.arrays import RealArray
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.executor import InProcess, spread
 from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_count, need_whole
@@ -183,7 +183,14 @@ def _value(
     system: UncertainSystem, quantity: Callable[[StateSpace], float], seed: int, number: int
 ) -> float:
     (member,) = system.sample(1, (seed, number))
-    found = quantity(member)
+    try:
+        found = quantity(member)
+    except WorkbenchError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the quantity of member {number} raised {type(error).__name__}: {error}"
+        ) from error
     if not is_real(found) or math.isnan(found):
         raise InputError(f"the quantity of member {number} is {found!r}; a number is needed")
     return float(found)

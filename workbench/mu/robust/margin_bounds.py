@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_is_borne, delay_is_lost
 from workbench.second_opinion import peaks
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.system import IllPosedError, UncertainSystem
 
 SHORTER = 1 - 1e-6
 """Share of a delay that is proven again: a search stops where the proof has no room left."""
@@ -169,8 +170,10 @@ class StabilityChecker(PartsChecker):
                 for one in self.systems
             ]
         if answer.worst is not None:
-            members = [one.at(**answer.worst) for one in self.systems]
-            found.append(peaks.one_unstable(members))
+            with contextlib.suppress(IllPosedError):  # a pole went through infinity
+                members = [one.at(**answer.worst) for one in self.systems]
+                nominals = [one.nominal for one in self.systems]
+                found.append(peaks.one_unstable(members, nominals))
         for name, (borne, _) in answer.delays.items():
             tried = np.linspace(0.0, borne, TRIED).tolist()
             members = [self.systems[0].at(**{name: tau}) for tau in tried]

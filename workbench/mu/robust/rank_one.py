@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.geometry import Stadium
+from workbench.input_checks import as_array
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import cheapest
@@ -44,6 +45,13 @@ def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
     >>> rank_one_mu(np.array([0.3 + 0j, 0j]), np.array([0.4, 0.4])).round(6).tolist()
     [0.7, 0.4]
     """
+    real, others = as_array(real, "real", dtype=complex), as_array(others, "others")
+    try:
+        np.broadcast_shapes(real.shape, others.shape)
+    except ValueError:
+        raise InputError(
+            f"real and others have shapes {real.shape} and {others.shape}, which do not fit"
+        ) from None
     along, across, size = np.abs(real.real), np.abs(real.imag), np.abs(real)
     at_end = others * along >= across * size
     with np.errstate(divide="ignore", invalid="ignore"):

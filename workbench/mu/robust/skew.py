@@ -12,7 +12,7 @@ acceptable uncertainty", Systems & Control Letters 18 (1992) 409-421.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any
@@ -27,7 +27,7 @@ from workbench.certify.agreement import need_agreement
 from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
 from workbench.errors import InputError, SolverError, UnknownNameError
-from workbench.input_checks import as_matrices
+from workbench.input_checks import as_list, as_matrices
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
 from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
@@ -171,7 +171,8 @@ def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> 
     """Numbers of the blocks that `fixed` names."""
     names = [block.name for block in structure]
     numbers = set()
-    for one in fixed if isinstance(fixed, Iterable) and not isinstance(fixed, str) else [fixed]:
+    several = isinstance(fixed, Iterable) and not isinstance(fixed, str | Mapping)
+    for one in as_list(fixed, "fixed") if several else [fixed]:
         if isinstance(one, str):
             if names.count(one) > 1:
                 raise InputError(f"{names.count(one)} blocks are called {one!r}; give their number")
@@ -180,7 +181,7 @@ def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> 
             numbers.add(names.index(one))
         elif isinstance(one, bool) or not isinstance(one, Integral):
             raise InputError(f"fixed must be names or numbers of blocks, not {one!r}")
-        elif not 0 <= one < len(names):
+        elif not 0 <= int(one) < len(names):
             raise InputError(f"there is no block {one}; the structure has {len(names)}, from 0")
         else:
             numbers.add(int(one))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import expm, schur
@@ -11,7 +11,7 @@ from scipy.linalg import expm, schur
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import is_real, need_positive
+from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.solvers import slicot_routine
 from workbench.synthesis.implementation.sampled_loop import (
     need_fitting,
@@ -81,10 +81,7 @@ def discretised(
     if K.dt:
         raise InputError(f"K is sampled already (dt = {K.dt}); give the continuous controller")
     need_positive(sample_time, "sample_time")
-    if method not in get_args(DiscretisationMethod):
-        raise InputError(
-            f"method is {method!r}; it must be one of {get_args(DiscretisationMethod)}"
-        )
+    need_choice(method, DiscretisationMethod, "method")
     if plant is not None:
         plant, turn = plant_and_sign(plant, sign)
         need_fitting(K, plant)

@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 
 from workbench.errors import InputError, ResultError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_choice
 from workbench.synthesis.implementation.c_code.export_c import Limits, Precision, header
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.conversion import as_system
@@ -70,8 +71,7 @@ def export(
     if not isinstance(path, str | PathLike):
         raise InputError(f"the path of a file is needed, not {path!r}")
     path = Path(path)
-    if format not in get_args(Format):
-        raise InputError(f"format is {format!r}; it must be one of {', '.join(get_args(Format))}")
+    need_choice(format, Format, "format")
     if format == "c":
         if metadata:
             raise InputError("a C header takes no metadata; leave it out")

@@ -19,7 +19,7 @@ from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import as_list, need_positive, need_whole
+from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.second_opinion.c_header import code_agrees, integer_code_agrees
@@ -135,10 +135,7 @@ class Implementation(Program):
     def __post_init__(self) -> None:
         need_positive(self.period, "period")
         need_delay(self.delay)
-        if self.precision not in get_args(Precision):
-            raise InputError(
-                f"precision is {self.precision!r}; it must be one of {get_args(Precision)}"
-            )
+        need_choice(self.precision, Precision, "precision")
         fixed = self.precision == "fixed"
         if fixed and self.full_scale is None:
             raise InputError("fixed point needs full_scale=(of the measurements, of the controls)")

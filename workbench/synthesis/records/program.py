@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from workbench.conic.ray_search import dual_point, dual_ray, settled_point, sett
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.input_checks import as_array
+from workbench.input_checks import as_array, need_choice
 from workbench.program import Task
 from workbench.solvers import Outcome
 from workbench.synthesis.records import figures
@@ -104,9 +104,7 @@ class FeedbackFromRecords(ConicallyStated):
     def __post_init__(self) -> None:
         if not isinstance(self.records, StateRecords):
             raise InputError(f"records must be StateRecords, not {type(self.records).__name__}")
-        if self.criterion not in get_args(Criterion):
-            known = ", ".join(get_args(Criterion))
-            raise InputError(f"criterion is {self.criterion!r}; it must be one of {known}")
+        need_choice(self.criterion, Criterion, "criterion")
         if self.criterion == "decay":
             if not (self.C is self.D is self.F is None):
                 raise InputError("the criterion 'decay' has no performance: C, D, F must be None")

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.input_checks import need_kind, need_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,8 @@ class Mode:
                 f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
                 f"{self.longest}"
             )
+        if self.rate is not None:
+            need_numbers(rate=self.rate)
         if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
             raise InputError(
                 f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
@@ -89,7 +92,7 @@ def transitions(name: str, A: Any) -> RealArray:
     """A (V, n, n) of a mode; raises InputError for anything else."""
     try:
         array = np.asarray(A, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"mode {name!r}: A is no array of real numbers: {error}") from None
     array = array[None] if array.ndim == 2 else array
     if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
@@ -116,6 +119,8 @@ def check_modes(modes: Any) -> None:
     """Raise InputError unless there are at least two modes with the same plants and states."""
     if len(modes) < 2:
         raise InputError(f"{len(modes)} modes are given; switching needs two at least")
+    for mode in modes:
+        need_kind(mode, Mode, "each of modes")
     first = modes[0]
     for mode in modes[1:]:
         if mode.A.shape != first.A.shape:

@@ -33,6 +33,7 @@ from workbench.certificate import Check
 from workbench.certify.quadratic_forms import QuadraticForm, ball_product, ball_quotient, power
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
+from workbench.input_checks import as_list
 from workbench.program import Program
 from workbench.second_opinion.switchings import fastest_growth
 from workbench.synthesis.switching.modes import Mode, check_modes, is_whole
@@ -105,7 +106,7 @@ class SwitchedStability(Program):
     headline: ClassVar[str] = "dwell"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "modes", tuple(self.modes))
+        object.__setattr__(self, "modes", tuple(as_list(self.modes, "modes")))
         check_modes(self.modes)
         if not any(mode.shortest is None for mode in self.modes):
             raise InputError("no mode has shortest None: say whose dwell time is sought")

@@ -80,7 +80,7 @@ class RealElement(Element):
     def slope(self) -> float:
         """a."""
         up, down = self.high - self.nominal, self.nominal - self.low
-        return 2.0 * up * down / (up + down)
+        return up * (2.0 * (down / (up + down)))  # the product of both may over- or underflow
 
     @property
     def channels(self) -> tuple[str, ...]:

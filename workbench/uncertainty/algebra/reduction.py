@@ -14,6 +14,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 
@@ -150,6 +151,8 @@ def _controllable(A: Array, B: Array, C: Array, tolerance: float) -> Triple:
 
 def _range(M: Array, least: float) -> Array:
     """Orthonormal basis of the range of M, without singular values up to `least`."""
+    if not np.isfinite(M).all():
+        raise InputError("coefficients of the system overflow doubles; use other units")
     basis, values, _ = np.linalg.svd(M, full_matrices=False)
     return basis[:, values > least]
 

@@ -79,6 +79,10 @@ class Algebraic(UncertainPart):
         return _combined(-1.0, self, _series)
 
 
+class IllPosedError(InputError):
+    """Values of uncertain elements at which a system divides by zero."""
+
+
 @dataclass(frozen=True, eq=False)
 class UncertainSystem(Algebraic):
     """A system with uncertain elements; a constant one is an uncertain number or matrix.
@@ -215,8 +219,13 @@ class UncertainSystem(Algebraic):
                 continue
             parts.append(_repeated(delta, times, size))
         Delta = control.append(*parts) if len(parts) > 1 else parts[0]
-        if np.linalg.cond(np.eye(r) - whole.D[:r, :r] @ Delta.D) > 1e13:
-            raise InputError(f"the system is not well posed at {values}: it divides by zero there")
+        loop = np.eye(r) - whole.D[:r, :r] @ Delta.D
+        if not np.isfinite(loop).all():
+            raise InputError(f"the system overflows doubles at {values}")
+        if np.linalg.cond(loop) > 1e13:
+            raise IllPosedError(
+                f"the system is not well posed at {values}: it divides by zero there"
+            )
         return _upper(whole, Delta, r)
 
     def vertices(self) -> list[StateSpace]:
@@ -308,8 +317,15 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         return UncertainSystem(*pulled_out(part))
     system = part
     if isinstance(part, control.TransferFunction):
-        system = with_integrators(part) or control.ss(part)
+        try:
+            system = with_integrators(part) or control.ss(part)
+        except ValueError as error:
+            raise InputError(
+                f"{name} has no realisation: {error}; an improper one needs fast poles"
+            ) from None
     M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
+    if not np.isfinite(M).all():
+        raise InputError(f"{name} has entries that are not finite")
     dt = system.dt if system.nstates or system.dt else None
     return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
 

@@ -11,7 +11,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
+from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, growing_modes, inverse_decays
 from workbench.systems.range_hints import warn_far_frequencies
@@ -111,8 +112,7 @@ class UncertaintyCover(Program):
             if self.leave_out:
                 raise InputError("leave_out counts plants, confidence covers regions: give one")
             object.__setattr__(self, "responses", with_regions(self.responses, self.confidence))
-        if self.form not in get_args(Form):
-            raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
+        need_choice(self.form, Form, "form")
         if self.nominal is not None:
             nominal = plane_function(self.nominal, "the given nominal", self.responses.dt)
             if self.nominal is not nominal:  # else it is that of a cover made before

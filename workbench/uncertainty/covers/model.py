@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import need_choice, need_kind, need_whole
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
@@ -59,8 +60,7 @@ class UncertaintyModel(Algebraic):
     dt: Any = None  # a float after construction
 
     def __post_init__(self) -> None:
-        if self.form not in get_args(Form):
-            raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
+        need_choice(self.form, Form, "form")
         for name in ("nominal", "W_c", "W_r"):
             given = getattr(self, name)
             if given is None and name != "W_r":
@@ -268,6 +268,12 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     >>> contains(model, plants).holds, contains(narrow, plants).holds
     (True, False)
     """
+    need_kind(model, UncertaintyModel, "model")
+    need_kind(responses, Responses, "responses")
+    need_whole(leave_out, "leave_out")
+    if not 0 <= leave_out < responses.values.shape[1]:
+        plants = responses.values.shape[1]
+        raise InputError(f"leave_out is {leave_out}; it must be from 0 to {plants - 1}")
     s = 1j * responses.axis.astype(np.longdouble)
     nominal = _value(model.nominal, s)
     size = nominal if model.form == "multiplicative" else np.ones_like(nominal)

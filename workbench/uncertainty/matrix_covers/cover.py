@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self, get_args
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count
 from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.input_checks import need_choice
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.responses import plain_response
@@ -141,8 +142,7 @@ class MatrixCover(Program):
                 f"the nominal has dt = {self.nominal.dt}, the responses {self.responses.dt}"
             )
         warn_far_frequencies(self.responses.omega, self.nominal)
-        if self.form not in get_args(MatrixForm):
-            raise InputError(f"form is {self.form!r}; it must be one of {get_args(MatrixForm)}")
+        need_choice(self.form, MatrixForm, "form")
         for name in ("left_order", "right_order"):
             order = as_count(name, getattr(self, name))
             object.__setattr__(self, name, order)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from workbench.arrays import Array, RealArray
 from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import need_choice
 from workbench.structure import Full, Structure
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
@@ -61,8 +62,7 @@ class MatrixModel(Algebraic):
     form: MatrixForm = "additive"
 
     def __post_init__(self) -> None:
-        if self.form not in get_args(MatrixForm):
-            raise InputError(f"form is {self.form!r}; it must be one of {get_args(MatrixForm)}")
+        need_choice(self.form, MatrixForm, "form")
         for name in ("nominal", "W_1", "W_2"):
             object.__setattr__(self, name, as_system(getattr(self, name), name))
         rows, columns = delta_shape(self.form, self.nominal.noutputs, self.nominal.ninputs)

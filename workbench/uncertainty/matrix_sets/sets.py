@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
-from workbench.input_checks import as_array, need_numbers
+from workbench.input_checks import as_array, need_choice, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_sets.channels import equilibrated
 from workbench.uncertainty.matrix_sets.loop import (
@@ -164,8 +164,7 @@ class MatrixSets(Program):
         object.__setattr__(self, "deviations", given)
         for name, kind in (("left", Shape), ("right", Shape), ("centre", Centre), ("size", Size)):
             value = getattr(self, name)
-            if value not in get_args(kind):
-                raise InputError(f"{name} is {value!r}; it must be one of {get_args(kind)}")
+            need_choice(value, kind, name)
         need_numbers(floor=self.floor)
         if not 0 < self.floor < 1:
             raise InputError(f"floor is {self.floor}; it must lie between 0 and 1")

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +28,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
-from workbench.input_checks import need_tolerance
+from workbench.input_checks import need_choice, need_tolerance
 from workbench.structure import Full, Real, Structure
 from workbench.uncertainty.algebra.system import Algebraic
 
@@ -81,8 +81,7 @@ class EstimateRegion(Algebraic):
 
     def __post_init__(self) -> None:
         need_tolerance(self.confidence)
-        if self.region not in get_args(Region):
-            raise InputError(f"region is {self.region!r}; it must be one of {get_args(Region)}")
+        need_choice(self.region, Region, "region")
         model = self.uncertainty.model
         if model.sample_time is not None:
             raise InputError("a model in continuous time is needed, not a sampled one")

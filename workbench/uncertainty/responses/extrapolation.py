@@ -9,6 +9,7 @@ from scipy import stats
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.input_checks import is_real, need_kind
 from workbench.uncertainty.responses.plants import Responses
 
 POLYGON_CORNERS = 24
@@ -55,7 +56,8 @@ def widened(responses: Responses, content: float) -> Responses:
     >>> widened(many, content=0.9).values.shape[1] > 6
     True
     """
-    if not 0 < content < 1:
+    need_kind(responses, Responses, "responses")
+    if not (is_real(content) and 0 < content < 1):
         raise InputError(f"content is a probability between 0 and 1, it is {content}")
     count = responses.present.sum(axis=1)
     if count.min() < MIN_PLANTS:

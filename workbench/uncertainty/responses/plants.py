@@ -110,7 +110,10 @@ class Responses:
             raise InputError(
                 "values are needed: complex responses of shape (F, N), a column for each plant"
             )
-        values = np.asarray(plain_values(values))
+        try:
+            values = np.asarray(plain_values(values))
+        except Exception as error:  # an object that is no array may say so by any error
+            raise InputError(f"responses must be an array of numbers: {error}") from None
         if values.dtype.kind not in "iufc":
             raise InputError(f"responses must be numbers, they have type {values.dtype}")
         if values.ndim != 2 or len(values) != omega.size:

@@ -123,7 +123,7 @@ def header(
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(f"name is {name!r}; it must be a C identifier that starts with a letter")
-    if precision not in get_args(Precision):
+    if not (isinstance(precision, str) and precision in get_args(Precision)):
         raise InputError(f'precision is {precision!r}; it must be "double" or "float"')
     if isinstance(K, Sections):
         states, dt = 2 * sum(len(rows) for line in K.channels for rows in line), K.dt
