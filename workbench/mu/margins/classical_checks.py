@@ -87,8 +87,9 @@ class ClassicalChecker(Checker):
         loop = closed(self.loop)
         every = [np.linalg.eigvals(one.A) for one in (self.loop, loop) if one is not None]
         omega = tried_frequencies(np.concatenate(every), dt=self.loop.dt)
-        # beside undamped poles, where a response is infinite
-        omega = omega[(omega > 0) & np.isfinite(omega)] * (1.0 + POLE_STEP)
+        # Beside undamped poles, those at z = 1 too, where a response is infinite.
+        least = POLE_STEP / float(self.loop.dt) if self.loop.dt else 0.0
+        omega = omega[(omega > least) & np.isfinite(omega)] * (1.0 + POLE_STEP)
         above = np.abs(plain_response(self.loop, omega)[:, 0, 0]) - 1.0
         known = np.abs(above) > CROSSING_ROUNDING
         passed = (above[1:] * above[:-1] < 0) & known[1:] & known[:-1]

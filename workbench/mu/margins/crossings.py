@@ -159,7 +159,7 @@ def _characteristic(
     scale = max(bits[0], bits[1] + bits[2])  # of A; B and C share it
     powers = scale, bits[1], scale - bits[1]
     a, b, c = (
-        fmpz_mat(*part.shape, [p * (1 << power) // q for p, q in ratio])
+        fmpz_mat(len(part), part.shape[1], [p * (1 << power) // q for p, q in ratio])
         for part, ratio, power in zip((A, B, C), ratios, powers, strict=True)
     )
     unit = fmpq_poly([0, 1 << scale])  # s to eigenvalues of the matrix of integers
@@ -181,7 +181,8 @@ def _positive_roots(polynomial: fmpq_poly) -> list[arb]:
     if polynomial.degree() < 1:
         return []
     found: list[arb] = []
-    for root, _ in polynomial.complex_roots():
+    roots: Any = polynomial.complex_roots()  # its type in python-flint leaves multiplicities out
+    for root, _ in roots:
         x, y = root.real.mid(), root.imag.mid()
         if x > 0 and abs(y) <= TOUCHING * x:
             found.append(x)
