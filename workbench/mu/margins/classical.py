@@ -14,10 +14,8 @@ import numpy as np
 
 from workbench.answer import Answer
 from workbench.arrays import RealArray
-from workbench.certify.norms import certified_norm
-from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.mu.margins.classical_checks import ClassicalChecker, closed
+from workbench.mu.margins.classical_checks import ClassicalChecker
 from workbench.mu.margins.crossings import exact_loop
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import system_of
@@ -31,7 +29,7 @@ class ClassicalMargins(Answer):
     frequency [rad/s]. ``phases`` (K, 2): phase margin [deg] at each frequency with |L| = 1;
     negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] with which the
     closed loop has a pole at each of these. ``modulus`` is the distance of L from -1, a proven
-    lower bound; 0 where the loop is not ``stable``.
+    lower bound; 0 where the loop is not ``stable``, or where rounding of its entries decides that.
     """
 
     gains: RealArray
@@ -102,8 +100,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     phase = np.degrees(np.angle([-one.value for one in unit]))
     phases = np.column_stack([phase, omega])
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / omega, omega])
-    loop = closed(L)
-    stable = loop is not None and bool(stability_of(loop).holds)
-    modulus = 1.0 / certified_norm(loop) if stable and loop is not None else 0.0
+    stable = exact.stable()
+    modulus = exact.modulus() if stable else 0.0
     found = ClassicalMargins(gains, phases, delays, modulus, stable)
     return found.checked_by(ClassicalChecker(L, exact))

@@ -27,11 +27,14 @@ from workbench.heavy_types import StateSpace
 
 PRECISION = 192
 """Bits in which roots are isolated and responses are evaluated there."""
+MODULUS_ROUNDING = 1e-12
+"""Share by which a modulus is rounded down."""
 TOUCHING = 1e-7
 """Roots x this near to each other or to the real axis, relative to their size, are one crossing:
 a curve that touches its line in exact arithmetic has such roots in doubles."""
 ROUNDINGS = 4
-"""Multiple of the relative rounding error of every coefficient within which a response is zero."""
+"""Multiple of the relative rounding error of every entry of the loop's realisation within which a
+response counts as zero, and a loop as one that may be unstable."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,47 @@ class ExactLoop:
         ends = [self._at_zero(), self._at_infinity()]
         real = [Crossing(one.omega, complex(one.value.real)) for one in (*ends, *inside) if one]
         return sorted((one for one in real if self._seen(one)), key=lambda one: one.omega)
+
+    def stable(self) -> bool:
+        """Whether the loop closed with negative feedback is stable, and stays so under rounding."""
+        closed = self.function.numerator + self.function.denominator
+        degree = max(self.function.numerator.degree(), self.function.denominator.degree())
+        if closed.degree() < degree or self.function.denominator.degree() < self.system.nstates:
+            return False  # a pole at infinity or at half the sampling rate
+        with ctx.workprec(PRECISION):
+            roots: Any = closed.complex_roots() if degree else []
+            poles = [root for root, _ in roots]
+            if not all(pole.real < 0 for pole in poles):
+                return False
+            nearest = [self._angular(abs(pole.imag) ** 2) for pole in poles]
+        return not any(self.may_be_unstable(omega) for omega in nearest)
+
+    def modulus(self) -> float:
+        """The least |1 + L| of a stable loop, from where its derivative is 0, rounded down.
+
+        The polynomials are those of x, and the bound is proven by `exceeds`.
+        """
+        above, below = self._squares()
+        with ctx.workprec(PRECISION):
+            flat = _positive_roots(above.derivative() * below - above * below.derivative())
+            every = [acb_poly(above)(acb(x)) / acb_poly(below)(acb(x)) for x in flat]
+            sizes = [arb(value.real).sqrt() for value in every if value.is_finite()]
+        ends = [abs(1.0 + end.value) for end in (self._at_zero(), self._at_infinity()) if end]
+        return min([*map(float, sizes), *ends]) * (1.0 - MODULUS_ROUNDING)
+
+    def exceeds(self, modulus: float) -> bool:
+        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        above, below = self._squares()
+        rest = above - exact_rational(modulus) ** 2 * below
+        signs = [rest[0], rest[max(rest.degree(), 0)]]
+        roots: Any = rest.complex_roots() if rest.degree() > 0 else []
+        crossed = any(k % 2 and root.imag == 0 and not root.real < 0 for root, k in roots if root)
+        return all(sign >= 0 for sign in signs) and not crossed
+
+    def _squares(self) -> tuple[fmpq_poly, fmpq_poly]:
+        """|N + D|^2 and |D|^2."""
+        L = self.function
+        return exact_square(L.numerator + L.denominator), exact_square(L.denominator)
 
     def response(self, omega: RealArray) -> ComplexArray:
         """L at frequencies [rad/s] (F,), infinity and half the sampling rate among them."""
@@ -111,18 +155,25 @@ class ExactLoop:
         return Crossing(end, complex(_double(self._ratio(degree))))
 
     def _seen(self, at: Crossing) -> bool:
-        """Whether the response is finite, and more than the rounding of the coefficients."""
+        """Whether the response is finite, and more than the rounding of the entries of L."""
         if not np.isfinite(at.value):
             return False
         L = self.system
         size = abs(L.D[0, 0])
         if L.nstates and math.isfinite(at.omega):
-            size += (np.abs(L.C) @ np.abs(self._inverse(at.omega)) @ np.abs(L.B)).item()
+            R = np.abs(self._inverse(L.A, at.omega))
+            size += (np.abs(L.C) @ R @ np.abs(L.B)).item()
         return abs(at.value) > ROUNDINGS * EPS * size
 
-    def _inverse(self, omega: float) -> Any:
-        """(s I - A)^-1, in states that are scaled to similar sizes; NaN at a pole."""
-        A = self.system.A
+    def may_be_unstable(self, omega: float, gain: float = 1.0) -> bool:
+        """Whether rounding of the entries of L makes a pole of the loop with a gain at omega."""
+        L, factor = self.system, gain / (1.0 + gain * self.system.D[0, 0])
+        R = np.abs(self._inverse(L.A - factor * L.B @ L.C, omega))
+        entries = np.abs(L.A) + abs(factor) * np.abs(L.B) @ np.abs(L.C)
+        return not ROUNDINGS * EPS * (R.T * entries).sum() < 1.0  # true for NaN
+
+    def _inverse(self, A: RealArray, omega: float) -> Any:
+        """(s I - A)^-1; NaN at a pole."""
         s = np.exp(1j * omega * self.period) if self.period else 1j * omega
         try:
             return np.linalg.inv(s * np.eye(len(A)) - A)
