@@ -2,8 +2,8 @@
 
 A loop is a plant and a controller, P to PID, lead, lag or notch times integrators, lags,
 resonances, zeros on either side of the axis and dead time, in continuous or sampled time and in any
-unit of time. What is true of it is computed from the coefficients as they are stored: polynomials in
-omega or in z by exact arithmetic, values by mpmath.
+unit of time. What is true of it is computed from the coefficients as they are stored: polynomials
+in s or in z by exact arithmetic, values by mpmath.
 """
 
 from dataclasses import dataclass
@@ -113,7 +113,7 @@ def _controller(rng):
     )
 
 
-# --- what is true of a loop ---------------------------------------------------------------------------
+# --- what is true of a loop ---------------------------------------------------------------------
 
 
 def polynomials(system):
@@ -140,7 +140,7 @@ def _leverrier(A):
     coefficients, adjugate = [fmpq(1)], []
     for k in range(1, n + 1):
         adjugate.append(M)
-        AM = [[sum(A[i][l] * M[l][j] for l in range(n)) for j in range(n)] for i in range(n)]
+        AM = [[sum(A[i][h] * M[h][j] for h in range(n)) for j in range(n)] for i in range(n)]
         c = -sum(AM[i][i] for i in range(n)) / k
         coefficients.append(c)
         M = [[AM[i][j] + (c if i == j else 0) for j in range(n)] for i in range(n)]
@@ -203,6 +203,7 @@ def _truth(N, D, dt):
     # |1 + L|^2 is stationary where the derivative of (N + D)(N + D)* / (D D*) is zero.
     S, size = (N + D) * mirrored(N + D), D * mirrored(D)
     flat = _on_boundary(S.derivative() * size - S * size.derivative(), dt)
+    flat = [w for w in flat if at(D, _point(w, dt)) != 0]
     modulus = min((abs(1 + L(w)) for w in flat), default=mpmath.inf)
     ends = []
     end = (fmpq(-1), mpmath.pi / dt) if dt else (None, mpmath.inf)
@@ -212,8 +213,7 @@ def _truth(N, D, dt):
             above = N(s) if s is not None else N[degree]
             modulus = min(modulus, abs(1 + _mp(above / below)))
             ends.append((_mp(above / below), omega))
-    for w in real:
-        ends.append((mpmath.re(L(w)), w))
+    ends += [(mpmath.re(L(w)), w) for w in real]
     gains = [(-1 / value, w) for value, w in ends if value < 0]
     phases = [(mpmath.degrees(mpmath.arg(-L(w))), w) for w in unit]
     delays = [(mpmath.radians(p % 360) / w, w) for p, w in phases]

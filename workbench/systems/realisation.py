@@ -131,7 +131,7 @@ def companion(system: Any) -> tuple[Array, int]:
     return rows[:, None] * M * columns, n
 
 
-def state_space(system: Any) -> StateSpace:
+def with_all_poles(system: Any) -> StateSpace:
     """A StateSpace or TransferFunction as a new StateSpace, with the names of its signals.
 
     A transfer function of one input and output keeps all its poles, those at 0 exactly: the

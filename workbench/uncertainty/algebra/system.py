@@ -23,7 +23,7 @@ from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.realisation import in_words, pole_sizes, realisation, state_space
+from workbench.systems.realisation import in_words, pole_sizes, realisation, with_all_poles
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
@@ -308,7 +308,7 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         return UncertainSystem(*pulled_out(part))
     system = part
     if isinstance(part, control.TransferFunction):
-        system = state_space(part)
+        system = with_all_poles(part)
     M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
     dt = system.dt if system.nstates or system.dt else None
     return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)

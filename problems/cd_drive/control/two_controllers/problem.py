@@ -24,9 +24,9 @@ from workbench.mu.robust.stored_worst_case import restored_worst_case, stored_wo
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table, variables
 from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response
-from workbench.systems.margins import MARGIN_UNITS, each_margin
 
 from ...drive.disc import VELOCITY
+from ...drive.margins import MARGIN_UNITS, each_margin
 from ...drive.photo_diodes import CAPTURE
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
