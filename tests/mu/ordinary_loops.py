@@ -246,3 +246,54 @@ def _on_boundary(p, dt):
 def _mp(q):
     q = fmpq(q)
     return mpmath.mpf(int(q.p)) / mpmath.mpf(int(q.q))
+
+
+def disagreements(found, N, D, dt):
+    """What the classical margins of a loop N / D are not, as they are found.
+
+    A number may differ by what changes of the coefficients by half a last place make of it. Where
+    changes by some last places decide on the stability, the verdict may be "unstable".
+    """
+    exact = truth(N, D, dt)
+    pairs = list(zip(_numbers(found), _numbers(exact), strict=True))
+    close = [x == y or abs(x - y) <= 1e-12 + 1e-9 * abs(y) for x, y in pairs]
+    told = []
+    if len(found.phases) != len(exact.phases):
+        told.append(f"{len(found.phases)} crossovers, not {len(exact.phases)}")
+    if all(close) and found.stable == exact.stable and not told:
+        return []
+    rng = np.random.default_rng(0)
+    near = [truth(_rounded(N, rng), _rounded(D, rng), dt) for _ in range(8)]
+    if any(len(one.phases) != len(exact.phases) for one in near):
+        told = []
+    if found.stable != exact.stable and (found.stable or not _doubtful(N, D, dt, rng)):
+        told.append(f"stable {found.stable}, not {exact.stable}")
+    for k, (x, y) in enumerate(pairs):
+        spread = max(abs(_numbers(one)[k] - y) for one in near)
+        modulus = k == len(NUMBERS) - 1
+        if modulus and found.stable != exact.stable:
+            continue
+        if not (close[k] or abs(x - y) <= 4 * spread):
+            told.append(f"{NUMBERS[k]} {x}, not {y} within {spread:.1e}")
+    return told
+
+
+NUMBERS = ("gain down", "1 / gain up", "1 / phase", "1 / delay", "modulus")
+
+
+def _numbers(margins):
+    low, high = margins.gain
+    inverse = [1.0 / max(x, 1e-300) for x in (margins.phase, margins.delay)]
+    return [low, 1.0 / high, *inverse, margins.modulus if margins.stable else 0.0]
+
+
+def _doubtful(N, D, dt, rng):
+    """Whether one of some random changes, which are not the worst ones, makes a loop unstable."""
+    every = (truth(_rounded(N, rng, 2**48), _rounded(D, rng, 2**48), dt) for _ in range(16))
+    return not all(one.stable for one in every)
+
+
+def _rounded(polynomial, rng, precision=2**55):
+    """Coefficients changed by relative errors of up to 4 over a precision: half a last place."""
+    steps = [fmpq(int(rng.integers(-4, 5)), precision) for _ in polynomial.coeffs()]
+    return fmpq_poly([c * (1 + step) for c, step in zip(polynomial.coeffs(), steps, strict=True)])

@@ -19,6 +19,24 @@ AXIS_ROUNDING = 100.0
 a pole lies on the axis."""
 
 
+POLE_ROUNDINGS = 4
+"""Multiple of the relative rounding error of every entry of a matrix that may move its poles."""
+
+
+def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = None) -> bool:
+    """Whether changes of A by rounding, entry by entry, give it a pole at a point.
+
+    ``entries``, where A is a sum: the sum of sizes, which are rounded. The units of the states do
+    not matter.
+    """
+    try:
+        near = np.abs(np.linalg.inv(point * np.eye(len(A)) - A))
+    except np.linalg.LinAlgError:
+        return True
+    moved = (near.T * (np.abs(A) if entries is None else entries)).sum()
+    return not POLE_ROUNDINGS * EPS * moved < 1.0  # true for NaN
+
+
 def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int]:
     """An orthogonal Q and the block triangular Q^T A Q, with k poles that are not stable first.
 
