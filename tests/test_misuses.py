@@ -28,7 +28,7 @@ from workbench.synthesis import (
     reduce_order,
     sampled_conditions,
 )
-from workbench.systems import margins
+from workbench.systems import bandwidths
 from workbench.uncertainty import (
     CircleCover,
     GeneralisedPlant,
@@ -331,8 +331,8 @@ JOINTS = {
             "method": NOT_A_NAME,
         },
     ),
-    "margins": (
-        margins,
+    "bandwidths": (
+        bandwidths,
         {"loop": LAG},
         {"loop": NOT_AN_OBJECT, "frequency": ("all", [-1.0, 1.0], [math.nan], [])},
     ),

@@ -29,7 +29,7 @@ def test_the_surface_is_read():
     names = {one.place: one for one in library().names}
     assert len(names) > 2000
     assert names["workbench.mu.peak(band)"].unit == "rad/s"  # a section
-    assert names["workbench.systems.Margins.crossover_hz"].unit == "Hz"  # a table
+    assert names["workbench.simulation.Repetitive.corner"].unit == "Hz"  # a table
     assert names["workbench.mu.Sweep.within(low)"].unit == "rad/s"  # prose
     assert names["workbench.uncertainty.Responses.frequency"].kind == "property"
     assert names["workbench.mu.CoprimeMargin.omega"].answer

@@ -71,11 +71,12 @@ def test_a_periodic_disturbance_is_forgotten():
 
 def test_refusals():
     with pytest.raises(InputError, match="rotation frequency is 0"):
-        Repetitive(0.0, PERIOD)
+        Repetitive(0.0, PERIOD, 200.0)
     with pytest.raises(InputError, match="gain above 0 to 1"):
-        Repetitive(5.0, PERIOD, gain=1.5)
+        Repetitive(5.0, PERIOD, 200.0, gain=1.5)
     with pytest.raises(InputError, match="corner is 600"):
         Repetitive(5.0, PERIOD, corner=600.0)
     with pytest.raises(InputError, match="corner is 3"):
         Repetitive(5.0, PERIOD, corner=3.0)
-    assert respond(Repetitive(5.0, PERIOD).lowpass, np.ones((2000, 1)))[-1, 0] == pytest.approx(1.0)
+    lowpass = Repetitive(5.0, PERIOD, 200.0).lowpass
+    assert respond(lowpass, np.ones((2000, 1)))[-1, 0] == pytest.approx(1.0)

@@ -23,7 +23,7 @@ def test_arithmetic(w, a, b):
     assert play(total(), [[w, a, b]])[0, 0] == pytest.approx(w + a + b, abs=1e-9)
 
 
-@pytest.mark.parametrize("part", [blend(), removed(), following(PI, PERIOD)])
+@pytest.mark.parametrize("part", [blend(), removed(), following(PI, PERIOD, 500.0)])
 @pytest.mark.parametrize("w", [-0.1, 1.1])
 def test_a_quality_that_is_none_is_reported(part, w):
     row = [0.0, w, 0.0] if part.outputs == 1 and len(part.state) else [w, 1.0, 1.0]
@@ -45,10 +45,10 @@ def test_one_in_charge_is_the_linear_controller():
     e = np.random.default_rng(0).standard_normal(200)
     record = np.column_stack([e, np.ones(200), np.full(200, 77.0)])
     expected = play(linear(PI, PERIOD), e[:, None])
-    np.testing.assert_allclose(play(following(PI, PERIOD), record), expected, atol=1e-12)
+    np.testing.assert_allclose(play(following(PI, PERIOD, 500.0), record), expected, atol=1e-12)
     record[:, 1] = 0.0
     np.testing.assert_allclose(
-        play(following(PI, PERIOD, substitute=True), record), expected, atol=1e-12
+        play(following(PI, PERIOD, 500.0, substitute=True), record), expected, atol=1e-12
     )
 
 
@@ -70,7 +70,7 @@ def test_followers_that_cannot():
     with pytest.raises(InputError, match="rate is 0"):
         following(PI, PERIOD, rate=0.0)
     with pytest.raises(InputError, match="2 inputs"):
-        following(control.ss([], [], [], [[1.0, 2.0]]), PERIOD)
+        following(control.ss([], [], [], [[1.0, 2.0]]), PERIOD, 500.0)
     hidden = control.ss(np.diag([0.999, 0.99]), [[1.0], [1.0]], [[1.0, 0.0]], 0.0, PERIOD)
     with pytest.raises(InputError, match="no observer"):
         following(hidden, PERIOD, rate=200.0)

@@ -56,7 +56,7 @@ def in_units(system, seed, decades, time):
 def frequencies(system):
     """Frequencies of zeros on the axis, by balanced states and a suitable unit of time."""
     A, B, C, D = system
-    rate = speed(A)
+    rate = speed(A, B, C)
     root = np.sqrt(rate)
     return [rate * zero.omega for zero in axis_zeros(*balanced(A / rate, B / root, C / root), D)]
 

@@ -12,7 +12,7 @@ from workbench.diagnosis import FaultModel, detectability, performance_index, tr
 from workbench.errors import RangeWarning
 from workbench.mu import Complex, Full, Structure, frequency_sweep, peak, performance_sweep
 from workbench.synthesis import Implementation, sampled_conditions
-from workbench.systems import bandwidths, margins
+from workbench.systems import bandwidths
 from workbench.systems.range_hints import warn_far_frequencies, warn_far_period
 from workbench.uncertainty import (
     CircleCover,
@@ -139,7 +139,6 @@ def test_what_takes_frequencies_and_a_system_tells():
         lambda: detectability(model, omega),
         lambda: transfer(Q, model, ["f"], omega),
         lambda: performance_index(Q, model, (1e4, 1e6)),
-        lambda: margins(LAG, omega),
         lambda: bandwidths(LAG, omega),
     )
     for ask in asked:

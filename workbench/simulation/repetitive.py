@@ -17,7 +17,7 @@ theorem the loop is stable for every delay if S is stable and |Q (1 - g T)| < 1 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -50,8 +50,8 @@ class Repetitive:
 
     rotation: float
     period: float
-    corner: float = 200.0
-    gain: float = 1.0
+    corner: float
+    gain: float = field(default=1.0, kw_only=True)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rotation < math.inf:

@@ -94,7 +94,8 @@ def ramped(rate: float, start: float, period: float) -> Controller:
 def following(
     system: StateSpace | TransferFunction,
     period: float,
-    rate: float = 500.0,
+    rate: float,
+    *,
     substitute: bool = False,
 ) -> Controller:
     """Linear controller that tracks the command while it is not in charge: bumpless transfer.

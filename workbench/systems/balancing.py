@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import EPS, Array, RealArray
 
 
 def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray, RealArray]:
@@ -28,11 +28,38 @@ def state_units(A: RealArray, B: RealArray, C: RealArray) -> RealArray:
     return balancing(M, len(A))[0][: len(A)]
 
 
-def speed(A: RealArray) -> float:
-    """Median size of the poles other than integrators [rad/s], a power of two; 1 without any."""
-    size = np.abs(np.linalg.eigvals(A)) if len(A) else np.zeros(0)
+def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
+    """A frequency [rad/s] to measure time by, a power of two; 1 for a system without any.
+
+    It is the median size of the poles other than integrators. Where all poles are integrators their
+    eigenvalues are rounding, and the gain tells it: the response is nearly h / s^k at high
+    frequencies.
+    """
+    n = len(A)
+    power, bound = np.eye(n), np.eye(n)
+    for k in range(1, n + 1):
+        power, bound = power @ A, bound @ np.abs(A)
+        if not (np.abs(power) > k * n * EPS * bound).any():  # A^k is 0 up to the rounding of A
+            return _speed_of_integrators(A, B, C)
+    size = np.abs(np.linalg.eigvals(A)) if n else np.zeros(0)
     size = size[size > 1e-8 * size.max(initial=0.0)]
-    return float(np.exp2(np.round(np.log2(np.median(size))))) if len(size) else 1.0
+    return _power_of_two(float(np.median(size))) if len(size) else 1.0
+
+
+def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
+    """h^(1/k) of the largest entry h of the first C A^(k-1) B that is not 0."""
+    rows, bound = C, np.abs(C)
+    for k in range(1, len(A) + 1):
+        h = np.abs(rows @ B)
+        h = h[h > k * len(A) * EPS * (bound @ np.abs(B))]
+        if h.size:
+            return _power_of_two(float(h.max()) ** (1.0 / k))
+        rows, bound = rows @ A, bound @ np.abs(A)
+    return 1.0
+
+
+def _power_of_two(size: float) -> float:
+    return float(np.exp2(np.round(np.log2(size))))
 
 
 FAR = 2.0**200

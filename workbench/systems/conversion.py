@@ -12,7 +12,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.joints import system_of
-from workbench.systems.realisation import with_integrators
+from workbench.systems.realisation import with_all_poles
 
 
 def as_system(system: Any, name: str) -> StateSpace:
@@ -21,7 +21,6 @@ def as_system(system: Any, name: str) -> StateSpace:
     Raises InputError as it does, for an improper system, a system without inputs or outputs, and a
     system with entries that are not finite. `name` is what its message calls the system.
     """
-    import control
 
     system = system_of(system, name)
     if not (system.ninputs and system.noutputs):
@@ -29,7 +28,7 @@ def as_system(system: Any, name: str) -> StateSpace:
             f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it needs one each"
         )
     try:
-        found = with_integrators(system) or control.ss(system)
+        found = with_all_poles(system)
     except ValueError as error:
         raise InputError(
             f"{name} has no realisation: {error}; an improper one needs fast poles"

@@ -1,4 +1,4 @@
-"""Gain and phase margins, crossings and bandwidths of single loops, from their responses.
+"""Crossings and bandwidths of single loops, from their responses.
 
     L = loop transfer function, closed with negative feedback: S = 1 / (1 + L), T = L / (1 + L)
 
@@ -9,8 +9,7 @@ of a sampled loop with an integrator lose all digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,17 +19,16 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
-from workbench.systems.frequency_grid import starting_grid
+from workbench.systems.frequency_grid import GRID_REACH, starting_grid
 from workbench.systems.generalised_plant import response
 from workbench.systems.range_hints import warn_far_frequencies
 
-LOWEST, HIGHEST = 1.0, 1e5
-"""Default frequency range [Hz] in which crossings are searched."""
 NYQUIST_SHARE = 0.999
 """The search in a sampled loop ends at this share of half its sampling frequency, where the
 response of a hold is still regular."""
 SEARCH_POINTS = 600
-"""Frequencies of the default search grid. Two crossings between neighbours are missed."""
+"""Least number of frequencies of the default search grid. Two crossings between neighbours are
+missed."""
 LAST_POINTS = 33
 """Frequencies between those where the last crossing lies: they take less time than bisection."""
 HALF_POWER = 2**-0.5
@@ -59,26 +57,34 @@ def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
     return values
 
 
-def search_grid(loop: StateSpace, lowest: float = LOWEST, highest: float = HIGHEST) -> RealArray:
+def search_grid(loop: StateSpace) -> RealArray:
     """Frequencies [Hz] (F,) between which crossings of a loop are searched.
 
-    They reach from `lowest` to `highest` [Hz]; in a sampled loop to just below half its sampling
-    frequency. Raises InputError for an empty range.
+    They reach from below the slowest to above the fastest pole of the loop, open and closed; in a
+    sampled loop to just below half its sampling frequency.
 
     Examples
     --------
     >>> import control
     >>> from workbench.systems import search_grid
-    >>> grid = search_grid(control.ss(control.tf([1.0], [1.0, 1.0])), 0.1, 100.0)
-    >>> float(grid[0]), round(float(grid[-1]), 6)
-    (0.1, 100.0)
+    >>> grid = search_grid(control.ss(control.tf([1.0], [1.0, 1.0])))  # poles 1 and 2 rad/s
+    >>> (2 * np.pi * grid[[0, -1]]).round(6).tolist()
+    [0.01, 200.0]
     """
-    end = NYQUIST_SHARE / loop.dt / 2 if loop.dt else highest
-    if not 0.0 < lowest < end < math.inf:
-        raise InputError(
-            f"crossings are searched from {lowest:g} to {end:g} Hz; the range is empty"
-        )
-    return np.geomspace(lowest, end, SEARCH_POINTS)
+    direct = 1.0 + loop.D[0, 0]
+    closed = [np.linalg.eigvals(loop.A - loop.B @ loop.C / direct)] if direct else []
+    poles, end = np.concatenate([loop.poles(), *closed]).astype(complex), math.inf
+    if loop.dt:
+        period = 1.0 if loop.dt is True else loop.dt
+        poles = np.log(poles[np.abs(poles) > 0]) / period
+        end = np.pi * NYQUIST_SHARE / period
+    omega = starting_grid(poles)
+    omega = omega[(omega > 0) & (omega < end)]
+    if not omega.size:  # no pole but at 0: there is nothing to cross, or only in samples
+        omega = np.array([1.0 / GRID_REACH, 1.0]) * (end if loop.dt else 1.0)
+    ends = omega[0], end if loop.dt else omega[-1]
+    every: RealArray = np.union1d(np.geomspace(*ends, SEARCH_POINTS), omega) / (2 * np.pi)
+    return every
 
 
 def crossings(curve: Curve, frequency: RealArray) -> RealArray:
@@ -93,8 +99,9 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     """
     from scipy.optimize.elementwise import find_root
 
-    before = np.flatnonzero(np.diff(np.sign(curve(frequency))))
     ends = np.log(frequency)
+    # as seen by the search, for which a crossing may lie at a frequency of the grid
+    before = np.flatnonzero(np.diff(curve(np.exp(ends)) > 0))
     found = find_root(lambda x: curve(np.exp(x)), (ends[before], ends[before + 1]))
     roots: RealArray = np.exp(found.x)
     return roots
@@ -163,103 +170,6 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     low, high = frequency[changes[-1]], frequency[changes[-1] + 1]
     # Rounding may move a crossing at the lower end out of the range.
     return float(crossings(excess, np.geomspace(low, high, LAST_POINTS)).max(initial=low))
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Gain and phase margins of a stable loop.
-
-    decrease, increase        factors on the loop's gain at which it becomes unstable, the nearest
-                              below and above 1; 0 and infinity where there is none;
-    decrease_hz, increase_hz  frequencies [Hz] at which the loop then oscillates; NaN without one;
-    phase                     phase margin [deg] of the crossover with the smallest; infinite
-                              without a crossover;
-    crossover_hz              frequency [Hz] of that crossover, where |L| = 1; NaN without one.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.systems import margins
-    >>> L = control.ss(control.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
-    >>> found = margins(L, [0.01, 0.1, 0.2, 1.0])
-    >>> round(found.increase, 4)  # 8 / 2
-    4.0
-    """
-
-    decrease: float
-    increase: float
-    decrease_hz: float
-    increase_hz: float
-    phase: float
-    crossover_hz: float
-
-    @property
-    def gain_db(self) -> float:
-        """Gain margin [dB]: the smaller of both changes, up or down."""
-        down = math.inf if self.decrease == 0 else -math.log10(self.decrease)
-        return 20 * min(math.log10(self.increase), down)
-
-
-MARGIN_UNITS = {
-    "decrease": "1",
-    "increase": "1",
-    "decrease_hz": "Hz",
-    "increase_hz": "Hz",
-    "phase": "deg",
-    "crossover_hz": "Hz",
-}
-"""Fields of Margins, and the unit of each."""
-
-
-def each_margin(rows: Iterable[Iterable[StateSpace]]) -> dict[str, list[list[float]]]:
-    """Margins of rows of loops: a list of rows for each name of MARGIN_UNITS."""
-    found = [[margins(loop) for loop in row] for row in rows]
-    return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}
-
-
-def margins(loop: StateSpace, frequency: ArrayLike | None = None) -> Margins:
-    """Gain and phase margins of a stable loop, from where its response crosses the real axis.
-
-    Parameters
-    ----------
-    loop
-        L, one input and one output, closed with negative feedback. Its stability is not checked.
-    frequency
-        Grid [Hz] (F,) between whose points crossings are searched; None: `search_grid(loop)`.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.systems import margins
-    >>> L = control.ss(control.tf([1e6], [1.0, 300.0, 3e4, 0.0]))
-    >>> found = margins(L)
-    >>> round(found.increase, 4)  # 300 * 3e4 / 1e6
-    9.0
-    >>> round(found.increase_hz, 3)  # sqrt(3e4) rad/s
-    27.566
-    """
-
-    def L(at: RealArray) -> ComplexArray:
-        return loop_response(loop, at)
-
-    grid = _grid(loop, frequency)
-    at = crossings(lambda f: L(f).imag, grid)
-    negative = at[L(at).real < 0] if at.size else at
-    limit = -1 / L(negative).real if negative.size else negative
-    below, above = np.flatnonzero(limit < 1), np.flatnonzero(limit > 1)
-    low = below[np.argmax(limit[below])] if below.size else None
-    high = above[np.argmin(limit[above])] if above.size else None
-    gains = crossings(lambda f: np.log(abs(L(f))), grid)
-    phases = np.degrees(np.angle(-L(gains))) if gains.size else np.array([math.inf])
-    nearest = int(np.argmin(abs(phases)))
-    return Margins(
-        0.0 if low is None else float(limit[low]),
-        math.inf if high is None else float(limit[high]),
-        math.nan if low is None else float(negative[low]),
-        math.nan if high is None else float(negative[high]),
-        float(phases[nearest]),
-        float(gains[nearest]) if gains.size else math.nan,
-    )
 
 
 def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str, float]:

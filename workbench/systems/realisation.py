@@ -51,7 +51,7 @@ def in_words(system: StateSpace) -> str:
     return f"order {system.nstates}, {'stable' if stable else 'UNSTABLE'} itself{fastest}"
 
 
-def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
+def realisation(matrices: Matrices, dt: float | None, **labels: Any) -> StateSpace:
     """A StateSpace of the matrices, with every state kept; `labels` name its signals.
 
     Raises InputError for entries that are not finite.
@@ -140,18 +140,18 @@ def companion(system: Any) -> tuple[Array, int]:
     return rows[:, None] * M * columns, n
 
 
-def with_integrators(system: Any) -> StateSpace | None:
-    """A continuous SISO transfer function with poles at 0, realised so that they are exactly there.
+def with_all_poles(system: Any) -> StateSpace:
+    """A StateSpace or TransferFunction as a new StateSpace, with the names of its signals.
 
-    None for any other system: python-control's own realisation moves such poles by rounding, which
-    matters where nothing else tells how fast the system is.
+    A transfer function of one input and output keeps all its poles, those at 0 exactly: the
+    realisation of python-control moves these by rounding, takes coefficients below 1e-14 for 0 in
+    any unit of time, and leaves out poles that zeros cancel. Raises InputError for an improper one.
     """
     import control
 
-    siso = isinstance(system, control.TransferFunction) and system.issiso()
-    if not siso or system.dt or not len(system.den[0][0]) > 1 or system.den[0][0][-1] != 0.0:
-        return None
+    if not isinstance(system, control.TransferFunction) or not system.issiso():
+        return control.ss(system)
     M, n = companion(system)
     parts = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
-    return realisation(parts, 0.0, **labels)
+    return realisation(parts, system.dt, **labels)

@@ -32,10 +32,10 @@ from workbench.study import (
     table,
     with_interval,
 )
-from workbench.systems.margins import Margins, margins
 from workbench.tables import markdown
 
 from ..drive.disc import Disc
+from ..drive.margins import NearestMargins, nearest_margins
 from ..drive.plants import controller
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, drives, gain_margins, red_book
@@ -160,12 +160,12 @@ class GainRamp(Study):
         return {name: ended[..., n] for n, name in enumerate(Ending._fields)}
 
     @part
-    def limits(self) -> list[Margins]:
+    def limits(self) -> list[NearestMargins]:
         """Margins of every drive's sampled loop, by its model."""
-        return [margins(self.loop(one.name)) for one in drives(self.axis)]
+        return [nearest_margins(self.loop(one.name)) for one in drives(self.axis)]
 
     @arrays((drive, direction), model="dB", model_frequency="Hz")
-    def by_model(self, limits: list[Margins]) -> dict[str, Any]:
+    def by_model(self, limits: list[NearestMargins]) -> dict[str, Any]:
         """Change of the gain at which the sampled loop becomes unstable, and its frequency."""
         return {
             "model": [20.0 * np.log10([one.increase, one.decrease]) for one in limits],

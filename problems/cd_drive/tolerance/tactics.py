@@ -39,6 +39,8 @@ from ..laboratory.experiment import MEASUREMENTS, Laboratory
 if TYPE_CHECKING:
     from control.lti import LTI
 
+FOLLOWING = 500.0
+"""Rate [1/s] at which the controller that is not in charge follows the command."""
 CORNER = 200.0
 """Corner [Hz] of the repetitive control's low-pass: 36 harmonics of the rotation."""
 
@@ -164,11 +166,11 @@ class Strategies:
                 Part("K'", linear(other, PERIOD), ["f_en"], ["u_k'"]),
                 Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
             ]
+        follower = following(self.controller, PERIOD, FOLLOWING)
+        substitute = following(other, PERIOD, FOLLOWING, substitute=True)
         return [
-            Part("K", following(self.controller, PERIOD), ["f_en", "w_Q", "u_last"], ["u_k"]),
-            Part(
-                "K'", following(other, PERIOD, substitute=True), ["f_en", "w_Q", "u_last"], ["u_k'"]
-            ),
+            Part("K", follower, ["f_en", "w_Q", "u_last"], ["u_k"]),
+            Part("K'", substitute, ["f_en", "w_Q", "u_last"], ["u_k'"]),
             Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
         ]
 

@@ -29,7 +29,7 @@ def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
     chains of equal lags are not. Coordinates in which the Gramians are equal are better; states
     that no channel sees are left out, whose stability is known.
     """
-    rate = speed(whole.A)
+    rate = speed(whole.A, whole.B[:, :columns], whole.C[:rows])
     A, B, C = balanced(whole.A / rate, whole.B[:, :columns] / rate, whole.C[:rows])
     left, right, _ = balancing_projections(*gramian_factors(A, B, C))
     parts = balanced(rate * (left @ A @ right), rate * (left @ B), C @ right)

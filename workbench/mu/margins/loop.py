@@ -17,6 +17,7 @@ from workbench.input_checks import is_real, need_tolerance
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_of
+from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
 from workbench.uncertainty.algebra.functions import append, feedback
@@ -213,6 +214,20 @@ def need_stable_loop(loop: StateSpace) -> None:
             f"the closed loop is unstable at the nominal: it has a pole at {worst:.6g}; the loop "
             "is closed with negative feedback, u = -K y"
         )
+    _need_clearly_stable(loop)
+
+
+def _need_clearly_stable(loop: StateSpace) -> None:
+    """Raise InputError where rounding of the entries of a stable loop may make it unstable."""
+    poles = loop.poles()
+    boundary = np.exp(1j * np.angle(poles)) if loop.dt else 1j * poles.imag
+    for pole, point in zip(poles, boundary, strict=True):
+        if pole_may_be_at(complex(point), loop.A):
+            raise InputError(
+                "the closed loop may be unstable at the nominal: rounding of its coefficients "
+                f"moves its pole at {pole:.6g} to the boundary; give plant and controller as "
+                "state-space systems, or sample more slowly"
+            )
 
 
 def _names(inputs: int, outputs: int) -> list[str]:

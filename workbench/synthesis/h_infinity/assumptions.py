@@ -178,7 +178,7 @@ def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]
         response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
         u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
     Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
-    rate = speed(plant.A)
+    rate = speed(plant.A, plant.B, plant.C)
     # All channels count for the units, those of states that z does not show too.
     factor = state_units(plant.A / rate, plant.B, plant.C)
     A, B2 = plant.A * factor[:, None] / factor, plant.B2 * factor[:, None]

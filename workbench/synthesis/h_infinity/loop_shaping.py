@@ -190,7 +190,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     if system.dt:
         A, B, C, D = to_continuous((A, B, C, D))
-    rate = speed(A)
+    rate = speed(A, B, C)
     root = math.sqrt(rate)
     A, B, C = balanced(A / rate, B / root, C / root)
     found = _solutions((A, B, C, D))

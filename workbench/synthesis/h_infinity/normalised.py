@@ -82,7 +82,7 @@ def normalised_plant(plant: StandardPlant) -> Scaled:
     D[outputs:, inputs - plant.measurements : inputs] = np.eye(plant.measurements)
     A, B, C = minimal(*balanced(plant.A, M, N))
     A, B, C = balanced(A, B, C)
-    rate = speed(A)
+    rate = speed(A, B, C)
     root = math.sqrt(rate)
     A, B, C = A / rate, B / root, C / root
     normal = replace(plant, A=A, B=B, C=C, D=D)

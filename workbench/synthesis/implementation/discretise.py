@@ -147,7 +147,7 @@ def block_diagonal(
         return A, B, C
     units = state_units(A, B, C)
     A, B, C = A * units[:, None] / units, B * units[:, None], C / units
-    rate = speed(A)
+    rate = speed(A, B, C)
     T, Q = schur(A / rate)
     blocks, X, sizes, _ = mb03rd(n, T, Q, sort="S", pmax=SEPARATION_NORM)
     B, C = np.linalg.solve(X, B), C @ X

@@ -10,15 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import schur, solve_sylvester, sqrtm
+from scipy.linalg import solve_sylvester, sqrtm
 
-from workbench.arrays import EPS, RealArray
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
+from workbench.systems.axis_poles import stable_last
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.gramians import balancing_projections, gramian_factors
-from workbench.systems.minimal import ZERO_ROUNDING
 from workbench.systems.realisation import Matrices
 
 Reducer = Callable[[int], Matrices]
@@ -168,7 +168,7 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
     output, entering = _multipliers(plant, peak)
     A, B, C, _ = loop
     B, C = B @ entering, output @ C
-    rate = speed(A)
+    rate = speed(A, B, C)
     units = state_units(A / rate, B, C)
     S, R = gramian_factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
     own = units[len(A) - n :]
@@ -205,7 +205,7 @@ def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealAr
 def _scaled(K: Matrices) -> tuple[float, Matrices]:
     """A rate [rad/s], and K in time scaled by it with balanced states."""
     A, B, C, D = K
-    rate = speed(A)
+    rate = speed(A, B, C)
     A, B = A / rate, B / rate
     units = state_units(A, B, C)
     return rate, (A * units[:, None] / units, B * units[:, None], C / units, D)
@@ -221,8 +221,7 @@ def _split(K: Matrices) -> Split:
     """Split K by an ordered Schur form and a Sylvester equation that removes the coupling."""
     A, B, C, D = K
     n = len(A)
-    boundary = -ZERO_ROUNDING * EPS * n * float(np.linalg.norm(A))
-    T, Q, k = schur(A, sort=lambda re, im: re >= boundary) if n else (A, A, 0)
+    Q, T, k = stable_last(A)
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
     B, C = Q.T @ B, C @ Q
     kept = T[:k, :k], B[:k] - X @ B[k:], C[:, :k], np.zeros_like(D)

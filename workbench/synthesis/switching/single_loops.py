@@ -16,9 +16,8 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.mu import conditions
+from workbench.mu import classical_margins, conditions
 from workbench.synthesis.switching.loops import closed_transition
-from workbench.systems.margins import margins
 from workbench.systems.sampling import sampled
 
 if TYPE_CHECKING:
@@ -114,8 +113,9 @@ class SingleLoops:
                 for k, G in enumerate(self.plants):
                     growths[i, j, k] = self.growth(K, G, sampling)
                     if growths[i, j, k] < 0.0:
-                        found = margins(self.open_loop(K, G, sampling))
-                        gains[i, j, k], phases[i, j, k] = found.gain_db, found.phase
+                        found = classical_margins(self.open_loop(K, G, sampling))
+                        phase = min(found.phases[:, 0], key=abs, default=math.inf)
+                        gains[i, j, k], phases[i, j, k] = found.gain_db, phase
         return MarginsOfPlants(gains, phases, growths)
 
     def robust(self, uncertain: GeneralisedPlant, context: Context) -> RealArray:

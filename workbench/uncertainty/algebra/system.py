@@ -23,7 +23,7 @@ from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.realisation import in_words, pole_sizes, realisation, with_integrators
+from workbench.systems.realisation import in_words, pole_sizes, realisation, with_all_poles
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
@@ -318,7 +318,7 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
     system = part
     if isinstance(part, control.TransferFunction):
         try:
-            system = with_integrators(part) or control.ss(part)
+            system = with_all_poles(part)
         except ValueError as error:
             raise InputError(
                 f"{name} has no realisation: {error}; an improper one needs fast poles"

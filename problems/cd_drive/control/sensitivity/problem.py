@@ -24,9 +24,9 @@ from workbench.mu import Peak, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
-from workbench.systems import bands, bandwidths, loop_response, margins
-from workbench.systems.margins import MARGIN_UNITS, each_margin
+from workbench.systems import bands, bandwidths, loop_response
 
+from ...drive.margins import MARGIN_UNITS, each_margin, nearest_margins
 from ...drive.plants import Gain
 from ...drive.red_book import ACCEPTABLE_ERROR, envelope
 from ...drive.shared_parameters import TABLES, Frequencies
@@ -175,7 +175,7 @@ class Sensitivity(Study):
 
         def margin(delay: float) -> float:
             loops = list(self.delayed(delay).values())[:-1]
-            return float(np.mean([margins(loop).gain_db for loop in loops]))
+            return float(np.mean([nearest_margins(loop).gain_db for loop in loops]))
 
         return [
             _zero(lambda delay: margin(delay) - printed),

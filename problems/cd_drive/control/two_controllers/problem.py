@@ -27,9 +27,9 @@ from workbench.mu.robust.skewed_bounds import (
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table, variables
 from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response
-from workbench.systems.margins import MARGIN_UNITS, each_margin
 
 from ...drive.disc import VELOCITY
+from ...drive.margins import MARGIN_UNITS, each_margin
 from ...drive.photo_diodes import CAPTURE
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR

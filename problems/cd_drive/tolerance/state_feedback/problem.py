@@ -37,11 +37,11 @@ from workbench.study import (
 )
 from workbench.study.draws import SURE
 from workbench.systems import loop_response
-from workbench.systems.margins import margins
 from workbench.tables import markdown
 
 from ...diagnosis.defect_runs import ROTATION
 from ...diagnosis.scratch_draws import ScratchDraw
+from ...drive.margins import nearest_margins
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
@@ -162,7 +162,7 @@ class StateFeedbackStudy(Study):
     @arrays((loop_of, drive), gain_margin="dB", phase_margin="deg", growth="1/s", crossover="Hz")
     def judged(self, loops: list[list[StateSpace]]) -> dict[str, Any]:
         """Margins, rate of the slowest motion, crossover."""
-        every = [[margins(one) for one in row] for row in loops]
+        every = [[nearest_margins(one) for one in row] for row in loops]
         return {
             "gain_margin": [[one.gain_db for one in row] for row in every],
             "phase_margin": [[one.phase for one in row] for row in every],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.margins import nearest_margins
 from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.gain_ramp import (
     DIRECTIONS,
@@ -12,7 +13,6 @@ from workbench.plants.cd_drive.laboratory.gain_ramp import (
 
 import workbench as wb
 from workbench.solvers import Options
-from workbench.systems import margins
 
 
 @pytest.mark.parametrize("frequency", [84.0, 1700.0])
@@ -25,7 +25,7 @@ def test_the_frequency_of_a_growing_oscillation(frequency):
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_models_limits_lie_within_the_ramps(axis):
-    limits = [margins(gain_ramp(axis).loop(f"CD{n}")) for n in range(1, 13)]
+    limits = [nearest_margins(gain_ramp(axis).loop(f"CD{n}")) for n in range(1, 13)]
     assert max(20 * np.log10(one.increase) for one in limits) < FARTHEST["up"]
     assert max(-20 * np.log10(one.decrease) for one in limits) < FARTHEST["down"]
 

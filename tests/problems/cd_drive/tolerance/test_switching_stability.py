@@ -5,6 +5,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.margins import nearest_margins
 from workbench.plants.cd_drive.drive.plants import (
     controller,
     nominal_parameters,
@@ -37,7 +38,6 @@ from workbench.synthesis import (
     switched_loop,
 )
 from workbench.synthesis.switching.cells import ParameterCell
-from workbench.systems import margins
 
 K = control.ss(controller("focus"))
 LOWER = K * (1 / 3)
@@ -66,7 +66,7 @@ def deviations(loop, false=0.5, longest=30):
 def test_figure_8_10():
     F = control.ss(-900 * np.pi, 900 * np.pi, 1.0, 0.0)
     G = plant(nominal_parameters("focus"), total_gain("focus"))
-    found = margins(sampled(G, PERIOD) * discretised(K * F, PERIOD))
+    found = nearest_margins(sampled(G, PERIOD) * discretised(K * F, PERIOD))
     assert found.gain_db == pytest.approx(3.0, abs=0.5)
     assert found.phase == pytest.approx(8.0, abs=1.0)
 

@@ -1,0 +1,123 @@
+"""Numbers with a unit come from the system at hand or from the caller; what is left, and why.
+
+Every default of a function or a field, and every constant of a module, that its docstring gives a
+unit of time, frequency, length or voltage is found in the sources. 0 and infinity have no unit, and
+angles and samples are none.
+"""
+
+import ast
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / "workbench"
+UNIT = re.compile(r"\[(rad/s|k?Hz|m?s|us|1/s|m|mm|um|nm|V|A|N|W|kg|m/s|V/m)\]")
+NAMES = re.compile(r"_(hz|seconds|s)$", re.IGNORECASE)
+
+LEFT = {
+    "time of this computer, not of a system": """
+        bench/cells/answer.py: WARM_UP
+        bench/cells/answer.py: CHECK_LIMIT
+        bench/comparison/numbers.py: SHIFTS
+        compiled.py: LONGEST_COMPILATION
+        executor/cluster.py: ANSWER
+        executor/local_cluster.py: START
+        executor/workers.py: LOOK
+        starter/kept_weights.py: SECONDS
+        synthesis/mu/structured/fixed.py: SHORTEST""",
+    "width of a figure on paper": """
+        figures/styles.py: NARROWEST
+        figures/styles.py: WIDEST
+        figures/styles.py: WIDTHS""",
+    "1 where it is not given: times count samples then": """
+        identification/experiments/several.py: Experiments(sample_time)
+        identification/innovations/model.py: InnovationsModel(sample_time)
+        identification/responses/periodic_local.py: periodic_local_polynomial(sample_rate)
+        identification/responses/periodic_local.py: response(sample_rate)
+        identification/state_space/identified.py: IdentifiedModels(sample_time)""",
+    "how units are written": """
+        identification/experiments/signals.py: SECONDS
+        synthesis/mu/member_figures.py: LONGEST_IN_MS""",
+    "a multiple of the highest frequency given": """
+        fitting/factored.py: MISSING_ZERO_FACTOR""",
+}
+"""Why the numbers of some places belong to no system. The list only shrinks."""
+
+
+def numbers(node: ast.expr | None) -> list[float]:
+    """Numbers in an expression other than 0 and infinity."""
+    found = [one.value for one in ast.walk(node) if isinstance(one, ast.Constant)] if node else []
+    kinds = [one for one in found if isinstance(one, int | float) and not isinstance(one, bool)]
+    return [one for one in kinds if one and math.isfinite(one)]
+
+
+def places(source: str, path: str) -> Iterator[str]:
+    """Places of one file whose numbers have a unit."""
+    tree = ast.parse(source)
+    constants = {}
+    for node, after in zip(tree.body, [*tree.body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign | ast.AnnAssign):
+            continue
+        text = ""
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            text = str(after.value.value)
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        for name in [one.id for to in targets for one in ast.walk(to) if isinstance(one, ast.Name)]:
+            constants[name] = numbers(node.value)
+            if constants[name] and (UNIT.search(text) or NAMES.search(name)):
+                yield f"{path}: {name}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            text = ast.get_docstring(node) or ""
+            for name, default in defaults(node):
+                given = isinstance(default, ast.Name) and constants.get(default.id)
+                if (given or numbers(default)) and (NAMES.search(name) or has_unit(name, text)):
+                    yield f"{path}: {node.name}({name})"
+
+
+def defaults(node: ast.FunctionDef | ast.ClassDef) -> list[tuple[str, ast.expr]]:
+    """Names and defaults of parameters, or of fields."""
+    if isinstance(node, ast.ClassDef):
+        fields = [one for one in node.body if isinstance(one, ast.AnnAssign) and one.value]
+        return [(one.target.id, one.value) for one in fields if isinstance(one.target, ast.Name)]
+    every = [*node.args.posonlyargs, *node.args.args]
+    pairs = list(zip(every[::-1], node.args.defaults[::-1], strict=False))
+    pairs += zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)
+    return [(one.arg, default) for one, default in pairs if default is not None]
+
+
+def has_unit(name: str, text: str) -> bool:
+    """Whether a docstring names a parameter and a unit on its line or the next."""
+    said = re.findall(rf"\b{name}\b[^\n]*\n?[^\n]*", text)
+    return any(UNIT.search(one) for one in said)
+
+
+def test_what_is_left_is_listed_with_its_reason():
+    paths = sorted(ROOT.rglob("*.py"))
+    found = {
+        place
+        for path in paths
+        for place in places(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
+    }
+    left = {line.strip() for lines in LEFT.values() for line in lines.splitlines()} - {""}
+    assert not found - left, "take these from the system or from the caller"
+    assert not left - found, "strike these out: they are gone"
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('LOWEST, HIGHEST = 1.0, 1e5\n"""Range [Hz] of a search."""', "LOWEST HIGHEST"),
+        ('def f(rate=500.0):\n    """Settles at `rate` [1/s]."""', "f(rate)"),
+        ('def f(end_hz=10):\n    """No unit said."""', "f(end_hz)"),
+        ('END = 3.0\ndef f(*, end=END):\n    """To `end` [rad/s]."""', "f(end)"),
+        ('class Law:\n    """Has a corner [Hz] of Q."""\n    corner: float = 200.0', "Law(corner)"),
+        ('def f(dt=0.0):\n    """Sampling time dt [s]."""', ""),
+        ('SHARE = 0.1\n"""Of the fastest pole."""', ""),
+    ],
+)
+def test_a_number_with_a_unit_is_found(source, found):
+    assert list(places(source, "m")) == [f"m: {name}" for name in found.split()]

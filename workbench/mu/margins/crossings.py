@@ -1,0 +1,245 @@
+"""Crossings of a loop's response with the unit circle and the real axis, by exact arithmetic.
+
+Every double is a rational number, so the transfer function of a system is known exactly, and with
+s = j omega both |L|^2 - 1 and the imaginary part of L are polynomials of x = omega^2 over positive
+ones. All their roots are isolated, so that no crossing is missed, and nothing is made of rounding:
+an integrator has its pole at 0. A sampled loop is taken to the plane s = (z - 1) / (z + 1) first,
+which moves z = 1 to 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly, fmpz_mat
+
+from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.certify.known_plants.exact_function import (
+    ExactFunction,
+    exact_rational,
+    exact_square,
+    products,
+)
+from workbench.heavy_types import StateSpace
+from workbench.systems.axis_poles import pole_may_be_at
+
+PRECISION = 192
+"""Bits in which roots are isolated and responses are evaluated there."""
+MODULUS_ROUNDING = 1e-12
+"""Share by which a modulus is rounded down."""
+TOUCHING = 1e-7
+"""Roots x this near to each other or to the real axis, relative to their size, are one crossing:
+a curve that touches its line in exact arithmetic has such roots in doubles."""
+ROUNDINGS = 4
+"""Multiple of the relative rounding error of every entry of the loop's realisation within which a
+response counts as zero."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A frequency [rad/s] of the loop, and the response there."""
+
+    omega: float
+    value: complex
+
+
+@dataclass(frozen=True, eq=False)
+class ExactLoop:
+    """A loop of one channel with exact coefficients, in the plane where s = j x^(1/2).
+
+    ``system`` has its states; ``period`` [s] is 0 in continuous time.
+    """
+
+    function: ExactFunction
+    system: StateSpace
+    period: float
+
+    def unit_crossings(self) -> list[Crossing]:
+        """Where |L| is 1, from low to high frequencies."""
+        L = self.function
+        return self._at_roots(exact_square(L.numerator) - exact_square(L.denominator))
+
+    def real_crossings(self) -> list[Crossing]:
+        """Where L is real and not 0, from frequency 0 to infinity, or half the sampling rate."""
+        L = self.function
+        inside = self._at_roots(products(L.numerator, L.denominator)[1])
+        ends = [self._at_zero(), self._at_infinity()]
+        real = [Crossing(one.omega, complex(one.value.real)) for one in (*ends, *inside) if one]
+        return sorted((one for one in real if self._seen(one)), key=lambda one: one.omega)
+
+    def stable(self) -> bool:
+        """Whether the loop closed with negative feedback is stable, and stays so under rounding."""
+        closed = self.function.numerator + self.function.denominator
+        degree = max(self.function.numerator.degree(), self.function.denominator.degree())
+        if closed.degree() < degree or self.function.denominator.degree() < self.system.nstates:
+            return False  # a pole at infinity or at half the sampling rate
+        with ctx.workprec(PRECISION):
+            roots: Any = closed.complex_roots() if degree else []
+            poles = [root for root, _ in roots]
+            if not all(pole.real < 0 for pole in poles):
+                return False
+            nearest = [self._angular(abs(pole.imag) ** 2) for pole in poles]
+        return not any(self.may_be_unstable(omega) for omega in nearest)
+
+    def modulus(self) -> float:
+        """The least |1 + L| of a stable loop, from where its derivative is 0, rounded down.
+
+        The polynomials are those of x, and the bound is proven by `exceeds`.
+        """
+        above, below = self._squares()
+        with ctx.workprec(PRECISION):
+            flat = _positive_roots(above.derivative() * below - above * below.derivative())
+            every = [acb_poly(above)(acb(x)) / acb_poly(below)(acb(x)) for x in flat]
+            sizes = [arb(value.real).sqrt() for value in every if value.is_finite()]
+        ends = [abs(1.0 + end.value) for end in (self._at_zero(), self._at_infinity()) if end]
+        return min([*map(float, sizes), *ends]) * (1.0 - MODULUS_ROUNDING)
+
+    def exceeds(self, modulus: float) -> bool:
+        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        above, below = self._squares()
+        rest = above - exact_rational(modulus) ** 2 * below
+        signs = [rest[0], rest[max(rest.degree(), 0)]]
+        roots: Any = rest.complex_roots() if rest.degree() > 0 else []
+        crossed = any(k % 2 and root.imag == 0 and not root.real < 0 for root, k in roots if root)
+        return all(sign >= 0 for sign in signs) and not crossed
+
+    def _squares(self) -> tuple[fmpq_poly, fmpq_poly]:
+        """|N + D|^2 and |D|^2."""
+        L = self.function
+        return exact_square(L.numerator + L.denominator), exact_square(L.denominator)
+
+    def response(self, omega: RealArray) -> ComplexArray:
+        """L at frequencies [rad/s] (F,), infinity and half the sampling rate among them."""
+        end = math.pi / self.period if self.period else math.inf
+        with ctx.workprec(PRECISION):
+            values = [self._ratio(-1) if w >= end else self._value(self._plane(w)) for w in omega]
+            return np.array([complex(acb(value)) for value in values], dtype=complex)
+
+    def _plane(self, omega: float) -> acb:
+        """s of the plane at a frequency [rad/s] of the loop itself."""
+        return acb(0, (arb(omega) * self.period / 2).tan() if self.period else arb(omega))
+
+    def _at_roots(self, polynomial: fmpq_poly) -> list[Crossing]:
+        with ctx.workprec(PRECISION):
+            found = [(x, self._angular(x)) for x in _positive_roots(polynomial)]
+            values = [complex(self._value(acb(0, x.sqrt()))) for x, _ in found]
+            pairs = zip(found, values, strict=True)
+            every = [Crossing(omega, value) for (_, omega), value in pairs]
+        return [one for one in every if self._seen(one)]
+
+    def _value(self, s: acb) -> acb:
+        L = self.function
+        return acb_poly(L.numerator)(s) / acb_poly(L.denominator)(s)
+
+    def _ratio(self, power: int) -> fmpq:
+        power = self.function.denominator.degree() if power < 0 else power
+        return self.function.numerator[power] / self.function.denominator[power]
+
+    def _angular(self, x: arb) -> float:
+        """The frequency [rad/s] of the loop itself."""
+        root = x.sqrt()
+        return float(root.atan() * 2 / self.period) if self.period else float(root)
+
+    def _at_zero(self) -> Crossing | None:
+        if self.function.denominator[0] == 0:
+            return None
+        return Crossing(0.0, complex(_double(self._ratio(0))))
+
+    def _at_infinity(self) -> Crossing | None:
+        degree = self.function.denominator.degree()
+        end = math.pi / self.period if self.period else math.inf
+        if self.function.numerator.degree() > degree:
+            return None
+        return Crossing(end, complex(_double(self._ratio(degree))))
+
+    def _seen(self, at: Crossing) -> bool:
+        """Whether the response is finite, and more than the rounding of the entries of L."""
+        if not np.isfinite(at.value):
+            return False
+        L = self.system
+        size = abs(L.D[0, 0])
+        if L.nstates and math.isfinite(at.omega):
+            try:
+                R = np.linalg.inv(self._point(at.omega) * np.eye(L.nstates) - L.A)
+            except np.linalg.LinAlgError:
+                return False
+            size += (np.abs(L.C) @ np.abs(R) @ np.abs(L.B)).item()
+        return abs(at.value) > ROUNDINGS * EPS * size
+
+    def may_be_unstable(self, omega: float, gain: float = 1.0) -> bool:
+        """Whether rounding of the entries of L makes a pole of the loop with a gain at omega."""
+        L, factor = self.system, gain / (1.0 + gain * self.system.D[0, 0])
+        entries = np.abs(L.A) + abs(factor) * np.abs(L.B) @ np.abs(L.C)
+        return pole_may_be_at(self._point(omega), L.A - factor * L.B @ L.C, entries)
+
+    def _point(self, omega: float) -> complex:
+        """The point of the boundary of stability, s or z, at a frequency [rad/s]."""
+        return complex(np.exp(1j * omega * self.period) if self.period else 1j * omega)
+
+
+def exact_loop(given: Any, L: StateSpace) -> ExactLoop:
+    """The loop with the coefficients of what was given: a transfer function's, or those of L."""
+    import control
+
+    if isinstance(given, control.TransferFunction):
+        numerator, denominator = (
+            fmpq_poly([exact_rational(c) for c in part[0][0][::-1]])
+            for part in (given.num, given.den)
+        )
+    else:
+        numerator, denominator = _characteristic(L.A, L.B, L.C, float(L.D[0, 0]))
+    if L.dt:
+        order = max(numerator.degree(), denominator.degree())
+        numerator, denominator = (_bilinear(part, order) for part in (numerator, denominator))
+    return ExactLoop(ExactFunction(numerator, denominator), L, float(L.dt or 0.0))
+
+
+def _characteristic(
+    A: RealArray, B: RealArray, C: RealArray, D: float
+) -> tuple[fmpq_poly, fmpq_poly]:
+    """Numerator and denominator of a realisation: det(s I - A + B C) + (D - 1) det(s I - A)."""
+    if not len(A):
+        return exact_rational(D) * fmpq_poly([1]), fmpq_poly([1])
+    n = len(A)
+    ratios = [[float(x).as_integer_ratio() for x in part.ravel()] for part in (A, B, C)]
+    bits = [max((q.bit_length() - 1 for _, q in part), default=0) for part in ratios]
+    scale = max(bits[0], bits[1] + bits[2])  # of A; B and C share it
+    powers = scale, bits[1], scale - bits[1]
+    a, b, c = (
+        fmpz_mat(len(part), part.shape[1], [p * (1 << power) // q for p, q in ratio])
+        for part, ratio, power in zip((A, B, C), ratios, powers, strict=True)
+    )
+    unit = fmpq_poly([0, 1 << scale])  # s to eigenvalues of the matrix of integers
+    poles, zeros = (fmpq_poly(M.charpoly())(unit) / (1 << n * scale) for M in (a, a - b * c))
+    return zeros + (exact_rational(D) - 1) * poles, poles
+
+
+def _bilinear(polynomial: fmpq_poly, order: int) -> fmpq_poly:
+    """(1 - s)^order p((1 + s) / (1 - s))."""
+    up, down = fmpq_poly([1, 1]), fmpq_poly([1, -1])
+    total = fmpq_poly([0])
+    for power, coefficient in enumerate(polynomial.coeffs()):
+        total += coefficient * up**power * down ** (order - power)
+    return total
+
+
+def _positive_roots(polynomial: fmpq_poly) -> list[arb]:
+    """Positive roots, each once, and positive parts of those that are as good as real."""
+    if polynomial.degree() < 1:
+        return []
+    found: list[arb] = []
+    roots: Any = polynomial.complex_roots()  # its type in python-flint leaves multiplicities out
+    for root, _ in roots:
+        x, y = root.real.mid(), root.imag.mid()
+        if x > 0 and abs(y) <= TOUCHING * x:
+            found.append(x)
+    found.sort(key=float)
+    return [x for k, x in enumerate(found) if not k or x - found[k - 1] > TOUCHING * x]
+
+
+def _double(value: fmpq) -> float:
+    with ctx.workprec(PRECISION):
+        return float(arb(value))

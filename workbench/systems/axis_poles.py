@@ -1,0 +1,100 @@
+"""Poles on the stability boundary, split off from the stable ones of a realisation.
+
+Rounding moves a repeated pole at 0 by the root of the rounding error, to either side of the axis.
+Whether 0 is a pole is therefore asked of ranks, and of another point of the axis by how near the
+matrix is to one with a pole there: both answers are right for entries that differ by rounding from
+the given ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import block_diag, schur
+from scipy.linalg.lapack import dtrsen
+
+from workbench.arrays import EPS, RealArray
+
+AXIS_ROUNDING = 100.0
+"""Multiple of a matrix's rounding error, its states balanced, up to which
+a pole lies on the axis."""
+
+
+POLE_ROUNDINGS = 4
+"""Multiple of the relative rounding error of every entry of a matrix that may move its poles."""
+
+
+def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = None) -> bool:
+    """Whether changes of A by rounding, entry by entry, give it a pole at a point.
+
+    ``entries``, where A is a sum: the sum of sizes, which are rounded. The units of the states do
+    not matter.
+    """
+    try:
+        near = np.abs(np.linalg.inv(point * np.eye(len(A)) - A))
+    except np.linalg.LinAlgError:
+        return True
+    moved = (near.T * (np.abs(A) if entries is None else entries)).sum()
+    return not POLE_ROUNDINGS * EPS * moved < 1.0  # true for NaN
+
+
+def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int]:
+    """An orthogonal Q and the block triangular Q^T A Q, with k poles that are not stable first.
+
+    A (n, n) has balanced states. Poles at 0 are exactly 0, and so are the real parts of simple ones
+    elsewhere on the axis.
+    """
+    n = len(A)
+    small = AXIS_ROUNDING * EPS * n * float(np.linalg.norm(A))
+    Q, T, k = _integrators_first(A, small)
+    T2, Q2 = schur(T[k:, k:])
+    select = np.array([_not_stable(T2, pole, small) for pole in _poles(T2)], dtype=np.int32)
+    count = int(select.sum())
+    if 0 < count < len(T2):
+        T2, Q2 = dtrsen(select, T2, Q2, job="N", lwork=len(T2))[:2]
+    Q = Q @ block_diag(np.eye(k), Q2)
+    T[:k, k:] = T[:k, k:] @ Q2
+    T[k:, k:] = T2
+    _put_on_axis(T[k : k + count, k : k + count], small)
+    return Q, T, k + count
+
+
+def _integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
+    """Q, Q^T A Q and the number k of poles at 0: its first k columns have entries above only."""
+    n = len(A)
+    Q, T, k = np.eye(n), A.copy(), 0
+    while k < n:
+        _, values, Vh = np.linalg.svd(T[k:, k:])
+        null = int((values <= small).sum())
+        if not null:
+            break
+        V = block_diag(np.eye(k), Vh[::-1].T)
+        Q, T = Q @ V, V.T @ T @ V
+        T[k:, k : k + null] = 0.0
+        k += null
+    return Q, T, k
+
+
+def _poles(T: RealArray) -> list[complex]:
+    """Poles of a real Schur form, in their order."""
+    n, found, i = len(T), [], 0
+    while i < n:
+        pair = i + 1 < n and T[i + 1, i] != 0.0
+        spread = np.emath.sqrt(T[i, i + 1] * T[i + 1, i]) if pair else 0.0
+        found += [complex(T[i, i] + spread), complex(T[i, i] - spread)][: 1 + pair]
+        i += 1 + pair
+    return found
+
+
+def _not_stable(T: RealArray, pole: complex, small: float) -> bool:
+    """Whether a pole lies right of the axis, or a change of T by rounding puts one beside it."""
+    if pole.real >= 0.0:
+        return True
+    near = 1j * pole.imag * np.eye(len(T)) - T
+    return bool(np.linalg.svd(near, compute_uv=False)[-1] <= small)
+
+
+def _put_on_axis(T: RealArray, small: float) -> None:
+    """Make real parts of pairs that are rounding 0."""
+    for i in range(len(T) - 1):
+        if T[i + 1, i] != 0.0 and abs(T[i, i]) <= small:
+            T[i, i] = T[i + 1, i + 1] = 0.0
