@@ -5,7 +5,7 @@ import pytest
 from flint import acb, acb_mat, arb, ctx
 
 from workbench.certify.modes.partial_fractions import enclosed_fractions
-from workbench.certify.modes.power_series import TERMS, polynomials
+from workbench.certify.modes.power_series import polynomials
 from workbench.certify.rounding import exact
 
 BITS = 200
