@@ -137,8 +137,8 @@ def test_what_is_left_after_the_last_piece_is_not_proven(system, found, monkeypa
 
 
 def _small(interval):
-    """Multipliers of which a structure allows none: the left ones would prove any bound."""
-    return replace(interval, D_left=interval.D_left / 1e4)
+    """Multipliers that differ on both sides: as they are, the right ones would prove any bound."""
+    return replace(interval, D_right=interval.D_right * 1e8)
 
 
 def _without(proof, omega):

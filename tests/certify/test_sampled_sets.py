@@ -130,7 +130,7 @@ def resonant(distance, period=1e-3):
 
 
 STILL = control.ss([], [], [], [[0.7]], 1e-3)
-FLAT, TINY = (Rational([-1.0], [-1.0], gain) for gain in (0.3, 1e-9))
+FLAT, TINY = (Rational([], [], gain) for gain in (0.3, 1e-9))
 LIGHT = Rational([], [-1.0 + 950j, -1.0 - 950j], 1e3)
 
 
@@ -159,6 +159,15 @@ def test_the_bound_of_an_interval_holds_all_along_it(T, W_c, W_r):
             assert points.max() <= bound * (1 + 1e-12), (middle, half)
             told += np.isfinite(bound)
     assert told > 20
+
+
+@pytest.mark.parametrize(("W_c", "W_r"), [(FLAT, FLAT), (FLAT.scaled(0.0), None), (FLAT, None)])
+def test_weights_without_roots_or_of_zero(W_c, W_r):
+    """Intervals across a pole have no disc of the sensitivity: none of a weight of zero either."""
+    found = sampled_set_peak(resonant(1e-3), W_c, W_r)
+    omega = np.linspace(900.0, 1100.0, 20_001)
+    seen = mu_at(resonant(1e-3), W_c, W_r, omega).max()
+    assert seen <= found.upper * (1 + 1e-9) and found.upper <= seen * (1 + 2e-3) + 1e-300
 
 
 def test_z_turns_as_s_does():

@@ -8,7 +8,7 @@ from workbench.certify.balls import balls
 from workbench.certify.tied_blocks import TiedEquations, is_tied
 from workbench.structure import Complex, Full, Real, Structure
 
-STRUCTURE = Structure([Real(2), Complex(2), Full(1, 2), Complex(1)])
+STRUCTURE = Structure([Full(1, 2), Real(2), Complex(2), Complex(1), Full(2, 1)])
 REAL = Structure([Real(2), Real(1), Full(1, 1)])
 
 

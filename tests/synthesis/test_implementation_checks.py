@@ -11,6 +11,7 @@ import workbench as wb
 from workbench.second_opinion.c_header import state_space_of
 from workbench.synthesis import Implementation
 from workbench.synthesis.implementation import program as implementation
+from workbench.uncertainty import UncertaintyModel
 
 LAG, LEAD = control.tf([1.0], [1.0, 1.0]), control.tf([2.0, 3.0], [0.05, 1.0])
 PI = control.tf([2.0, 3.0], [1.0, 0.0])
@@ -127,6 +128,17 @@ def test_every_coefficient_is_a_number_of_the_format(found_once):
         other = control.ss(*parts.values(), answer.K.dt)
         found = program.checks(replace(answer, K=other), 1e-6)
         assert not next(c for c in found if c.name == "coefficients").holds, name
+
+
+def test_a_bound_of_mu_that_is_claimed_too_small(found_once):
+    model = UncertaintyModel(LAG, control.tf([0.1], [1.0]), control.tf([0.2, 0.2], [0.1, 1.0]))
+    program = Implementation(LEAD, model, period=0.02)
+    answer = program.implemented("tustin")
+    checks = {check.name: check for check in program.checks(answer, 1e-6)}
+    assert all(check.holds for check in checks.values())
+    smaller = replace(answer.peak, upper=0.99 * answer.peak.upper)
+    found = program.checks(replace(answer, peak=smaller), 1e-6)
+    assert {check.name for check in found if not check.holds} == {"sets of plants"}
 
 
 @pytest.mark.parametrize("case", [name for name in CASES if not name.startswith(("fixed", "few"))])

@@ -86,3 +86,10 @@ def test_both_sought_modes_keep_the_dwell_of_an_unstable_switching():
         > 1
     ]
     assert found == max(unstable)
+
+
+@pytest.mark.parametrize(("less", "found"), [(1e-7, 0), (-1e-7, 1)])
+def test_what_decays_slowly_does_not_grow(less, found):
+    """One sample of each: 0.5 * 2 (1 - less)."""
+    other = Mode("b", [[2.0 * (1 - less)]], 1, 1)
+    assert SwitchedStability((Mode("a", [[0.5]], None), other)).destabilising[0] == found
