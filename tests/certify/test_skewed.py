@@ -64,8 +64,8 @@ def test_the_largest_varying_block_counts():
 def test_blocks_that_are_not_square():
     """A fixed block of two rows and one column, a varying one of one row and two columns.
 
-    z_1 = v_3, (z_2, z_3) = 2 (v_1, v_2): v_3 = varying (2 fixed v_3). The fixed one is at its limit,
-    so that all blocks together prove nothing.
+    z_1 = v_3, (z_2, z_3) = 2 (v_1, v_2): v_3 = varying (2 fixed v_3). The fixed one is at its
+    limit, so that all blocks together prove nothing.
     """
     M = np.zeros((3, 3))
     M[0, 2] = 1.0
