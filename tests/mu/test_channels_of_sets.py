@@ -1,5 +1,6 @@
 """Gain, phase and delay as perturbations of a channel, and checks of what is claimed of a set."""
 
+import itertools
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -139,3 +140,38 @@ def test_members_bound_the_delay_from_above():
     exact = [classical_margins(control.ss(THIRD.at(k=k))).delay for k in (3.6, 4.0, 4.4)]
     assert delays == pytest.approx(exact)
     assert delays[1] == pytest.approx(PHASE / CROSSOVER)
+
+
+def delay_search(K, most=240):
+    """The search of the delay of K / (s + 1)^2, and its loop's channel."""
+    loop, channels = loop_of(tf([K], [1, 2, 1]))
+    whole, structure = of_sets._with_delay(loop, next(iter(channels)))
+    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    return _DelaySearch(given, lambda values: math.inf, 0.2, most)
+
+
+def test_the_region_holds_every_crossover_whatever_its_phase():
+    """At a gain of 1.1 the loop must be turned by 145 degrees, at 0.32 rad/s."""
+    region = delay_search(real("K", 1.1, percent=5)).region()
+    for K in (1.05, 1.1, 1.15):
+        crossover = math.sqrt(K - 1)
+        assert any(low <= crossover <= high for low, high in region)
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.5, 5.0])
+def test_a_band_is_turned_as_far_as_its_highest_frequency(monkeypatch, delay):
+    search, parts = delay_search(real("K", 2.25, low=1.5, high=3.0)), []
+    honest = search._part
+
+    def part(t, bands):
+        parts.append((t, bands[0]))
+        return honest(t, bands)
+
+    monkeypatch.setattr(search, "_part", part)
+    monkeypatch.setattr(search, "_examined", lambda part: None)
+    assert search.decide(delay, [(0.1, 10.0), (20.0, math.inf)])
+    for t, (_, high) in parts:
+        assert t >= math.tan(min(high * delay, math.pi) / 4) * (1 - 1e-12)
+    ends = sorted(band for _, band in parts)
+    assert ends[0][0] == 0.1 and ends[-1][1] == math.inf
+    assert all(b[0] in (a[1], 20.0) for a, b in itertools.pairwise(ends))

@@ -59,9 +59,9 @@ def test_weights_fall_and_are_not_negative():
         assert volume_excess(square, weights, "full", "full", NO_REACH) == pytest.approx(0.0)
         far = np.full(1, 5.0), np.full(1, 5.0)
         assert volume_excess(square, weights, "full", "full", far) == pytest.approx(0.0, abs=1e-12)
-    two = np.array([[[[1.0]], [[0.5]]]])
+    two = np.array([[[[0.9]], [[0.5]]]])
     found = volume_excess(two, np.array([[[1.0], [-0.5]]]), "full", "full", NO_REACH)
-    assert found == pytest.approx(0.0)
+    assert found == pytest.approx(-np.log(0.9))
 
 
 def test_the_floor_bounds_how_far_a_smaller_set_may_be():
