@@ -62,16 +62,11 @@ def test_the_largest_varying_block_counts():
 
 
 def test_blocks_that_are_not_square():
-    """A fixed block of two rows and one column, a varying one of one row and two columns.
+    """A fixed scalar at its limit, where all blocks together prove nothing, and one row.
 
-    z_1 = v_3, (z_2, z_3) = 2 (v_1, v_2): v_3 = varying (2 fixed v_3). The fixed one is at its
-    limit, so that all blocks together prove nothing.
+    z_1 = v_2, z_2 = 2 v_1, z_3 = 0: the row (1/2, 0) closes the ring.
     """
-    M = np.zeros((3, 3))
-    M[0, 2] = 1.0
-    M[1, 0] = M[2, 1] = 2.0
-    Delta = np.zeros((3, 3))
-    Delta[:2, 0] = [1.0, 0.0]
-    Delta[2, 1:] = [0.5, 0.0]
-    found = proven(M, [Full(2, 1), Full(1, 2)], SECOND_VARIES, Delta)
+    M = np.array([[0.0, 1.0], [2.0, 0.0], [0.0, 0.0]])
+    Delta = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    found = proven(M, [Complex(1), Full(1, 2)], SECOND_VARIES, Delta)
     assert found == pytest.approx(2.0, rel=1e-9)

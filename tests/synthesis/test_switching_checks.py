@@ -90,6 +90,7 @@ def test_both_sought_modes_keep_the_dwell_of_an_unstable_switching():
 
 @pytest.mark.parametrize(("less", "found"), [(1e-7, 0), (-1e-7, 1)])
 def test_what_decays_slowly_does_not_grow(less, found):
-    """One sample of each: 0.5 * 2 (1 - less)."""
-    other = Mode("b", [[2.0 * (1 - less)]], 1, 1)
-    assert SwitchedStability((Mode("a", [[0.5]], None), other)).destabilising[0] == found
+    """One sample of each: an eigenvalue of 0.5 * 2 (1 - less), and a norm above 1."""
+    other = Mode("b", 2.0 * (1 - less) * np.array([[1.0, 0.3], [0.0, 0.5]]), 1, 1)
+    program = SwitchedStability((Mode("a", 0.5 * np.eye(2), None), other))
+    assert program.destabilising[0] == found
