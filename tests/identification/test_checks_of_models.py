@@ -8,6 +8,7 @@ import pytest
 from workbench.fitting.rational import Rational
 from workbench.identification import (
     CommonPoleModel,
+    InnovationsModel,
     RationalModelFit,
     RationalModels,
     StateSpaceFit,
@@ -59,6 +60,20 @@ def test_every_output_is_no_worse_than_its_mean(monkeypatch, fits, names):
 def test_poles_of_models_and_of_their_predictors(radius, predictor_radius, count):
     found = fit()._radii(models(radius, predictor_radius))
     assert sum(not check.holds for check in found) == count and len(found) == 4
+
+
+def test_errors_of_a_predictor_decay(monkeypatch):
+    """A is stable, and A - K C is not, or is."""
+    program, one, none = fit(), np.ones((1, 1)), np.zeros((1, 1))
+    monkeypatch.setattr(StateSpaceFit, "_apart", lambda self, model, u, y: 0.0)
+    for gain, holds in ((0.2, True), (-0.8, False)):
+        C = np.array([[1.0], [0.0]])
+        K = np.array([[gain, 0.0]])
+        model = InnovationsModel(0.5 * one, one, C, np.zeros((2, 1)), K, none[0], np.zeros(2))
+        answer = SimpleNamespace(predictor=model, simulator=model)
+        found = {check.name: check.holds for check in program.second_opinion(answer)}
+        assert found["predictor decays"] and found["simulator decays"]
+        assert found["errors of the predictor decay"] is holds
 
 
 # --- rational models ----------------------------------------------------------------------------
@@ -135,3 +150,19 @@ def test_a_model_of_another_structure_is_refused():
     assert program._misshapen(with_zeros([], 0.02), 2) == 1
     assert program._misshapen(with_zeros([], -0.01), 2) == 1
     assert program._misshapen(with_zeros([]), 3) == 1
+
+
+@pytest.mark.parametrize(("true", "held"), [(0.03, True), (0.01, False)])
+def test_a_bound_holds_a_delay_that_would_go_beyond_it(true, held):
+    """The model's delay is at the bound, 0.02; the data's is beyond it, or within. Without zeros,
+    which would take its place."""
+    at = {
+        delay: CommonPoleModel(TRUTH.entries, np.full((1, 1), delay), None)
+        for delay in (true, 0.02)
+    }
+    data = at[true].response(OMEGA)
+    bounded, free = (
+        movement(rational((2,), data, excess=2, delay_bounds=(0.0, end)).structure, at[0.02])
+        for end in (0.02, 0.1)
+    )
+    assert bounded < 0.9 * free if held else bounded == pytest.approx(free)
