@@ -24,6 +24,21 @@ def test_it_encloses_the_exact_realisation_sharply(period):
         assert isinstance(exact, arb_mat)
 
 
+@pytest.mark.parametrize("distance", [1e-4, 1e-6, 1e-8])
+def test_it_holds_the_exact_realisation_with_a_pole_near_half_the_sampling_rate(distance):
+    rng = np.random.default_rng(4)
+    T = np.eye(6) + 0.3 * rng.normal(size=(6, 6))
+    poles = np.diag([distance - 1.0, 0.9, 0.5, -0.3, 0.1, 0.7])
+    A = T @ poles @ np.linalg.inv(T)
+    parts = A, rng.normal(size=(6, 2)), rng.normal(size=(3, 6)), np.zeros((3, 2))
+    found = bilinear_enclosures(parts, 1.0)
+    assert found is not None
+    for ours, exact in zip(found, realised_balls(parts, 1.0, 512), strict=True):
+        with ctx.workprec(512):
+            away = real_doubles(exact - real_balls(ours.mid))
+        assert (np.abs(away.mid) <= ours.rad + away.rad).all()
+
+
 def test_a_pole_at_half_the_sampling_rate_has_none():
     A = np.diag([-1.0, 0.5])
     assert bilinear_enclosures((A, np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1))), 1.0) is None

@@ -175,3 +175,24 @@ def test_real_segment_counts_only_along_its_direction():
     found = largest_excess([across], G, constant(0.01), constant(0.5))
     assert found.value == pytest.approx(0.25 / 0.01 - 1, rel=1e-6)
     assert found.omega == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("plant", [1.6, 0.4])
+def test_both_ends_of_a_segment_are_round(plant):
+    """The plant lies 0.1 beyond an end of the segment from 0.5 to 1.5, about which the radius is
+    0.01; 1 is the nominal."""
+    found = largest_excess([constant(plant)], ONE, constant(0.01), constant(0.5))
+    assert found.value == pytest.approx(9.0, rel=1e-9)
+    beside = largest_excess([constant(plant)], ONE, constant(0.1 * (1 + 1e-9)), constant(0.5))
+    assert -1e-8 < beside.value < 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_plant_that_leaves_beyond_an_end_and_beside_the_segment(sign):
+    """At s = j omega the plant is 1 + 0.6 sign / (1 + j omega): beyond an end of the segment of
+    half-length 0.3 at first, then beside it. The circle of all its points decides where."""
+    plant = plus(ONE, Rational([], [-1.0], 0.6 * sign))
+    found = largest_excess([plant], ONE, constant(0.01), constant(0.3))
+    omega = np.geomspace(1e-3, 1e3, 100_001)
+    grid = by_grid([plant], ONE, constant(0.01), constant(0.3), True, omega)
+    assert found.value == pytest.approx(grid, rel=1e-6)

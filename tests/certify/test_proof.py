@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workbench.certify.proofs.peak_proof import PeakProof, proves
+from workbench.certify.cover import CertifiedInterval
+from workbench.certify.proofs import peak_proof
+from workbench.certify.proofs.peak_proof import PeakProof, gaps, proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.mu.frequency.peak import peak
 from workbench.structure import Complex, Full, Real, Structure
@@ -69,6 +71,10 @@ def test_linear_multipliers_prove_a_realisation_that_is_rounded_in_another_way(s
         (lambda p: replace(p, intervals=()), "no interval covers"),
         (lambda p: PeakProof(p.beta, tuple(_negative(one) for one in p.intervals)), "do not prove"),
         (lambda p: PeakProof(p.beta, (_wide(p.intervals[0]),)), "do not prove"),
+        (
+            lambda p: PeakProof(p.beta / 2, tuple(_small(one) for one in p.intervals)),
+            "do not prove",
+        ),
     ],
 )
 def test_a_proof_that_is_none(system, found, change, words):
@@ -78,6 +84,61 @@ def test_a_proof_that_is_none(system, found, change, words):
 def test_the_proof_is_one_of_its_system(system, found):
     larger = control.ss(system.A, system.B, 1.05 * system.C, 1.05 * system.D)
     assert "do not prove" in proves(larger, STRUCTURE, found.proof, found.upper)
+
+
+def test_a_proof_with_slopes_is_read_back_as_it_was():
+    rng = np.random.default_rng(1)
+    parts = rng.normal(size=(6, 2, 2)) + 1j * rng.normal(size=(6, 2, 2))
+    one = CertifiedInterval(1.0, 3.0, 2.0, *parts[:3], slopes=tuple(parts[3:]))
+    fixed = CertifiedInterval(3.0, 4.0, 3.5, *parts[1:4])
+    stored = xr.Dataset(stored_proof("peak", PeakProof(0.7, (one, fixed), (1.0, 4.0))))
+    again = restored_proof(stored, "peak")
+    assert (again.beta, again.band) == (0.7, (1.0, 4.0)) and again.intervals[1].slopes is None
+    for old, new in zip((one, fixed), again.intervals, strict=True):
+        assert (new.low, new.omega, new.high) == (old.low, old.omega, old.high)
+        for omega in (new.low, new.omega, new.high):
+            pairs = zip(old.multipliers(omega), new.multipliers(omega), strict=True)
+            assert all((a == b).all() for a, b in pairs)
+
+
+@pytest.mark.parametrize(("B", "C", "fault"), [(1.0, 1.0, True), (0.0, 1.0, False), (1, 0, False)])
+def test_only_a_response_of_zero_needs_no_interval(B, C, fault):
+    system = control.StateSpace([[-1.0]], [[B]], [[C]], [[0.0]], remove_useless_states=False)
+    said = proves(system, Structure([Complex(1)]), PeakProof(0.5, ()), 0.5)
+    assert bool(said) is fault
+
+
+@pytest.mark.parametrize(
+    ("intervals", "left"),
+    [
+        ([(0.0, 3.0), (3.0, 9.0)], []),
+        ([(3.0, 9.0), (0.0, 3.0)], []),
+        ([(0.0, 3.0), (3.001, 9.0)], [(3.0, 3.001)]),
+        ([(0.0, 7.0), (1.0, 2.0), (6.0, 9.0)], []),
+        ([(1.0, 8.0)], [(0.0, 1.0), (8.0, 9.0)]),
+        ([(-2.0, -1.0), (10.0, 11.0)], [(0.0, 9.0)]),
+        ([], [(0.0, 9.0)]),
+    ],
+)
+def test_gaps_are_what_no_interval_covers(intervals, left):
+    assert gaps(intervals, (0.0, 9.0)) == left
+
+
+@pytest.mark.parametrize("far", [[], [(0.0, 1.0)], [(3.0, 4.0)]])
+def test_a_band_of_one_frequency_may_be_a_gap(far):
+    assert gaps(far, (2.0, 2.0)) == [(2.0, 2.0)]
+    assert gaps([*far, (1.0, 2.0)], (2.0, 2.0)) == []
+
+
+def test_what_is_left_after_the_last_piece_is_not_proven(system, found, monkeypatch):
+    monkeypatch.setattr(peak_proof, "PIECES", 0)
+    wide = tuple(replace(one, low=0.0, high=math.inf) for one in found.intervals[:1])
+    assert proves(system, STRUCTURE, PeakProof(found.upper, wide), found.upper)
+
+
+def _small(interval):
+    """Multipliers that differ on both sides: as they are, the right ones would prove any bound."""
+    return replace(interval, D_right=interval.D_right * 1e8)
 
 
 def _without(proof, omega):

@@ -1,11 +1,13 @@
 """Discs by real products against eigenvalues in balls, and against those by complex products."""
 
+from itertools import product
+
 import flint
 import numpy as np
 import pytest
 
 from workbench.certify.eigenvalues import pencil_discs, pole_discs, real_discs, static_discs
-from workbench.certify.modes.real_eigenvalues import FEWEST_REAL, real_pencil
+from workbench.certify.modes.real_eigenvalues import FEWEST_REAL, _in_pairs, real_pencil
 from workbench.certify.rounding import Enclosure, exact
 
 
@@ -59,6 +61,17 @@ def test_errors_of_entries_widen_the_discs():
         away = np.abs(np.linalg.eigvals(member)[:, None] - discs.centre)
         assert (away <= discs.radius).any(axis=1).all()
     assert (discs.radius > 1e-7).all()
+
+
+def test_a_pair_of_rows_and_columns_holds_what_every_choice_of_errors_makes():
+    """K^-1 M K of M = 0 with errors of 1: some choice of signs makes each entry sqrt(2)."""
+    K = np.array([[1, 1], [1j, -1j]])
+    found = _in_pairs(Enclosure(np.zeros((3, 3)), np.ones((3, 3))), np.array([0]))
+    whole = np.eye(3, dtype=complex)
+    whole[:2, :2] = K
+    for signs in product((-1.0, 1.0), repeat=9):
+        member = np.linalg.solve(whole, np.reshape(signs, (3, 3)) @ whole)
+        assert (np.abs(member - found.mid) <= found.rad).all()
 
 
 def test_what_is_not_real_or_has_no_eigenvectors_is_left_to_complex_products():

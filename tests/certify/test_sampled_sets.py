@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from lanes import examples
 
 from workbench.certify import sampled_sets
-from workbench.certify.sampled_sets import mu_at, sampled_set_peak
+from workbench.certify.sampled_sets import _bounds, _well_conditioned, mu_at, sampled_set_peak
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 
@@ -120,3 +120,63 @@ def test_a_claim_that_cannot_be_closed_is_an_error(monkeypatch):
     monkeypatch.setattr(sampled_sets, "MOST_INTERVALS", 300)
     with pytest.raises(SolverError, match="its upper bound is not within"):
         sampled_set_peak(loop(1, 4, 0.01), weight(5), weight(6))
+
+
+def resonant(distance, period=1e-3):
+    """A sampled system with a pair of poles so far inside the unit circle, at an angle of 1."""
+    pole = (1 - distance) * np.exp(1j)
+    A = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]])
+    return control.ss(A, [[1.0], [0.5]], [[0.3, 1.0]], [[0.1]], period)
+
+
+STILL = control.ss([], [], [], [[0.7]], 1e-3)
+FLAT, TINY = (Rational([], [], gain) for gain in (0.3, 1e-9))
+LIGHT = Rational([], [-1.0 + 950j, -1.0 - 950j], 1e3)
+
+
+@pytest.mark.parametrize(
+    ("T", "W_c", "W_r"),
+    [
+        (resonant(1e-3), FLAT, None),
+        (resonant(1e-3), TINY, FLAT),
+        (resonant(1e-3), FLAT, FLAT),
+        (STILL, LIGHT, None),
+        (STILL, TINY, LIGHT),
+        (STILL, FLAT, LIGHT),
+        (resonant(0.1), weight(3), weight(4)),
+        (resonant(0.1), weight(5), weight(6).scaled(-1.0)),
+    ],
+)
+def test_the_bound_of_an_interval_holds_all_along_it(T, W_c, W_r):
+    """Intervals that end near a pole, by response and weights at points within."""
+    form, period, told = _well_conditioned(T), float(T.dt), 0
+    for middle in (300.0, 900.0, 949.0, 985.0, 1400.0, 2500.0):
+        for half in np.geomspace(1e-2, 100.0, 17):
+            ends = np.array([middle]), np.array([half])
+            at, bound = (float(one[0]) for one in _bounds(form, W_c, W_r, period, *ends))
+            points = mu_at(T, W_c, W_r, np.linspace(middle - half, middle + half, 21))
+            assert at <= points[10] * (1 + 1e-9) + 1e-15
+            assert points.max() <= bound * (1 + 1e-12), (middle, half)
+            told += np.isfinite(bound)
+    assert told > 20
+
+
+@pytest.mark.parametrize(("W_c", "W_r"), [(FLAT, FLAT), (FLAT.scaled(0.0), None), (FLAT, None)])
+def test_weights_without_roots_or_of_zero(W_c, W_r):
+    """Intervals across a pole have no disc of the sensitivity: none of a weight of zero either."""
+    found = sampled_set_peak(resonant(1e-3), W_c, W_r)
+    omega = np.linspace(900.0, 1100.0, 20_001)
+    seen = mu_at(resonant(1e-3), W_c, W_r, omega).max()
+    assert seen <= found.upper * (1 + 1e-9) and found.upper <= seen * (1 + 2e-3) + 1e-300
+
+
+def test_z_turns_as_s_does():
+    """A delay of a sample and a weight that leads or lags: only one of them adds to it."""
+    T = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], 1e-3)
+    W_r = Rational([-500.0], [-5000.0], 1.0)
+    omega = np.array([700.0])
+    value = np.exp(-0.7j) * W_r.response(omega)[0]
+    c = mu_at(T, FLAT, W_r, omega)[0]
+    m = np.linspace(0, 2, 200_001)
+    apart = np.abs(-m - np.clip(-m * value.real / abs(value) ** 2, -1, 1) * value)
+    assert c == pytest.approx(m[apart < 0.3].max(), rel=1e-4)

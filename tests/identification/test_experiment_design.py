@@ -159,3 +159,21 @@ def test_what_cannot_be_answered_is_refused_by_name(message):
 def test_one_line_does_not_tell_three_parameters():
     with pytest.raises(InputError, match="do not tell all 3"):
         ExperimentDesign(slopes(LINES[:1]), [0.1], slopes(WATCHED), np.ones(25))
+
+
+def test_each_fault_is_refused_by_the_check_of_its_name():
+    """By the kernel alone; least squares refuse them too."""
+    program = oscillator()
+    power = program.even
+    answer = DesignedSpectrum(power, float(program.costs(power).max()))
+    less = power.copy()
+    less[3] = -1e-6
+    wrong = {
+        "limits": replace(answer, power=1.01 * power),
+        "cost": replace(answer, worst=0.99 * answer.worst),
+        "powers": replace(answer, power=less),
+    }
+    assert all(check.holds for check in program.checks(answer, 1e-6))
+    for name, one in wrong.items():
+        assert name in {check.name for check in program.checks(one, 1e-6) if not check.holds}
+    assert {c.name for c in program.checks(wrong["limits"], 1e-6) if not c.holds} == {"limits"}

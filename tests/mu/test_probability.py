@@ -154,3 +154,12 @@ def test_a_distribution_that_falls_is_refused():
     p = real("p", 0, plus_minus=1)
     with pytest.raises(InputError, match=r"cdf of p falls|nothing in its range"):
         guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": Falling()})
+
+
+def test_an_island_of_stable_members_between_unstable_ones_counts():
+    """s + c is stable for |d| < 0.1 and for d from 0.6 to 0.7: ends and middles of parts with the
+    second range in them are unstable."""
+    d = real("d", 0, plus_minus=1)
+    c = -1.0 * (d * d - 0.01) * (d - 0.6) * (d - 0.7)
+    found = guaranteed_probability(tf([1], [1, c]), tolerance=0.02)
+    holds(found, 0.15, 0.02)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.second_opinion.switchings import fastest_growth
+from workbench.second_opinion.switchings import SWITCHINGS, _switchings, fastest_growth
 
 turn, stretch = 0.6, 2.0
 A1 = 0.99 * np.array(
@@ -22,3 +22,14 @@ def test_three_modes_are_switched_in_every_order():
     stable = 0.5 * np.eye(2)[None]
     assert fastest_growth([stable, stable, stable], [1, 2, 3], [None, 2, 5])[0] < 0
     assert fastest_growth([stable, stable, 100 * stable], [1, 1, 1], [1, 1, 1])[0] > 0
+
+
+def test_switchings_keep_the_stays_of_every_mode():
+    shortest, longest = [1, 3, 2], [2, None, 2]
+    tried = list(_switchings(np.random.default_rng(0), shortest, longest))
+    assert len(tried) > SWITCHINGS
+    for modes, stays in tried:
+        for i, stay in zip(modes, stays, strict=True):
+            assert shortest[i] <= stay <= (longest[i] or stay)
+    pairs = {tuple(stays) for modes, stays in tried if modes == [0, 2]}
+    assert pairs == {(1, 2), (2, 2)}

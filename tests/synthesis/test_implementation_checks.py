@@ -10,6 +10,8 @@ import pytest
 import workbench as wb
 from workbench.second_opinion.c_header import state_space_of
 from workbench.synthesis import Implementation
+from workbench.synthesis.implementation import program as implementation
+from workbench.uncertainty import UncertaintyModel
 
 LAG, LEAD = control.tf([1.0], [1.0, 1.0]), control.tf([2.0, 3.0], [0.05, 1.0])
 PI = control.tf([2.0, 3.0], [1.0, 0.0])
@@ -78,6 +80,65 @@ def test_what_is_told_wrong_fails(board, case):
             continue  # there is one way only
         with np.errstate(all="ignore"):
             assert not program.certify(wrong, 1e-6).valid, name
+
+
+@pytest.fixture
+def found_once(monkeypatch):
+    """Margins, which take seconds, are found for the first controller only."""
+    honest, kept = implementation.sampled_conditions, []
+
+    def once(*given, **named):
+        kept.extend([] if kept else [honest(*given, **named)])
+        return kept[0]
+
+    monkeypatch.setattr(implementation, "sampled_conditions", once)
+
+
+@pytest.mark.parametrize("case", ["double", "few bits"])
+def test_each_claim_is_refused_by_the_check_of_its_name(board, case, found_once):
+    """By the kernel alone, whatever the second opinion says."""
+    program, answer = board
+    first, share = answer.margins[0], answer.rounding.share
+    wrong = {
+        "sensitivity": {"sensitivity": 0.99 * answer.sensitivity},
+        "margins": {"margins": (replace(first, phase=0.99 * first.phase), *answer.margins[1:])},
+        "rounding": {"rounding": replace(answer.rounding, share=0.99 * share)},
+        "controller": {"found": "by a friend"},
+    }
+    for name, fields in wrong.items():
+        failed = {c.name for c in program.checks(replace(answer, **fields), 1e-6) if not c.holds}
+        assert failed == {name}
+    if answer.fixed is not None:
+        cascades = tuple(
+            tuple(replace(one, largest=one.largest + 0.5) for one in line)
+            for line in answer.fixed.cascades
+        )
+        louder = replace(answer, fixed=replace(answer.fixed, cascades=cascades))
+        assert "no overflow" in {c.name for c in program.checks(louder, 1e-6) if not c.holds}
+
+
+def test_every_coefficient_is_a_number_of_the_format(found_once):
+    K, G, options = CASES["float with limits"]
+    program = Implementation(K, G, period=0.02, **options)
+    answer = program.implemented("tustin")
+    assert all(check.holds for check in program.checks(answer, 1e-6))
+    for name in "ABCD":
+        parts = {part: getattr(answer.K, part) for part in "ABCD"}
+        parts[name] = parts[name] * (1 + 1e-9)
+        other = control.ss(*parts.values(), answer.K.dt)
+        found = program.checks(replace(answer, K=other), 1e-6)
+        assert not next(c for c in found if c.name == "coefficients").holds, name
+
+
+def test_a_bound_of_mu_that_is_claimed_too_small(found_once):
+    model = UncertaintyModel(LAG, control.tf([0.1], [1.0]), control.tf([0.2, 0.2], [0.1, 1.0]))
+    program = Implementation(LEAD, model, period=0.02)
+    answer = program.implemented("tustin")
+    checks = {check.name: check for check in program.checks(answer, 1e-6)}
+    assert all(check.holds for check in checks.values())
+    smaller = replace(answer.peak, upper=0.99 * answer.peak.upper)
+    found = program.checks(replace(answer, peak=smaller), 1e-6)
+    assert {check.name for check in found if not check.holds} == {"sets of plants"}
 
 
 @pytest.mark.parametrize("case", [name for name in CASES if not name.startswith(("fixed", "few"))])

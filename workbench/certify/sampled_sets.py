@@ -163,11 +163,13 @@ def _bounds(
     """Mu (N,) in the middle of intervals, and bounds (N,) on all of each."""
     T, T_off = _sensitivity(form, period, middle, half)
     c, c_off = _weight(W_c, middle, half)
-    reach = (np.abs(T) + T_off) * (np.abs(c) + c_off)
+    with np.errstate(invalid="ignore"):  # an infinite disc times a weight of zero is no disc
+        reach = (np.abs(T) + T_off) * (np.abs(c) + c_off)
     if W_r is None:
         return np.abs(T * c), reach * (1 + ROUNDING)
     r, r_off = _weight(W_r, middle, half)
-    away = (np.abs(T) + T_off) * r_off + T_off * np.abs(r)
+    with np.errstate(invalid="ignore"):
+        away = (np.abs(T) + T_off) * r_off + T_off * np.abs(r)
     here = _mu(T * r, np.abs(T * c))
     return here * (1 - ROUNDING), _mu(T * r, reach + away) * (1 + ROUNDING)
 
