@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.effort import deeper
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
@@ -58,6 +59,22 @@ class Check:
     def holds(self) -> bool:
         """Whether the value is at most its limit; NaN is not, and infinity is no limit."""
         return self.value <= self.limit < math.inf
+
+    @property
+    def line(self) -> str:
+        """Whether it holds, its numbers, and what they are of, as certificates print it."""
+        over = f"; {self.over}" if self.over else ""
+        return (
+            f"{'holds' if self.holds else 'FAILS'}  {'second opinion, ' if self.opinion else ''}"
+            f"{self.name}: {self.value:.6g} <= {self.limit:.6g} {self.where}".rstrip()
+            + over
+        )
+
+    @property
+    def failure(self) -> str:
+        """A sentence that says by which numbers it fails."""
+        where = f" {self.where}" if self.where else ""
+        return f"{self.name}: {self.value:.6g} exceeds {self.limit:.6g}{where}"
 
 
 EVERY_FREQUENCY = "at every frequency"
@@ -175,12 +192,7 @@ class Certificate:
     @property
     def failures(self) -> tuple[str, ...]:
         """A sentence for each thing that does not hold."""
-        failed = [
-            f"{check.name}: {check.value:.6g} exceeds {check.limit:.6g}"
-            + (f" {check.where}" if check.where else "")
-            for check in self.checks
-            if not check.holds
-        ]
+        failed = [check.failure for check in self.checks if not check.holds]
         if not self.checks:
             failed.append("nothing is checked")
         gap = self.gap
@@ -192,12 +204,7 @@ class Certificate:
 
     def __repr__(self) -> str:
         lines = [f"Certificate: {self.outcome}"]
-        lines += [
-            f"  {'holds' if c.holds else 'FAILS'}  {'second opinion, ' if c.opinion else ''}"
-            f"{c.name}: {c.value:.6g} <= {c.limit:.6g} {c.where}".rstrip()
-            + (f"; {c.over}" if c.over else "")
-            for c in self.checks
-        ]
+        lines += [f"  {check.line}" for check in self.checks]
         if self.gap is not None:
             needed = "required" if self.gap.required else "not claimed"
             lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
@@ -299,6 +306,15 @@ class Checker(ABC):
         """
         return ()
 
+    def deep_opinion(self, answer: Any) -> Sequence[Check]:
+        """Dear checks, as those of `second_opinion`, which `workbench verify --deep` asks for.
+
+        By default the second opinion with more draws, samples and frequencies
+        (`workbench.effort`). A checker with another dear way adds it.
+        """
+        with deeper():
+            return self.second_opinion(answer)
+
     def gap(self, answer: Any) -> tuple[str, float] | None:
         """Relative optimality gap by an independent bound, and what it says; None without one."""
         return None
@@ -345,6 +361,13 @@ class Checker(ABC):
         return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal), facts)
 
 
+def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
+    """The dear checks of a valid answer, each with what it quantifies over."""
+    with np.errstate(all="ignore"):
+        found = quantified(checker.quantifier, checker.deep_opinion(answer))
+    return tuple(replace(check, opinion=True) for check in found)
+
+
 @dataclass(frozen=True, eq=False)
 class CheckedAs(Checker):
     """Certifies what was made from the answer of another checker, by that answer.
@@ -372,6 +395,9 @@ class CheckedAs(Checker):
 
     def second_opinion(self, answer: Any) -> Sequence[Check]:
         return self.checker.second_opinion(self.checker.witnessed(self.original))
+
+    def deep_opinion(self, answer: Any) -> Sequence[Check]:
+        return self.checker.deep_opinion(self.checker.witnessed(self.original))
 
     def gap(self, answer: Any) -> tuple[str, float] | None:
         return self.checker.gap(self.original)

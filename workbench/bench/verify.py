@@ -1,7 +1,9 @@
 """Verify a results folder from its stored arrays alone: no solver runs, nothing stored executes.
 
 In order: checksums; the key, from the question in run.json; the problem rebuilt through the
-registry; its arrays and derived files against the stored ones; the certificate recomputed.
+registry; its arrays and derived files against the stored ones; the certificate recomputed. A deep
+verification also asks for the dear checks of a second opinion, and certifies every cell of a
+comparison again.
 
 What nothing can recompute is not covered beyond its checksum: the log, the seconds, the versions,
 and what the method claimed. Figures and tables are not stored: they are functions of the arrays.
@@ -13,7 +15,7 @@ that is found only through the folder's own path are imported where the caller t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,7 @@ from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.bench.sweep import SWEEP
 from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
-from workbench.certificate import Certificate
+from workbench.certificate import Certificate, Check, deep_checks
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, proof_task
@@ -46,13 +48,17 @@ class Verification:
     """The result of verifying a folder.
 
     ``problems`` says what is wrong, ``notes`` what else is worth knowing. ``certificate`` is
-    recomputed here; None where that was impossible, and then the answer was not checked.
+    recomputed here; None where that was impossible, and then the answer was not checked. ``deep``
+    are the dear checks of the second opinion, where they were asked for. ``stated`` are the
+    problems that the folder does not hide: it has no answer, or one that fails its certificate.
     """
 
     path: Path
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     certificate: Certificate | None
+    deep: tuple[Check, ...] = ()
+    stated: tuple[str, ...] = ()
 
     @property
     def intact(self) -> bool:
@@ -71,14 +77,17 @@ class Verification:
         lines = [f"{self.path}: {verdict}"]
         lines += [f"  {problem}" for problem in self.problems]
         lines += [f"  note: {note}" for note in self.notes]
+        lines += [f"  deep: {check.line}" for check in self.deep]
         return "\n".join(lines)
 
 
-def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Verification:
+def verify_folder(
+    path: Path, *, rerun: bool = False, trust: bool = False, deep: bool = False
+) -> Verification:
     """Verify one results folder.
 
-    ``trust``: import the problems of the project that the folder lies in, as well as those of the
-    project at hand.
+    ``rerun``: answer anew as well. ``deep``: ask for the dear checks too. ``trust``: import the
+    problems of the project that the folder lies in, as well as those of the project at hand.
 
     Raises
     ------
@@ -95,7 +104,7 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
         return Verification(path, tuple(found), (), None)
     run = Run(path)
     notes: list[str] = []
-    certificate = None
+    answer = _Rechecked(None)
     try:
         found += _misplaced(run)
         if run.problem not in (*OWN_STUDIES, *registry().entries):
@@ -106,10 +115,10 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
             again = rebuilt(run)
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
             notes += _other_code(run, bound) if bound.problem else []
-            certificate, wrong = _recheck(run, bound)
-            found += wrong + cell_of(run)
+            answer = _recheck(run, bound, deep)
+            found += answer.wrong + answer.failures + cell_of(run)
             if run.problem == COMPARISON:
-                wrong, said = rerun_cells(run) if rerun else stored_cells(run, _cell_faults)
+                wrong, said = _cells(run, rerun, deep)
                 found, notes = found + wrong, notes + said
             if run.problem == SWEEP:
                 wrong, said = stored_points(run)
@@ -122,12 +131,27 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
         found.append(str(error))
     except (KeyError, TypeError, ValueError) as error:
         found.append(f"run.json cannot be read as a run: {type(error).__name__}: {error}")
-    return Verification(path, tuple(found), tuple(notes), certificate)
+    said, stated = (found, notes), tuple(answer.failures)
+    return Verification(path, *map(tuple, said), answer.certificate, answer.deep, stated)
 
 
-def _cell_faults(path: Path) -> list[str]:
-    """What is wrong with the folder of a cell."""
-    return list(verify_folder(path).problems)
+def _cells(run: Run, rerun: bool, deep: bool) -> tuple[list[str], list[str]]:
+    """Where a comparison disagrees with its cells, each certified again; and notes.
+
+    The answers of cells that left no folder are gone: a deep verification answers them anew.
+    """
+    if rerun:
+        return rerun_cells(run)
+
+    def faults(path: Path) -> list[str]:
+        found = verify_folder(path, deep=deep)
+        return [text for text in found.problems if text not in found.stated]
+
+    wrong, notes, without = stored_cells(run, faults)
+    if deep and without:
+        more, said = rerun_cells(run, without)
+        return wrong + more, [f"{len(without)} cells without an answer here, answered anew", *said]
+    return wrong, notes
 
 
 def _of_its_project(path: Path) -> list[Path]:
@@ -170,10 +194,20 @@ def _other_code(run: Run, bound: Bound) -> list[str]:
     return notes
 
 
-def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
-    """The certificate from the stored arrays, and where stored files disagree with them."""
+@dataclass(frozen=True)
+class _Rechecked:
+    """The certificate of stored arrays, what stored files say otherwise, and what fails."""
+
+    certificate: Certificate | None
+    wrong: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    deep: tuple[Check, ...] = ()
+
+
+def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
+    """The certificate from the stored arrays alone, and where stored files disagree with them."""
     if not (run.path / "data.nc").exists():
-        return None, ["data.nc is missing: there is no answer to check"]
+        return _Rechecked(None, [], ["data.nc is missing: there is no answer to check"])
     claim = Outcome(run.info["claim"])
     proof = proof_task(bound.task, claim, run.outcome)
     task = proof or bound.task
@@ -181,7 +215,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
         answer = task.from_dataset(run.data)
         rebuilt = task.to_dataset(answer)
     except (KeyError, ValueError, InputError) as error:
-        return None, [f"data.nc holds no answer to the question: {error}"]
+        return _Rechecked(None, [f"data.nc holds no answer to the question: {error}"])
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME_NUMBER)]
     task = task if wrong else task.of_stored(run.data)
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
@@ -189,7 +223,6 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
     if isinstance(task, Study):
         certificate = bound.inherit(certificate)
-    wrong += [f"certificate: {text}" for text in certificate.failures]
     outcome = Solution(answer, claim, "", certificate, proof=proof).outcome
     if run.info["outcome"] != outcome:
         wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
@@ -202,7 +235,10 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
         for name, content in task.files(answer).items()
         if not (run.path / name).is_file() or read_text(run.path / name) != content
     ]
-    return certificate, wrong
+    dear = deep_checks(task, answer) if deep and certificate.valid else ()
+    wrong += [f"deep: {check.failure}" for check in dear if not check.holds]
+    failures = [f"certificate: {text}" for text in certificate.failures]
+    return _Rechecked(certificate, wrong, failures, dear)
 
 
 def _certificates_apart(stored: Any, fresh: dict[str, Any]) -> list[str]:
