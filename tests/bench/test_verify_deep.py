@@ -6,6 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
+from workbench.bench import netcdf
+from workbench.bench.store import seal
 from workbench.cli import main
 from workbench.executor import InProcess
 
@@ -137,3 +139,15 @@ def test_certificates_that_exclude_each_other_are_found(project):
     project.restart()
     found = wb.verify(run.path, deep=True)
     assert "exclude stored ones" in " ".join(found.problems)
+
+
+def test_a_sweep_certifies_its_points_again():
+    done = wb.sweep("toy/root", {"scale": [1, 4]}, method="rough")
+    assert wb.verify(done.path).holds
+    point = wb.run("toy/root", "rough", scale=4.0).path
+    data = netcdf.read(point / "data.nc")
+    (point / "data.nc").unlink()
+    netcdf.write(data.assign(x=0.5 * data["x"]), point / "data.nc")
+    seal(point)
+    found = wb.verify(done.path)
+    assert not found.holds and "data.nc: phasor" in " ".join(found.problems)

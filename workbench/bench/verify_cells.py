@@ -144,8 +144,11 @@ def _excluded(data: Dataset, again: Dataset) -> list[str]:
     )
 
 
-def stored_points(run: Run) -> tuple[list[str], list[str]]:
-    """Where a sweep disagrees with those of its points that are stored beside it; and notes."""
+def stored_points(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[list[str], list[str]]:
+    """Where a sweep disagrees with those of its points that are stored beside it; and notes.
+
+    ``faults`` verifies the folder of a point.
+    """
     store, data = Store(root_of(run)), run.data
     problem, wrong, missing = str(data.attrs["problem"]), [], 0
     keys = data["key"].values
@@ -155,6 +158,7 @@ def stored_points(run: Run) -> tuple[list[str], list[str]]:
         missing += not folders
         for folder in folders:
             wrong += [f"{folder.name}: {text}" for text in _point_apart(Run(folder), data, place)]
+            wrong += [f"{folder.name}: {text}" for text in faults(folder)]
     notes = [f"{missing} of {len(asked)} points are not here; run the sweep again"]
     return wrong, notes if missing else []
 
