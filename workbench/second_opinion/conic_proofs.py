@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 
 MEMBERS = 20
@@ -25,13 +26,13 @@ def supports(form: Any, y: Sequence[Any]) -> Check:
     """Check that no member drawn from the cones has a negative product with y."""
     values = np.array([float(Fraction(str(value))) for value in y])
     rng, worst = np.random.default_rng(SEED), 0.0
-    for _ in range(MEMBERS):
+    for _ in range(tries(MEMBERS)):
         for cone, rows in form.blocks:
             terms = values[rows] * _member(cone, rng)
             size = float(np.abs(terms).sum())
             worst = max(worst, -float(terms.sum()) / size if size > 0 else 0.0)
     statement = "most that a product of y and a member is below 0, relative to its terms"
-    over = f"for {MEMBERS} members of each cone"
+    over = f"for {tries(MEMBERS)} members of each cone"
     return Check("drawn members", statement, worst, SAMPLED_ROUNDING, over=over)
 
 

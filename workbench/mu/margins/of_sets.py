@@ -20,6 +20,7 @@ from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.stable_system import stable_system
+from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
@@ -192,7 +193,7 @@ class SetChecker(Checker):
 
     def second_opinion(self, answer: SetMargins) -> list[Check]:
         """Plants that are drawn keep the margins by their own crossings; the lost one does not."""
-        members = [self._crossings(member) for member in self.loop.sample(DRAWN)]
+        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN))]
         low = max(one.gain[0] for one in members)
         high = min(one.gain[1] for one in members)
         phase = min(one.phase for one in members)
@@ -203,7 +204,10 @@ class SetChecker(Checker):
             ("phase", answer.phase, phase),
             ("delay", answer.delay, delay),
         )
-        over, statement = f"for {DRAWN} plants", "by which share a plant that is drawn keeps less"
+        over, statement = (
+            f"for {len(members)} plants",
+            "by which share a plant that is drawn keeps less",
+        )
         return [
             Check(f"drawn: {name}", statement, excess(one, other), DRAWN_ROUNDING, over=over)
             for name, one, other in kept

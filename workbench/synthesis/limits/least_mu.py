@@ -27,6 +27,7 @@ import numpy as np
 from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
+from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
@@ -137,7 +138,7 @@ class LeastMuChecker(RepeatedChecker):
     def second_opinion(self, answer: LeastMu) -> list[Check]:
         rng = np.random.default_rng(SEED)
         reached = self.weights.mu(answer.T)
-        size = rng.lognormal(sigma=2.0, size=(DRAWN, len(answer.T)))
+        size = rng.lognormal(sigma=2.0, size=(tries(DRAWN), len(answer.T)))
         turns = np.exp(2j * np.pi * rng.uniform(size=size.shape))
         drawn = np.min([self.weights.mu(T) for T in size * turns], axis=0)
         return [
@@ -152,7 +153,7 @@ class LeastMuChecker(RepeatedChecker):
                 "claimed lower bound over the least mu of controllers that are drawn, less 1",
                 float(np.max(answer.lower / drawn, initial=0.0)) - 1.0,
                 REPEATED_ROUNDING,
-                over=f"for {DRAWN} complex numbers at each frequency",
+                over=f"for {tries(DRAWN)} complex numbers at each frequency",
             ),
         ]
 
