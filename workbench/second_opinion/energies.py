@@ -41,6 +41,8 @@ def least_energy(matrices: Realisation) -> RealArray | None:
     """
     A, B, C, D = matrices
     n, R = len(A), D.T @ D
+    if np.linalg.matrix_rank(R) < len(R):
+        return None
     gain = np.linalg.solve(R, D.T @ C)  # of the input that makes the first output least
     A, rest = A - B @ gain, C - D @ gain
     G, H = B @ np.linalg.solve(R, B.T), rest.T @ rest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.answer import Answer, PartsChecker, RepeatedChecker, no_better
@@ -16,6 +16,8 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 RECIPROCAL_ROUNDING = 1e-15
 """Share by which the reciprocal of a bound may exceed it, rounded."""
+LARGEST_TRIED = 1e3
+"""Size of the perturbations by which a margin without an end is tried."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,6 +137,17 @@ class StabilityChecker(PartsChecker):
             members = [one.at(**answer.worst) for one in self.systems]
             found.append(peaks.one_unstable(members))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class UnlimitedChecker(RepeatedChecker):
+    """Checks that no element of a system can move its poles: computed again, and tried."""
+
+    system: UncertainSystem
+
+    def second_opinion(self, answer: StabilityMargin) -> list[Check]:
+        tried = peaks.sampled_loops(self.system.system, self.system.structure, 1 / LARGEST_TRIED)
+        return [replace(tried, over=f"{tried.over} of size {LARGEST_TRIED:g}")]
 
 
 @dataclass(frozen=True, eq=False)
