@@ -27,6 +27,7 @@ import numpy as np
 from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
+from workbench.certify.agreement import need_agreement
 from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.second_opinion import SEED
@@ -123,6 +124,14 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
         if not len(k):
             break
     np.minimum.at(lower, k, least)
+    need_agreement(
+        (1 - REPEATED_ROUNDING) * lower,
+        upper,
+        "the least mu",
+        "boxes cover all T",
+        "one T reaches it",
+        lambda index: f"at frequency {index[0] + 1}",
+    )
     found = LeastMu(np.minimum(lower, upper), upper, T)
     again = partial(least_mu, weights, tolerance)
     over = f"at these {len(upper)} frequencies, for all complex K"
