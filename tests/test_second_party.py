@@ -50,6 +50,15 @@ def no_stable_controller() -> Certificate:
     return task.certify(task.respond(None, Context(Options()))[0], 1e-6)
 
 
+def test_a_zero_that_is_none_is_found_by_a_deep_opinion():
+    plant = control.ss(control.tf([1.0, -4.0, 3.0], [1.0, -2.0, -3.0, 1.0]))
+    task = NoStableController(plant)
+    answer = task.respond(None, Context(Options()))[0]
+    assert all(check.holds for check in deep_checks(task, answer))
+    moved = deep_checks(task, answer.assign(zeros=answer["zeros"] + 0.05))
+    assert [check.holds for check in moved] == [True, False, False]
+
+
 def matrix_sets() -> Certificate:
     rng = np.random.default_rng(0)
     deviations = rng.normal(size=(1, 6, 2, 2)) + 1j * rng.normal(size=(1, 6, 2, 2))
