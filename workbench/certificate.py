@@ -362,7 +362,16 @@ class Checker(ABC):
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
-    """The dear checks of a valid answer, each with what it quantifies over."""
+    """The dear checks of a valid answer, each with what it quantifies over.
+
+    Examples
+    --------
+    >>> from workbench.certificate import deep_checks
+    >>> from workbench.geometry import SmallestCircle, smallest_circle
+    >>> points = [0.0, 1.0, 1j]
+    >>> [check.name for check in deep_checks(SmallestCircle(points), smallest_circle(points))]
+    ['support']
+    """
     with np.errstate(all="ignore"):
         found = quantified(checker.quantifier, checker.deep_opinion(answer))
     return tuple(replace(check, opinion=True) for check in found)
