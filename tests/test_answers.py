@@ -100,6 +100,9 @@ ANSWERS = {
     "robust_stability, sampled": lambda: mu.robust_stability(
         feedback(tf([0.2], [1, real("p", -0.5, plus_minus=0.2)], 0.1) * dynamics("d", 1, 1), 1)
     ),
+    "robust_stability without an element that counts": lambda: mu.robust_stability(
+        feedback(tf([1], [1, 1]) * (STIFFNESS - STIFFNESS), 1)
+    ),
     "robust_performance": lambda: mu.robust_performance(CLOSED, 3.0, 1e-2),
     "worst_case_gain": lambda: mu.worst_case_gain(CLOSED),
     "worst_case_gain of a matrix": lambda: mu.worst_case_gain(N, Structure([Complex(1)])),
@@ -218,6 +221,12 @@ def test_an_answer_holds_and_says_over_what(answer, name):
 
 
 @pytest.mark.parametrize("name", ANSWERS)
+def test_a_second_party_agrees(answer, name):
+    """By code and mathematics of its own: `test_second_party` asks the same of Programs."""
+    assert any(check.opinion for check in answer.certificate.checks), answer.certificate
+
+
+@pytest.mark.parametrize("name", ANSWERS)
 def test_it_prints_a_few_lines_with_its_number(answer, name):
     if name in ("fit_magnitude", "fit_response"):
         return  # a StateSpace prints as one
@@ -301,6 +310,7 @@ def test_what_is_contained_is_certified():
     model = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.11], [1.0]))
     found = contains(model, responses)
     assert found.holds and found.certificate.holds and found.value == found.worst
+    assert any(check.opinion for check in found.certificate.checks)
     narrow = UncertaintyModel(control.tf([1.0], [1.0, 1.0]), control.tf([0.09], [1.0]))
     assert not contains(narrow, responses).certificate.holds
 

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from workbench.accuracy import DEFAULT_TOLERANCE
-from workbench.certificate import Certificate, Check, Checker, excess
+from workbench.certificate import Certificate, Check, Checker, excess, quantified
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
@@ -172,6 +172,16 @@ class PartsChecker(Checker):
                 continue
             checks += [replace(check, name=f"{name}: {check.name}") for check in found.checks]
         return replace(own, checks=tuple(checks))
+
+    def deep_opinion(self, answer: Any) -> list[Check]:
+        checks = list(super().deep_opinion(answer))
+        for name, part in self.parts(answer).items():
+            if part is not None and part._checked_by is not None:
+                checker = part._checked_by[0]
+                found = checker.deep_opinion(checker.witnessed(part))
+                over = quantified(checker.quantifier, found)
+                checks += [replace(check, name=f"{name}: {check.name}") for check in over]
+        return checks
 
 
 @dataclass(frozen=True, eq=False)

@@ -301,7 +301,9 @@ def results(pattern: str = "*") -> list[Run]:
     return stored_runs(results_root(), pattern)
 
 
-def verify(path: str | Path, *, rerun: bool = False, trust: bool = False) -> Verification:
+def verify(
+    path: str | Path, *, rerun: bool = False, trust: bool = False, deep: bool = False
+) -> Verification:
     """Verify a results folder: checksums, key, and the certificate from the stored arrays alone.
 
     Parameters
@@ -313,6 +315,9 @@ def verify(path: str | Path, *, rerun: bool = False, trust: bool = False) -> Ver
     trust
         Import the problems of the project that the folder lies in, where that is not the project
         at hand: they are somebody's code.
+    deep
+        The second opinion also tries more draws, samples and frequencies, and its dear checks; the
+        cells of a comparison are certified again, and those without a stored answer answered anew.
 
     Returns
     -------
@@ -323,4 +328,4 @@ def verify(path: str | Path, *, rerun: bool = False, trust: bool = False) -> Ver
     from workbench.bench.trust.untrusted import possible_path
     from workbench.bench.verify import verify_folder
 
-    return verify_folder(possible_path(path), rerun=rerun, trust=trust)
+    return verify_folder(possible_path(path), rerun=rerun, trust=trust, deep=deep)

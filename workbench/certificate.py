@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.effort import deeper
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
@@ -71,6 +72,22 @@ class Check:
     def verdict(self) -> str:
         """How it holds, proven or checked, or that it fails: words of one width."""
         return ("proven " if self.proven else "checked") if self.holds else "FAILS  "
+
+    @property
+    def line(self) -> str:
+        """Whether it holds, its numbers, and what they are of, as certificates print it."""
+        over = f"; {self.over}" if self.over else ""
+        return (
+            f"{self.verdict}  {'second opinion, ' if self.opinion else ''}"
+            f"{self.name}: {self.value:.6g} <= {self.limit:.6g} {self.where}".rstrip()
+            + over
+        )
+
+    @property
+    def failure(self) -> str:
+        """A sentence that says by which numbers it fails."""
+        where = f" {self.where}" if self.where else ""
+        return f"{self.name}: {self.value:.6g} exceeds {self.limit:.6g}{where}"
 
 
 EVERY_FREQUENCY = "at every frequency"
@@ -194,12 +211,7 @@ class Certificate:
     @property
     def failures(self) -> tuple[str, ...]:
         """A sentence for each thing that does not hold."""
-        failed = [
-            f"{check.name}: {check.value:.6g} exceeds {check.limit:.6g}"
-            + (f" {check.where}" if check.where else "")
-            for check in self.checks
-            if not check.holds
-        ]
+        failed = [check.failure for check in self.checks if not check.holds]
         if not self.checks:
             failed.append("nothing is checked")
         gap = self.gap
@@ -211,12 +223,7 @@ class Certificate:
 
     def __repr__(self) -> str:
         lines = [f"Certificate: {self.outcome}"]
-        lines += [
-            f"  {c.verdict}  {'second opinion, ' if c.opinion else ''}"
-            f"{c.name}: {c.value:.6g} <= {c.limit:.6g} {c.where}".rstrip()
-            + (f"; {c.over}" if c.over else "")
-            for c in self.checks
-        ]
+        lines += [f"  {check.line}" for check in self.checks]
         if self.gap is not None:
             needed = "required" if self.gap.required else "not claimed"
             lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
@@ -324,6 +331,15 @@ class Checker(ABC):
         """
         return ()
 
+    def deep_opinion(self, answer: Any) -> Sequence[Check]:
+        """Dear checks, as those of `second_opinion`, which `workbench verify --deep` asks for.
+
+        By default the second opinion with more draws, samples and frequencies
+        (`workbench.effort`). A checker with another dear way adds it.
+        """
+        with deeper():
+            return self.second_opinion(answer)
+
     def gap(self, answer: Any) -> tuple[str, float] | None:
         """Relative optimality gap by an independent bound, and what it says; None without one."""
         return None
@@ -371,6 +387,22 @@ class Checker(ABC):
         return Certificate(checks, proven, facts)
 
 
+def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
+    """The dear checks of a valid answer, each with what it quantifies over.
+
+    Examples
+    --------
+    >>> from workbench.certificate import deep_checks
+    >>> from workbench.geometry import SmallestCircle, smallest_circle
+    >>> points = [0.0, 1.0, 1j]
+    >>> [check.name for check in deep_checks(SmallestCircle(points), smallest_circle(points))]
+    ['support']
+    """
+    with np.errstate(all="ignore"):
+        found = quantified(checker.quantifier, checker.deep_opinion(answer))
+    return tuple(replace(check, opinion=True) for check in found)
+
+
 @dataclass(frozen=True, eq=False)
 class CheckedAs(Checker):
     """Certifies what was made from the answer of another checker, by that answer.
@@ -398,6 +430,9 @@ class CheckedAs(Checker):
 
     def second_opinion(self, answer: Any) -> Sequence[Check]:
         return self.checker.second_opinion(self.checker.witnessed(self.original))
+
+    def deep_opinion(self, answer: Any) -> Sequence[Check]:
+        return self.checker.deep_opinion(self.checker.witnessed(self.original))
 
     def gap(self, answer: Any) -> tuple[str, float] | None:
         return self.checker.gap(self.original)

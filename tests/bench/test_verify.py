@@ -14,7 +14,8 @@ from workbench.bench.files import write_json
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, seal
 from workbench.bench.trust.untrusted import read_json
-from workbench.bench.verify import _certificates_apart, finished_folders
+from workbench.bench.verify import finished_folders
+from workbench.bench.verify_numbers import certificates_apart
 from workbench.certificate import Certificate, Check
 from workbench.errors import ResultError
 
@@ -459,7 +460,7 @@ def test_a_check_counts_as_the_same_within_its_limit(opinion, value, same):
         check = Check("peak", "over the claim, less 1", excess, 1e-3, opinion=opinion)
         return plain(Certificate((check,)).to_json())
 
-    assert (not _certificates_apart(written(value), written(0.0))) is same
+    assert (not certificates_apart(written(value), written(0.0))) is same
 
 
 @pytest.mark.parametrize(("pole", "same"), [(-7.74711156353, True), (-7.75, False)])
@@ -470,7 +471,7 @@ def test_a_check_counts_as_the_same_within_a_part_of_its_distance_from_the_limit
         check = Check("stability", "worst pole beyond the boundary", value, -2.3e-308)
         return plain(Certificate((check,)).to_json())
 
-    assert (not _certificates_apart(written(-7.74711154887), written(pole))) is same
+    assert (not certificates_apart(written(-7.74711154887), written(pole))) is same
 
 
 # --- where folders are ------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import xarray as xr
 import workbench as wb
 from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram, claims
 from workbench.conic import program as programs
+from workbench.second_opinion import conic_proofs
 
 NONNEGATIVE = (ConeFactor(ConeKind.NONNEGATIVE, 2),)
 
@@ -80,3 +81,28 @@ def test_a_ray_that_rises_or_leaves_is_found():
     assert program.second_opinion({"x": x, "ray": ray})[0].holds
     assert not program.second_opinion({"x": x, "ray": [-value for value in ray]})[0].holds
     assert not program.second_opinion({"x": [value - 10**9 for value in x], "ray": ray})[0].holds
+
+
+CONES = (
+    ConeFactor(ConeKind.ZERO, 1),
+    ConeFactor(ConeKind.NONNEGATIVE, 2),
+    ConeFactor(ConeKind.SECOND_ORDER, 3),
+    ConeFactor(ConeKind.SEMIDEFINITE, 2),
+)
+BORDER = np.array([0.0, 0.5, 0.0, 1.5, 0.9, 1.2, 1.0, 0.5, 0.25])
+"""A slack on the border of each cone."""
+
+
+@pytest.mark.parametrize("row", [None, 0, 2, 3, 6, 8])
+def test_an_answer_without_a_dual_point_has_a_second_opinion(row):
+    """A row moved out of its cone is found from fractions, by as much as the kernel says."""
+    rng = np.random.default_rng(1)
+    A, x = rng.normal(size=(BORDER.size, 4)), rng.normal(size=4)
+    moved = BORDER - (0.0 if row is None else 1e-3 * np.eye(BORDER.size)[row])
+    program = ConicProgram(ConicForm(rng.normal(size=4), A, A @ x + moved, CONES))
+    answer = xr.Dataset({"x": ("column", x)})
+    outside = program.checks(answer, 1.0)[0].value
+    (check,) = program.second_opinion(answer)
+    assert check.holds and (outside > 1e-5) is (row is not None)
+    found = conic_proofs.inside(program.form, x, 0.0)
+    assert found.value == pytest.approx(max(outside, 0.0), abs=1e-12)

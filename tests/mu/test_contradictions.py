@@ -15,13 +15,17 @@ from workbench.mu import (
     branch_and_bound,
     lower_bound,
     peak,
+    set_margins,
     skew_bounds,
     upper_bound,
     worst_case_gain,
 )
+from workbench.mu.boxes import margin
+from workbench.mu.margins import set_delay
 from workbench.mu.robust.skew import Skew
 from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Complex, Full, Real, Structure
+from workbench.uncertainty import real, tf
 
 STRUCTURES = [
     Structure([Real(4)]),
@@ -153,3 +157,27 @@ def test_contradictions_over_many_matrices(record_property):
     record_property("contradictions", int(wrong))
     record_property("proven of 5300", int(proven))
     assert wrong == 0
+
+
+LOOP = tf([18], [1, 1.8, real("k", 10, percent=40)])
+LEAD = control.tf([0.4, 1.0], [0.02, 1.0])
+
+
+def test_a_box_that_holds_an_unstable_member_and_is_excluded_is_one(monkeypatch):
+    def decide(search, size, parts):
+        search.lower = 2 * search.upper
+        return True
+
+    monkeypatch.setattr(margin._Search, "decide", decide)
+    with pytest.raises(ContradictionError, match="the margin"):
+        set_margins(LOOP, LEAD, tolerance=0.1)
+
+
+def test_a_delay_that_one_plant_does_not_bear_and_is_proven_is_one(monkeypatch):
+    def decide(search, delay, region):
+        search.upper = delay / 2
+        return True
+
+    monkeypatch.setattr(set_delay._DelaySearch, "decide", decide)
+    with pytest.raises(ContradictionError, match="the delay"):
+        set_margins(LOOP, LEAD, tolerance=0.1)

@@ -1,5 +1,7 @@
 """Gain and phase margins over a set of plants, against the margins of its members."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -106,3 +108,27 @@ def test_wrong_loops_are_refused():
         set_margins(tf([18], [1, 1.8, k]), -5.0)
     with pytest.raises(InputError, match="parts is 0"):
         set_margins(tf([18], [1, 1.8, k]), PID, parts=0)
+
+
+@pytest.fixture(scope="module")
+def lost_every_way():
+    """The margins of an unstable plant with two lags: some plant is lost in every way."""
+    a = real("a", 1, percent=50)
+    lags = control.ss(control.tf([1], [0.1, 1])) * control.ss(control.tf([1], [0.05, 1]))
+    return set_margins(ss([[a]], [[1]], [[1]], 0) * lags, 4.0, tolerance=0.1)["loop"]
+
+
+@pytest.mark.parametrize("kind", ["rise", "fall", "phase", "delay"])
+def test_a_plant_that_keeps_more_than_is_said_to_be_lost_is_found(lost_every_way, kind):
+    """The margins of each named plant are its own crossings, which a smaller claim contradicts."""
+    found = lost_every_way
+    assert found.holds and kind in found.plants, found.plants
+    low, high = found.gain_lost
+    spoilt = {
+        "rise": {"gain_lost": (low, 0.99 * high)},
+        "fall": {"gain_lost": (1.01 * low, high)},
+        "phase": {"phase_lost": 0.99 * found.phase_lost},
+        "delay": {"delay_lost": 0.99 * found.delay_lost},
+    }[kind]
+    opinion = found._checked_by[0].second_opinion(replace(found, **spoilt))
+    assert [check.name for check in opinion if not check.holds] == [f"lost: {kind}"]

@@ -1,12 +1,19 @@
 """What demands on a controller cost: weaker demands never cost more."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from workbench.plants.textbook.first_order import unstable_first_order
 
+import workbench as wb
+from workbench.bench import netcdf
+from workbench.certificate import deep_checks
 from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.synthesis import DemandCost
+
+STORED = Path(__file__).parents[2] / "results" / "reference"
 
 
 @pytest.mark.slow
@@ -26,6 +33,17 @@ def test_weaker_demands_cost_no_more():
     wrong = found.answer.copy(deep=True)
     wrong["controllers"].values[0, 0, 0, 0] *= 3
     assert not study.certify(wrong, 1e-6).valid
+
+
+def test_a_deep_opinion_tries_every_loop_and_refutes_a_peak_that_is_too_small():
+    study = wb.load("unstable-first-order/demands")
+    (file,) = STORED.glob("unstable-first-order/demands/*/data.nc")
+    answer = netcdf.read(file)
+    kept = deep_checks(study, answer)
+    assert len(kept) == 4 * int(np.isfinite(answer["peak"].sel(bound="upper")).sum())
+    assert all(check.holds for check in kept), [check.line for check in kept]
+    small = answer.assign(peak=0.9 * answer["peak"])
+    assert any("sampled plants" in one.name for one in deep_checks(study, small) if not one.holds)
 
 
 @pytest.mark.parametrize(

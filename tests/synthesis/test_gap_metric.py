@@ -1,5 +1,7 @@
 """The gap of plants: never below the nu-gap, and near it for these."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -61,3 +63,28 @@ def test_ends():
 def test_bad_plants_of_a_gap(first, second, words):
     with pytest.raises(InputError, match=words):
         gap_metric(first, second)
+
+
+PAIRS = {
+    "above the nu-gap": (tf([1, -3], [1, 1, 1]), tf([1, -2], [1, 1, 1])),
+    "sampled": (tf([0.1], [1, -0.9], 0.1), tf([0.1], [1, -0.8], 0.1)),
+    "two outputs": [
+        control.ss([[a, 1.0], [-0.5, a]], [[1.0], [1.0]], np.eye(2), 0) for a in (0.2, 0.3)
+    ],
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_graphs_in_time_refute_a_gap_that_is_too_small(name):
+    """Sequences in time know nothing of coprime factors, of Q and of responses."""
+    found = gap_metric(*PAIRS[name])
+    assert found.holds, found.certificate.failures
+    checker = found._checked_by[0]
+    small, large = replace(found, upper=0.98 * found.upper), replace(found, lower=1.02)
+    assert not checker.second_opinion(small)[0].holds
+    assert not any(check.holds for check in checker.second_opinion(large)[1:])
+
+
+def test_equal_plants_and_integrators_have_a_second_opinion():
+    for first, second in [(tf([1], [1, 0]), tf([1], [1, 0])), (tf([1], [1]), tf([2], [1]))]:
+        assert gap_metric(first, second).holds

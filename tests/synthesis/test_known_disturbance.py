@@ -1,5 +1,7 @@
 """Bounds by known disturbances: below every norm, close to the least one."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -103,3 +105,18 @@ def test_wrong_input_is_named():
     free = control.ss(plant.system.A, plant.system.B, plant.system.C, 0 * plant.system.D)
     with pytest.raises(InputError, match="D12"):
         known_disturbance_bound(GeneralisedPlant(free, None, 1, 1), RATES)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_least_energy_in_samples_is_that_of_the_disturbance(seed):
+    """Dynamic programming agrees, and refutes a bound that is too large; unstable plants too."""
+    rng = np.random.default_rng(seed)
+    parts = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), rng.normal(size=(4, 3))
+    D = np.block([[rng.normal(size=(3, 2)), np.eye(3, 1)], [np.eye(1, 2), np.zeros((1, 1))]])
+    plant = GeneralisedPlant(control.ss(*parts, D), None, 1, 1)
+    found = known_disturbance_bound(plant, [0.1, 1.0, 7.0])
+    assert found.holds, found.certificate.failures
+    (check,) = found._checked_by[0].second_opinion(found)
+    assert -1e-5 < check.value < 1e-6
+    (check,) = found._checked_by[0].second_opinion(replace(found, lower=1.01 * found.lower))
+    assert not check.holds

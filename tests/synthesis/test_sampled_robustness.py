@@ -1,5 +1,7 @@
 """A sampled controller around an uncertain continuous plant: what breaks the loop, and what not."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from lanes import thinned
 
 from workbench.errors import InputError
 from workbench.mu import robust_stability
+from workbench.second_opinion.held_plants import _held
 from workbench.synthesis import sampled_robustness
 from workbench.uncertainty import UncertaintyModel, delay, dynamics, feedback, real, tf
 
@@ -105,3 +108,24 @@ def test_bad_input_is_named(plant, changes, words):
     given = {"K": K, "sample_time": T} | changes
     with pytest.raises(InputError, match=words):
         sampled_robustness(plant, **given)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 1.6])
+def test_loops_in_time_refute_a_margin_that_is_too_large(late):
+    found = sampled_robustness(PLANT, control.tf([0.4], [1, -1], 0.2), 0.2, late)
+    assert found.holds, found.certificate.failures
+    (check,) = found._checked_by[0].second_opinion(replace(found, lower=2 * found.upper))
+    assert not check.holds
+
+
+def test_a_held_plant_is_what_python_control_makes_of_it():
+    plant = control.ss(control.tf([2], [1, 0.8, 2]))
+    matrices = plant.A, plant.B, plant.C, plant.D
+    A, B, C, D = _held(matrices, 0.2, 0.0)
+    held = control.ss(A, B, C, D, 0.2)
+    omega = np.array([0.1, 1.0, 10.0])
+    exact = control.sample_system(plant, 0.2, "zoh")(np.exp(0.2j * omega))
+    np.testing.assert_allclose(held(np.exp(0.2j * omega)), exact, rtol=1e-9)
+    A, B, C, D = _held(matrices, 0.2, 2.0)
+    late = control.ss(A, B, C, D, 0.2)(np.exp(0.2j * omega))
+    np.testing.assert_allclose(late, exact * np.exp(-0.4j * omega), rtol=1e-9)

@@ -1,7 +1,9 @@
 """Verify a results folder from its stored arrays alone: no solver runs, nothing stored executes.
 
 In order: checksums; the key, from the question in run.json; the problem rebuilt through the
-registry; its arrays and derived files against the stored ones; the certificate recomputed.
+registry; its arrays and derived files against the stored ones; the certificate recomputed. A deep
+verification also asks for the dear checks of a second opinion, and certifies every cell of a
+comparison again.
 
 What nothing can recompute is not covered beyond its checksum: the log, the seconds, the versions,
 and what the method claimed. Figures and tables are not stored: they are functions of the arrays.
@@ -12,10 +14,9 @@ that is found only through the folder's own path are imported where the caller t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from workbench.bench import netcdf
 from workbench.bench.project import Project, add_problems, registry, results_root
@@ -26,19 +27,13 @@ from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.bench.sweep import SWEEP
 from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
-from workbench.certificate import Certificate
+from workbench.bench.verify_numbers import SAME_NUMBER, certificates_apart, metrics_apart
+from workbench.certificate import Certificate, Check, deep_checks
 from workbench.errors import InputError, ResultError, WorkbenchError
-from workbench.program import Program, Task, find_method
+from workbench.program import Program, find_method
 from workbench.solution import Solution, proof_task
 from workbench.solvers import Options, Outcome
 from workbench.study import Study
-
-SAME_NUMBER = 1e-9
-"""Relative difference at which recomputed numbers count as the stored ones."""
-
-DECIDED = 1e-4
-"""Part of the distance between the value of a check and its limit within which a recomputed value
-counts as the stored one. A pole is an example: it rounds as badly as it is conditioned."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +41,17 @@ class Verification:
     """The result of verifying a folder.
 
     ``problems`` says what is wrong, ``notes`` what else is worth knowing. ``certificate`` is
-    recomputed here; None where that was impossible, and then the answer was not checked.
+    recomputed here; None where that was impossible, and then the answer was not checked. ``deep``
+    are the dear checks of the second opinion, where they were asked for. ``stated`` are the
+    problems that the folder does not hide: it has no answer, or one that fails its certificate.
     """
 
     path: Path
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     certificate: Certificate | None
+    deep: tuple[Check, ...] = ()
+    stated: tuple[str, ...] = ()
 
     @property
     def intact(self) -> bool:
@@ -71,14 +70,17 @@ class Verification:
         lines = [f"{self.path}: {verdict}"]
         lines += [f"  {problem}" for problem in self.problems]
         lines += [f"  note: {note}" for note in self.notes]
+        lines += [f"  deep: {check.line}" for check in self.deep]
         return "\n".join(lines)
 
 
-def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Verification:
+def verify_folder(
+    path: Path, *, rerun: bool = False, trust: bool = False, deep: bool = False
+) -> Verification:
     """Verify one results folder.
 
-    ``trust``: import the problems of the project that the folder lies in, as well as those of the
-    project at hand.
+    ``rerun``: answer anew as well. ``deep``: ask for the dear checks too. ``trust``: import the
+    problems of the project that the folder lies in, as well as those of the project at hand.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
         return Verification(path, tuple(found), (), None)
     run = Run(path)
     notes: list[str] = []
-    certificate = None
+    answer = _Rechecked(None)
     try:
         found += _misplaced(run)
         if run.problem not in (*OWN_STUDIES, *registry().entries):
@@ -106,13 +108,13 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
             again = rebuilt(run)
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
             notes += _other_code(run, bound) if bound.problem else []
-            certificate, wrong = _recheck(run, bound)
-            found += wrong + cell_of(run)
+            answer = _recheck(run, bound, deep)
+            found += answer.wrong + answer.failures + cell_of(run)
             if run.problem == COMPARISON:
-                wrong, said = rerun_cells(run) if rerun else stored_cells(run, _cell_faults)
+                wrong, said = _cells(run, rerun, deep)
                 found, notes = found + wrong, notes + said
             if run.problem == SWEEP:
-                wrong, said = stored_points(run)
+                wrong, said = stored_points(run, _faults(deep))
                 found, notes = found + wrong, notes + said
             if run.best_so_far:
                 notes.append(f"stopped by the clock: {run.info['message']}")
@@ -122,12 +124,32 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
         found.append(str(error))
     except (KeyError, TypeError, ValueError) as error:
         found.append(f"run.json cannot be read as a run: {type(error).__name__}: {error}")
-    return Verification(path, tuple(found), tuple(notes), certificate)
+    stated = tuple(answer.failures)
+    return Verification(path, tuple(found), tuple(notes), answer.certificate, answer.deep, stated)
 
 
-def _cell_faults(path: Path) -> list[str]:
-    """What is wrong with the folder of a cell."""
-    return list(verify_folder(path).problems)
+def _cells(run: Run, rerun: bool, deep: bool) -> tuple[list[str], list[str]]:
+    """Where a comparison disagrees with its cells, each certified again; and notes.
+
+    The answers of cells that left no folder are gone: a deep verification answers them anew.
+    """
+    if rerun:
+        return rerun_cells(run)
+    wrong, notes, without = stored_cells(run, _faults(deep))
+    if deep and without:
+        more, said = rerun_cells(run, without)
+        return wrong + more, [f"{len(without)} cells without an answer here, answered anew", *said]
+    return wrong, notes
+
+
+def _faults(deep: bool) -> Callable[[Path], list[str]]:
+    """A function that verifies the folder of a cell or point: what it does not state itself."""
+
+    def faults(path: Path) -> list[str]:
+        found = verify_folder(path, deep=deep)
+        return [text for text in found.problems if text not in found.stated]
+
+    return faults
 
 
 def _of_its_project(path: Path) -> list[Path]:
@@ -170,10 +192,20 @@ def _other_code(run: Run, bound: Bound) -> list[str]:
     return notes
 
 
-def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
-    """The certificate from the stored arrays, and where stored files disagree with them."""
+@dataclass(frozen=True)
+class _Rechecked:
+    """The certificate of stored arrays, what stored files say otherwise, and what fails."""
+
+    certificate: Certificate | None
+    wrong: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    deep: tuple[Check, ...] = ()
+
+
+def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
+    """The certificate from the stored arrays alone, and where stored files disagree with them."""
     if not (run.path / "data.nc").exists():
-        return None, ["data.nc is missing: there is no answer to check"]
+        return _Rechecked(None, [], ["data.nc is missing: there is no answer to check"])
     claim = Outcome(run.info["claim"])
     proof = proof_task(bound.task, claim, run.outcome)
     task = proof or bound.task
@@ -181,7 +213,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
         answer = task.from_dataset(run.data)
         rebuilt = task.to_dataset(answer)
     except (KeyError, ValueError, InputError) as error:
-        return None, [f"data.nc holds no answer to the question: {error}"]
+        return _Rechecked(None, [f"data.nc holds no answer to the question: {error}"])
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME_NUMBER)]
     task = task if wrong else task.of_stored(run.data)
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
@@ -189,92 +221,22 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
     if isinstance(task, Study):
         certificate = bound.inherit(certificate)
-    wrong += [f"certificate: {text}" for text in certificate.failures]
     outcome = Solution(answer, claim, "", certificate, proof=proof).outcome
     if run.info["outcome"] != outcome:
         wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
-    wrong += [f"certificate.json: {text}" for text in _certificates_apart(stored, fresh)]
+    wrong += [f"certificate.json: {text}" for text in certificates_apart(stored, fresh)]
     stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
-    wrong += [f"metrics.json: {text}" for text in _metrics_apart(stored, fresh, task)]
+    wrong += [f"metrics.json: {text}" for text in metrics_apart(stored, fresh, task)]
     wrong += [
         f"{name} is not what the arrays give"
         for name, content in task.files(answer).items()
         if not (run.path / name).is_file() or read_text(run.path / name) != content
     ]
-    return certificate, wrong
-
-
-def _certificates_apart(stored: Any, fresh: dict[str, Any]) -> list[str]:
-    """Places where two certificates as JSON differ.
-
-    The value of a check is what rounding and a search for a proof leave over. It differs between
-    machines and between searches. It counts as the same where it has moved by no more than its
-    limit, which is the tolerance of the check, or by 1e-4 of its distance from it. What a second
-    opinion measured is not compared, for it samples in plain doubles about poles and peaks that
-    round differently; that its checks hold, and what they say, is. Facts in words are not compared:
-    their numbers are among the metrics.
-    """
-    if not isinstance(stored, dict):
-        return [f"it holds no certificate but {stored!r:.80}"]
-    for each in (stored, fresh):
-        each.pop("facts", None)
-    checks = stored.get("checks")
-    if isinstance(checks, list) and len(checks) == len(fresh["checks"]):
-        for was, now in zip(checks, fresh["checks"], strict=True):
-            if isinstance(was, dict):
-                was.update({key: now[key] for key in _free(was, now)})
-    # What is checked is near zero, where a relative difference says nothing.
-    return _apart(stored, fresh, floor=1.0)
-
-
-def _metrics_apart(stored: Any, fresh: dict[str, float], task: Task) -> list[str]:
-    """Places where two mappings of metrics differ."""
-    if not isinstance(stored, Mapping):
-        return _apart(stored, fresh)
-    floors = dict.fromkeys(task.relative_metrics, 1.0)
-    return [
-        text
-        for name in sorted(stored.keys() | fresh.keys())
-        for text in _apart(stored.get(name), fresh.get(name), name, floors.get(name, 0.0))
-    ]
-
-
-def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
-    """What a stored check may say otherwise than the recomputed one."""
-    if now["opinion"]:
-        return {"value", "limit", "over"}
-    try:
-        away = abs(float(was["value"]) - float(now["value"]))
-        slack = abs(float(now["value"]) - now["limit"])
-    except (KeyError, TypeError, ValueError):  # what was edited is no number
-        return set()
-    return {"value"} if away <= max(abs(now["limit"]), DECIDED * slack) else set()
-
-
-def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
-    """Places where two JSON values differ.
-
-    Numbers differ when they are further apart than ``SAME_NUMBER`` of them or of the floor.
-    """
-    if isinstance(stored, Mapping) and isinstance(fresh, Mapping):
-        return [
-            text
-            for key in sorted(stored.keys() | fresh.keys())
-            for text in _apart(stored.get(key), fresh.get(key), f"{path}.{key}".lstrip("."), floor)
-        ]
-    if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):
-        return [
-            text
-            for i, pair in enumerate(zip(stored, fresh, strict=True))
-            for text in _apart(*pair, f"{path}[{i}]", floor)
-        ]
-    if isinstance(stored, float | int) and isinstance(fresh, float | int):
-        same = abs(stored - fresh) <= SAME_NUMBER * max(floor, abs(fresh))
-        return [] if same else [f"{path} says {stored:.12g}, recomputed {fresh:.12g}"]
-    if path.endswith("where"):  # the place of the worst of equal values is arbitrary
-        return []
-    return [] if stored == fresh else [f"{path} says {stored!r}, recomputed {fresh!r}"]
+    dear = deep_checks(task, answer) if deep and certificate.valid else ()
+    wrong += [f"deep: {check.failure}" for check in dear if not check.holds]
+    failures = [f"certificate: {text}" for text in certificate.failures]
+    return _Rechecked(certificate, wrong, failures, dear)
 
 
 def _rerun(run: Run, notes: list[str]) -> list[str]:

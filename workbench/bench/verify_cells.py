@@ -14,6 +14,8 @@ from workbench.bench.cells.record import CELL, Record, certified_gap
 from workbench.bench.cells.stored import light_records
 from workbench.bench.compare import asked_for
 from workbench.bench.comparison.layout import cell_labels
+from workbench.bench.comparison.numbers import counts
+from workbench.bench.comparison.verdicts import judged
 from workbench.bench.results import Run, root_of
 from workbench.bench.store import Store
 from workbench.heavy_types import Dataset
@@ -37,15 +39,23 @@ def _same(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=1e-9) or (math.isnan(a) and math.isnan(b))
 
 
-def stored_cells(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[list[str], list[str]]:
-    """Where a comparison disagrees with those of its cells that are stored beside it; and notes.
+Place = tuple[int, ...]
+"""Where a cell stands in the arrays of a comparison."""
 
-    ``faults`` verifies the folder of a cell: a table is no better than what it is made of.
+
+def stored_cells(
+    run: Run, faults: Callable[[Path], Sequence[str]]
+) -> tuple[list[str], list[str], list[Place]]:
+    """Where a comparison disagrees with those of its cells that are stored beside it.
+
+    ``faults`` verifies the folder of a cell: a table is no better than what it is made of. Returned
+    are also notes, and the cells that have no folder, so that nobody can certify their answers.
 
     A cell that other code has answered since, such as an edited method, is another one.
     """
     data, store, light = run.data, Store(root_of(run)), light_records(root_of(run))
     asked, wrong, missing, replaced = _asked(data), [], 0, 0
+    without: list[Place] = []
     for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
         folders = [Run(one) for one in store.places(problem, key) if one.exists()]
@@ -57,9 +67,9 @@ def stored_cells(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[lis
         replaced += bool(found) and not records
         for record in records:
             wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
-        for one in folders:
-            if str(one.info["code"]) == own:
-                wrong += [f"{key}: {text}" for text in faults(one.path)]
+        answered = [one.path for one in folders if own in (str(one.info["code"]), None)]
+        wrong += [f"{key}: {text}" for path in answered for text in faults(path)]
+        without += [] if answered else [place]
     notes = [
         f"{count} of {len(asked)} cells {what}; --rerun answers them anew"
         for count, what in (
@@ -68,15 +78,15 @@ def stored_cells(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[lis
         )
         if count
     ]
-    return wrong, notes
+    return wrong, notes, without
 
 
-def _asked(data: Dataset) -> list[tuple[int, ...]]:
+def _asked(data: Dataset) -> list[Place]:
     """Places of the cells that were asked."""
     return [tuple(place) for place in np.argwhere(data["key"].values != "").tolist()]
 
 
-def _apart(record: Record, data: Dataset, place: tuple[int, ...]) -> Iterator[str]:
+def _apart(record: Record, data: Dataset, place: Place) -> Iterator[str]:
     for name in ("outcome", "claim", "objective", "gap", "statement", "solve", "cpu"):
         own, here = getattr(record, name), data[name].values[place]
         same = own == here if isinstance(own, str) else _same(float(own), float(here))
@@ -84,9 +94,15 @@ def _apart(record: Record, data: Dataset, place: tuple[int, ...]) -> Iterator[st
             yield f"its {name} is {own}, the comparison says {here}"
 
 
-def rerun_cells(run: Run) -> tuple[list[str], list[str]]:
-    """Where cells answered anew, and kept nowhere, end otherwise; and notes."""
+def rerun_cells(run: Run, places: Sequence[Place] | None = None) -> tuple[list[str], list[str]]:
+    """Where cells answered anew, and kept nowhere, end otherwise; and notes.
+
+    ``places``: those that are judged; None: all. No bound that was certified then may exclude an
+    answer that is certified now, nor the other way round.
+    """
     asked, data = run.info["parameters"], run.data
+    places = _asked(data) if places is None else places
+    problems = [str(data["problem"].values[place[0]]) for place in places]
     settings: dict[str, Any] = {name: asked[name] for name in ("repeat", "memory_limit")}
     settings |= {name: run.info["options"][name] for name in ("time_limit", "seed")}
     comparison = replace(
@@ -98,15 +114,16 @@ def rerun_cells(run: Run) -> tuple[list[str], list[str]]:
             slow=True,
             **settings,
         ),
-        problems=tuple(asked["problems"]),
+        problems=tuple(dict.fromkeys(problems)),
         light=True,
         fresh=True,
         kept=False,
     )
-    again = comparison().reindex_like(data, fill_value={"outcome": ""})
-    wrong: list[str] = []
+    texts = {str(name): "" for name, one in data.data_vars.items() if one.dtype.kind in "OSUT"}
+    again = comparison().reindex_like(data, fill_value=texts)
+    wrong = _excluded(data, again)
     notes: list[str] = []
-    for place in _asked(data):
+    for place in places:
         was, now = (str(one["outcome"].values[place]) for one in (data, again))
         if was != now:
             name = " ".join(cell_labels(data, place))
@@ -115,8 +132,23 @@ def rerun_cells(run: Run) -> tuple[list[str], list[str]]:
     return wrong, notes
 
 
-def stored_points(run: Run) -> tuple[list[str], list[str]]:
-    """Where a sweep disagrees with those of its points that are stored beside it; and notes."""
+def _excluded(data: Dataset, again: Dataset) -> list[str]:
+    """Certificates of then and of now that exclude each other."""
+    import xarray as xr
+
+    renamed = again.assign_coords(repetition=again["repetition"] + data.sizes["repetition"])
+    both = xr.concat([data, renamed], "repetition", data_vars="minimal", coords="minimal")
+    found = counts(judged(both))["contradictions"] - counts(judged(data))["contradictions"]
+    return [f"re-run: {found} certificates exclude stored ones, or the other way round"] * (
+        found > 0
+    )
+
+
+def stored_points(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[list[str], list[str]]:
+    """Where a sweep disagrees with those of its points that are stored beside it; and notes.
+
+    ``faults`` verifies the folder of a point.
+    """
     store, data = Store(root_of(run)), run.data
     problem, wrong, missing = str(data.attrs["problem"]), [], 0
     keys = data["key"].values
@@ -126,6 +158,7 @@ def stored_points(run: Run) -> tuple[list[str], list[str]]:
         missing += not folders
         for folder in folders:
             wrong += [f"{folder.name}: {text}" for text in _point_apart(Run(folder), data, place)]
+            wrong += [f"{folder.name}: {text}" for text in faults(folder)]
     notes = [f"{missing} of {len(asked)} points are not here; run the sweep again"]
     return wrong, notes if missing else []
 

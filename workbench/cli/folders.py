@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -21,19 +22,25 @@ from workbench.cli.terminal import print_json
 @click.option(
     "--trust", is_flag=True, help="Import the problems of the project that a folder lies in."
 )
+@click.option(
+    "--deep",
+    is_flag=True,
+    help="Ask for the dear checks of the second opinion, and certify every cell of a comparison.",
+)
 @AS_JSON
-def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, as_json: bool) -> None:
+def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, deep: bool, as_json: bool) -> None:
     """Verify results folders at or below PATHS [default: the project's results].
 
     Checksums, key, arrays, metrics and certificate; the log, the seconds and the method's claim by
-    their checksums only.
+    their checksums only. With --deep each check of the second opinion is also made with more draws,
+    samples and frequencies, and named.
     """
     from workbench.bench.verify import finished_folders, verify_folder
 
     found = []
     for path in paths or (results_root(),):
         for folder in finished_folders(path):
-            found.append(verify_folder(folder, rerun=rerun, trust=trust))
+            found.append(verify_folder(folder, rerun=rerun, trust=trust, deep=deep))
             if not as_json:
                 click.echo(repr(found[-1]))
     if as_json:
@@ -43,6 +50,7 @@ def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, as_json: bool) -> 
                 "holds": one.holds,
                 "problems": list(one.problems),
                 "notes": list(one.notes),
+                "deep": [asdict(check) | {"holds": check.holds} for check in one.deep],
             }
             for one in found
         ]

@@ -105,9 +105,9 @@ class ConicProgram(ConicallyStated):
         return [Check("solution", statement, value, tolerance, where)]
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
-        if "dual" not in answer:
-            return ()
         form, x = self.form, answer["x"].values
+        if "dual" not in answer:
+            return [conic_proofs.inside(form, x, self.checks(answer, math.inf)[0].value)]
         y = [str(value) for value in answer["dual"].values]
         gap = self.gap(answer)[1] * self.objective_scale(answer)
         return [conic_proofs.supports(form, y), *conic_proofs.duality(form, x, y, gap)]

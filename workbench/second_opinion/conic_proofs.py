@@ -11,12 +11,15 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 
 MEMBERS = 20
 """Members of the product of cones that are drawn."""
 SAMPLED_ROUNDING = 1e-9
 """Share of its terms that a product of doubles may lie below 0, or a slack outside of its cone."""
+ROWS_ALONE = ("ZERO", "NONNEGATIVE")
+"""Cones whose rows are judged each by its own size."""
 STEPS = (1.0, 1e3, 1e6)
 """Steps along a ray."""
 
@@ -25,13 +28,13 @@ def supports(form: Any, y: Sequence[Any]) -> Check:
     """Check that no member drawn from the cones has a negative product with y."""
     values = np.array([float(Fraction(str(value))) for value in y])
     rng, worst = np.random.default_rng(SEED), 0.0
-    for _ in range(MEMBERS):
+    for _ in range(tries(MEMBERS)):
         for cone, rows in form.blocks:
             terms = values[rows] * _member(cone, rng)
             size = float(np.abs(terms).sum())
             worst = max(worst, -float(terms.sum()) / size if size > 0 else 0.0)
     statement = "most that a product of y and a member is below 0, relative to its terms"
-    over = f"for {MEMBERS} members of each cone"
+    over = f"for {tries(MEMBERS)} members of each cone"
     return Check("drawn members", statement, worst, SAMPLED_ROUNDING, over=over)
 
 
@@ -65,6 +68,64 @@ def duality(form: Any, x: RealArray, y: Sequence[Any], gap: float) -> list[Check
             SAMPLED_ROUNDING,
         ),
     ]
+
+
+def inside(form: Any, x: RealArray, claimed: float) -> Check:
+    """Check that b - A x, in fractions, leaves the cones by no more than claimed.
+
+    Members of the dual cones, which are these cones themselves but for those of equations, have
+    products with it that are not negative but for what is claimed, relative to 1 + |b| + |A| |x| of
+    the rows, or of the largest row of a cone. All but the first, which is the worst, are drawn.
+    """
+    rng, worst = np.random.default_rng(SEED), 0.0
+    exact = [Fraction(b) for b in form.b.tolist()]
+    size = [1 + abs(b) for b in exact]
+    for i, j, value in _entries(form):
+        term = value * Fraction(float(x[j]))
+        exact[i], size[i] = exact[i] - term, size[i] + abs(term)
+    slack = np.array([float(value) for value in exact])
+    sizes = np.array([float(value) for value in size])
+    for number in range(tries(MEMBERS)):
+        for cone, rows in form.blocks:
+            if cone.kind.name == "ZERO":
+                member = rng.choice([-1.0, 1.0], size=cone.rows)
+            else:
+                own = _member(cone, rng) if number else _worst_member(cone, slack[rows])
+                member = _doubled(cone, own)
+            allowed = sizes[rows] if cone.kind.name in ROWS_ALONE else sizes[rows].max()
+            weight = float(np.sum(np.abs(_weight(cone, member)) * allowed))
+            if weight > 0:
+                worst = max(worst, -float(member @ slack[rows]) / weight - max(claimed, 0.0))
+    statement = "most that a product of b - A x and a member is below the claim, relative"
+    over = f"for {tries(MEMBERS)} members of each dual cone"
+    return Check("slack in fractions", statement, worst, SAMPLED_ROUNDING, over=over)
+
+
+def _worst_member(cone: Any, s: RealArray) -> RealArray:
+    """The member of a cone whose product with s is least, of its size."""
+    if cone.kind.name == "NONNEGATIVE":
+        return np.asarray(s < 0.0, dtype=float)
+    if cone.kind.name == "SECOND_ORDER":
+        return np.concatenate([[np.linalg.norm(s[1:])], -s[1:]])
+    v = np.linalg.eigh(_matrix(cone, s))[1][:, 0]
+    return np.array([v[i] * v[j] for i, j in _triangle(cone.size)])
+
+
+def _doubled(cone: Any, member: RealArray) -> RealArray:
+    """A member with its entries off the diagonal doubled, as products of matrices count them."""
+    if cone.kind.name != "SEMIDEFINITE":
+        return member
+    return member * np.array([1.0 if i == j else 2.0 for i, j in _triangle(cone.size)])
+
+
+def _weight(cone: Any, member: RealArray) -> RealArray:
+    """What a product with a member may fall below 0 by, for each unit that the slack is outside."""
+    if cone.kind.name == "SECOND_ORDER":
+        return member[:1]
+    if cone.kind.name == "SEMIDEFINITE":
+        diagonal = [k for k, (i, j) in enumerate(_triangle(cone.size)) if i == j]
+        return np.array([member[diagonal].sum()])
+    return member
 
 
 def falls(form: Any, x: Sequence[Any], ray: Sequence[Any]) -> Check:
@@ -118,10 +179,15 @@ def _outside(cone: Any, s: RealArray) -> float:
         return float(-s.min(initial=0.0))
     if kind == "SECOND_ORDER":
         return float(np.linalg.norm(s[1:]) - s[0])
+    return float(-np.linalg.eigvalsh(_matrix(cone, s))[0])
+
+
+def _matrix(cone: Any, s: RealArray) -> RealArray:
+    """The symmetric matrix whose triangle is s."""
     S = np.zeros((cone.size, cone.size))
     for (i, j), value in zip(_triangle(cone.size), s, strict=True):
         S[i, j] = S[j, i] = value
-    return float(-np.linalg.eigvalsh(S)[0])
+    return S
 
 
 def _triangle(order: int) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.effort import tries
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response
 
@@ -61,7 +62,7 @@ def within(
 
 def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
     """Check that a realisation lies above data (F,), which are linear in log-log scale between."""
-    count = BETWEEN * (omega.size - 1) + 1
+    count = tries(BETWEEN) * (omega.size - 1) + 1
     place, index = np.linspace(0, omega.size - 1, count), np.arange(omega.size)
     grid = np.exp(np.interp(place, index, np.log(omega)))
     data = np.exp(np.interp(place, index, np.log(magnitude)))

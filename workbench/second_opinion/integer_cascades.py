@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check, excess
+from workbench.effort import tries
 
 SAMPLES = 600
 """Samples of each impulse response."""
@@ -47,7 +48,7 @@ def reached_rounding(
     statement = (
         "error of the control that the worst roundings reach, over the claimed bound, less 1"
     )
-    over = f"for the worst roundings of {SAMPLES} samples"
+    over = f"for the worst roundings of {tries(SAMPLES)} samples"
     return Check(
         "worst roundings", statement, excess(reached, claimed), REACHED_ROUNDING, over=over
     )
@@ -64,15 +65,15 @@ def reached_signals(channels: Any, shifts: Any, largest: Any, step: float) -> Ch
                 if np.isfinite(bound) and not saturated:
                     worst = max(worst, float(reached[k]) / bound)
     statement = "signal that the worst measurement reaches, over the claimed bound, less 1"
-    over = f"for the worst measurements of {SAMPLES} samples"
+    over = f"for the worst measurements of {tries(SAMPLES)} samples"
     return Check("worst measurements", statement, worst - 1.0, REACHED_ROUNDING, over=over)
 
 
 def _outputs(rows: RealArray) -> RealArray:
     """Impulse responses (N, L) of each section's output, from the input of the cascade."""
     memory = np.zeros((len(rows), 4))
-    found = np.zeros((SAMPLES, len(rows)))
-    for n in range(SAMPLES):
+    found = np.zeros((tries(SAMPLES), len(rows)))
+    for n in range(tries(SAMPLES)):
         v = float(n == 0)
         for k, (b0, b1, b2, _, a1, a2) in enumerate(rows):
             v1, v2, w1, w2 = memory[k]
@@ -91,7 +92,7 @@ def _impulses(channels: Any, plant: Any, sign: int, count: int) -> Any:
     inputs, outputs = plant.noutputs, plant.ninputs
     memory = [[np.zeros((len(rows), 4, count)) for rows in line] for line in channels]
     x, u = np.zeros((len(G[0]), count)), np.zeros((outputs, count))
-    for n in range(SAMPLES):
+    for n in range(tries(SAMPLES)):
         first = np.eye(count) if n == 0 else np.zeros((count, count))
         y = G[2] @ x + G[3] @ u + first[:inputs]
         control, error = np.zeros((outputs, count)), inputs

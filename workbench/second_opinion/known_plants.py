@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
+from workbench.effort import tries
 
 CIRCLES = (1e-5, 1e-4, 1e-3)
 """Radii of the circles about a known pole within which eigenvalues are counted."""
@@ -52,7 +53,8 @@ def has_known(
 
 def _counted(A: RealArray, pole: complex, radius: float) -> float:
     """Number of eigenvalues within a circle about a pole, by the argument principle."""
-    turns = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    points = tries(POINTS)
+    turns = np.exp(2j * np.pi * (np.arange(points) + 0.5) / points)
     resolvents = np.linalg.inv((pole + radius * turns)[:, None, None] * np.eye(len(A)) - A)
     return float((np.trace(resolvents, axis1=1, axis2=2) * radius * turns).mean().real)
 

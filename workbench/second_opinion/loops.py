@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, excess
+from workbench.effort import tries
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import (
@@ -96,7 +97,7 @@ def gain(
         excess(worst, claimed),
         SAMPLED_ROUNDING,
         f"at {where:.6g} rad/s",
-        over=f"for {PERTURBATIONS + 1} plants at {len(grid)} frequencies",
+        over=f"for {tries(PERTURBATIONS) + 1} plants at {len(grid)} frequencies",
     )
 
 
@@ -113,7 +114,7 @@ def worst_gain(
     if structure is None:
         sizes = _sizes(M)
     else:
-        drawn = _radius(claimed) * vertex_perturbations(structure, PERTURBATIONS)
+        drawn = _radius(claimed) * vertex_perturbations(structure, tries(PERTURBATIONS))
         every = np.concatenate([np.zeros_like(drawn[:1]), drawn])
         sizes = np.max([_sizes(upper_closed(M, Delta)) for Delta in every], axis=0)
     sizes = np.where(np.isfinite(error), np.maximum(sizes - error, 0.0), 0.0)
@@ -139,7 +140,7 @@ def in_time(
     """
     drawn = [np.zeros((0, 0))]
     if structure is not None:
-        members = _radius(claimed) * constant_perturbations(structure, LOOPS_IN_TIME)
+        members = _radius(claimed) * constant_perturbations(structure, tries(LOOPS_IN_TIME))
         drawn = [np.zeros_like(members[0]), *members]
     fastest, largest = -math.inf, 0.0
     for Delta in drawn:

@@ -10,6 +10,7 @@ from scipy import stats
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies
@@ -27,20 +28,23 @@ TRIES = 10_000
 def drawn_values(
     ranges: Mapping[str, tuple[float, float]], laws: Mapping[str, Any]
 ) -> dict[str, RealArray]:
-    """Values (MEMBERS,) of each parameter in its closed range, uniform where it has no law."""
-    rng = np.random.default_rng(SEED)
+    """Values (N,) of each parameter in its closed range, uniform where it has no law.
+
+    N is at least `MEMBERS`.
+    """
+    rng, members = np.random.default_rng(SEED), tries(MEMBERS)
     found = {}
     for name, (low, high) in ranges.items():
         if name not in laws or not hasattr(laws[name], "rvs"):
-            found[name] = rng.uniform(low, high, MEMBERS)
+            found[name] = rng.uniform(low, high, members)
             continue
         kept = np.empty(0)
         for _ in range(TRIES):
-            drawn = np.asarray(laws[name].rvs(size=MEMBERS, random_state=rng), dtype=float)
+            drawn = np.asarray(laws[name].rvs(size=members, random_state=rng), dtype=float)
             kept = np.append(kept, drawn[(drawn >= low) & (drawn <= high)])
-            if kept.size >= MEMBERS:
+            if kept.size >= members:
                 break
-        found[name] = kept[:MEMBERS]
+        found[name] = kept[:members]
     return found
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
+from workbench.effort import tries
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
@@ -52,7 +53,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
     The phase of all blocks turns any eigenvalue to a real one, so no block may be real.
     """
     omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
-    drawn = vertex_perturbations(structure, DRAWN)
+    drawn = vertex_perturbations(structure, tries(DRAWN))
     size = np.abs(loop_eigenvalues(plain_response(system, omega)[:, None], drawn))
     for k in np.argsort(-size.max(axis=(1, 2))):  # what rounding may have lifted above the claim
         if size[k].max() <= claimed * (1 + SAMPLED_ROUNDING) or not math.isfinite(omega[k]):
@@ -65,7 +66,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
         excess(float(size.max()), claimed),
         SAMPLED_ROUNDING,
         f"at {where:.6g} rad/s",
-        over=f"for {DRAWN} perturbations at {omega.size} frequencies",
+        over=f"for {len(drawn)} perturbations at {omega.size} frequencies",
     )
 
 
@@ -73,7 +74,8 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     """Check that loops of constant perturbations smaller than 1 / claimed are stable."""
     radius = INSIDE / claimed if claimed > 0 else 1.0
     fastest = -math.inf
-    for Delta in radius * constant_perturbations(structure, LOOPS):
+    drawn = radius * constant_perturbations(structure, tries(LOOPS))
+    for Delta in drawn:
         rate, rounding = growth(perturbed(system, Delta)[0], system.dt)
         fastest = max(fastest, rate - rounding)
     return Check(
@@ -81,7 +83,7 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
         "logarithmic growth of a loop per sample, less its rounding",
         fastest,
         0.0,
-        over=f"for {LOOPS} loops",
+        over=f"for {len(drawn)} loops",
     )
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth
 
@@ -50,9 +51,9 @@ def edge_plants(
     return centre, left, right
 
 
-def drawn_changes(left: RealArray, right: RealArray, plants: int = PLANTS) -> RealArray:
+def drawn_changes(left: RealArray, right: RealArray) -> RealArray:
     """Changes L Delta R' (plants, n, n + m) to the edge: half of them dyads, half of full rank."""
-    rng = np.random.default_rng(SEED)
+    rng, plants = np.random.default_rng(SEED), tries(PLANTS)
     n, total = len(left), len(right)
     Delta = rng.standard_normal((plants, n, total))
     u, _, vh = np.linalg.svd(Delta, full_matrices=False)
@@ -101,7 +102,7 @@ def largest_response(
 
     A has shape (k, n, n); the gain is the largest of all of them.
     """
-    angles = np.linspace(0.0, np.pi, ANGLES)
+    angles = np.linspace(0.0, np.pi, tries(ANGLES))
     best, where = 0.0, 0.0
     for _ in range(1 + REFINEMENTS):
         sizes = gains(A, B, C, radius * np.exp(1j * angles)).max(axis=0)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import matrix_balance, schur
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.effort import tries
 
 NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Distances from a lightly damped pole's frequency that are looked at, in units of its damping."""
@@ -194,7 +195,7 @@ def tried_frequencies(
     found = [np.array([0.0, top])]
     if size.size:
         band = size.min() / 10, size.max() * 10
-        found.append(np.geomspace(*band, SPREAD_FREQUENCIES))
+        found.append(np.geomspace(*band, tries(SPREAD_FREQUENCIES)))
     found += [one.imag + abs(one.real) * np.array(NEAR_A_POLE) for one in light]
     if 0.0 < omega < math.inf:
         found.append(omega * (1 + np.array(NEAR_A_PEAK)))

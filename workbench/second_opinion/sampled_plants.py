@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, excess
+from workbench.effort import tries
 from workbench.second_opinion.responses import plain_response
 
 TRIED_FREQUENCIES = 4000
@@ -38,7 +39,7 @@ def sampled_plants(
     the responses of K and of the sampled nominal G, each by itself.
     """
     nyquist = np.pi / float(K.dt)
-    omega = np.geomspace(1e-5 * nyquist, nyquist, TRIED_FREQUENCIES)
+    omega = np.geomspace(1e-5 * nyquist, nyquist, tries(TRIED_FREQUENCIES))
     g, k = plain_response(G, omega)[:, 0, 0], plain_response(K, omega)[:, 0, 0]
     c = weights[0](omega)
     r = np.zeros_like(c) if weights[1] is None else weights[1](omega)
@@ -70,7 +71,7 @@ def sampled_plants(
 def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
     """Check that the sensitivity stays below the claimed peak at the frequencies tried."""
     nyquist = np.pi / float(K.dt)
-    omega = np.geomspace(1e-5 * nyquist, nyquist, TRIED_FREQUENCIES)
+    omega = np.geomspace(1e-5 * nyquist, nyquist, tries(TRIED_FREQUENCIES))
     loop = sign * plain_response(G, omega) @ plain_response(K, omega)
     size = 1.0 / np.linalg.norm(np.eye(G.noutputs) - loop, -2, axis=(-2, -1))
     worst = int(np.argmax(size))
@@ -90,7 +91,7 @@ def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Chec
     Both loops are simulated with the same disturbance, one in the format and one in long double.
     """
     rng = np.random.default_rng(SEED)
-    w = rng.choice([-1.0, 1.0], size=(SAMPLES, G.noutputs))
+    w = rng.choice([-1.0, 1.0], size=(tries(SAMPLES), G.noutputs))
     exact, own = (_controls(K, G, sign, each, w) for each in (np.longdouble, kind))
     off = np.abs(own - exact).max(axis=0)
     size = np.abs(exact).max(axis=0)
@@ -101,13 +102,13 @@ def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Chec
         "largest difference of the control from exact numbers, over the control",
         value,
         max(share, 0.0) * _most(K, G, sign, size) + ROUNDING**2,
-        over=f"for {SAMPLES} samples of one disturbance",
+        over=f"for {tries(SAMPLES)} samples of one disturbance",
     )
 
 
 def _most(K: Any, G: Any, sign: int, size: RealArray) -> float:
     """Largest control for a disturbance of 1 by the first samples, over the control seen."""
-    impulses = np.zeros((SAMPLES, G.noutputs))
+    impulses = np.zeros((tries(SAMPLES), G.noutputs))
     total = np.zeros(K.noutputs)
     for channel in range(G.noutputs):
         w = impulses.copy()

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from workbench.arrays import EPS, RealArray
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 
 Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
@@ -57,10 +58,11 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
     if not dt:
         A, B, C, D = _bilinear(given, omega if known else None)
     rng = np.random.default_rng(SEED)
-    w = rng.standard_normal((SAMPLES, D.shape[1]))
+    samples = tries(SAMPLES)
+    w = rng.standard_normal((samples, D.shape[1]))
     if known:
         turn = omega * dt if dt else 2 * math.atan(math.pi / SAMPLES_PER_PERIOD)
-        w = np.sin(turn * np.arange(SAMPLES)[:, None] + rng.uniform(0, 2 * math.pi, D.shape[1]))
+        w = np.sin(turn * np.arange(samples)[:, None] + rng.uniform(0, 2 * math.pi, D.shape[1]))
     loop = _Blocks(A, B, C, D)
     adjoint = loop.adjoint()
     ratio, near = 0.0, list[_Blocks]()

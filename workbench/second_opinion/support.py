@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.effort import tries
 
 DIRECTIONS = 180
 """Directions in which points and shapes are compared, over the whole turn."""
@@ -26,7 +27,8 @@ def reach_beyond(
     found = np.full(points.shape, -np.inf)
     # Differences first: the size of a point far from 0 must not hide its distance.
     away = (points - np.asarray(center)[..., None]) * np.exp(-1j * np.asarray(angle))[..., None]
-    for t in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:  # from the direction of the stadium
+    directions = tries(DIRECTIONS)
+    for t in 2 * np.pi * np.arange(directions) / directions:  # from the direction of the stadium
         reach = radius + half_length * np.abs(np.cos(t))
         found = np.maximum(found, (away * np.exp(-1j * t)).real - np.asarray(reach)[..., None])
     return found

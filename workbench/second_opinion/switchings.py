@@ -11,6 +11,7 @@ import flint
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import BITS, PRECISE_ROUNDING, growth, precise_growth
 
@@ -44,7 +45,7 @@ def fastest_growth(
     """
     rng = np.random.default_rng(SEED)
     best, words = -math.inf, ""
-    for modes, stays in _switchings(rng, shortest, longest):
+    for modes, stays in switchings(rng, shortest, longest):
         for plant in range(len(transitions[0])):
             found = _growth(_period([A[plant] for A in transitions], modes, stays))
             if found > best:
@@ -70,7 +71,7 @@ def _growth(period: Any) -> float:
     return precise_growth(period) - PRECISE_ROUNDING
 
 
-def _switchings(
+def switchings(
     rng: np.random.Generator, shortest: Sequence[int], longest: Sequence[int | None]
 ) -> Iterator[tuple[list[int], list[int]]]:
     """Modes and stays of every period: all short stays of every pair of modes, then some drawn."""
@@ -79,7 +80,7 @@ def _switchings(
         for n, m in product(range(SHORT_STAYS), repeat=2):
             if shortest[i] + n <= last[i] and shortest[j] + m <= last[j]:
                 yield [i, j], [shortest[i] + n, shortest[j] + m]
-    for number in range(SWITCHINGS):
+    for number in range(tries(SWITCHINGS)):
         modes = _sequence(rng, len(shortest), number)
         yield modes, [_stay(rng, shortest[i], longest[i], number) for i in modes]
 
@@ -98,7 +99,7 @@ def _sequence(rng: np.random.Generator, modes: int, number: int) -> list[int]:
 
 def _stay(rng: np.random.Generator, shortest: int, longest: int | None, number: int) -> int:
     """An allowed stay; in the first half of the switchings the shortest, the most often worst."""
-    if number < SWITCHINGS // 2:
+    if number < tries(SWITCHINGS) // 2:
         return shortest
     last = longest if longest is not None else int(LONGER * shortest) + 1
     return int(rng.integers(shortest, max(last, shortest) + 1))

@@ -90,6 +90,9 @@ class Study(Task):
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
         return self._of_answers(answer, lambda one, found: one.second_opinion(found))
 
+    def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
+        return self._of_answers(answer, lambda one, found: one.deep_opinion(found))
+
     def _of_answers(self, answer: Dataset, checks: Callable[[Checker, Any], Any]) -> list[Check]:
         """Checks of the declared answers of functions, restored from what is stored."""
         stored, parts = self._getter(answer), {}

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, CheckedAs, quantified
+from workbench.effort import tries
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
@@ -125,14 +126,15 @@ class ParameterFit(LeastSquares, Program):
         ground = self._ground(self.residuals(values))
         best = np.inf
         for step in NEIGHBOUR_STEPS:
-            for _ in range(NEIGHBOURS):
+            for _ in range(tries(NEIGHBOURS)):
                 near = values + step * spread * rng.standard_normal(values.size)
                 near = np.clip(near, self.lower, self.upper)
                 best = min(best, float(np.sum(self.residuals(near) ** 2)))
         fall = max(cost - best, 0.0) ** 0.5 / ground
         statement = "root of the largest fall of the cost at neighbours drawn, over the residuals"
         over = (
-            f"for {NEIGHBOURS} neighbours at each of {len(NEIGHBOUR_STEPS)} distances, {THESE_DATA}"
+            f"for {tries(NEIGHBOURS)} neighbours at each of {len(NEIGHBOUR_STEPS)} distances, "
+            f"{THESE_DATA}"
         )
         return [Check("neighbours", statement, fall, NEIGHBOUR_TOLERANCE, over=over)]
 

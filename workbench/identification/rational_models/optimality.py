@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.effort import tries
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.structure import ModelStructure
@@ -160,7 +161,7 @@ def fall_nearby(
     here = residual(model)
     cost, best = float(np.sum(np.abs(here) ** 2)), np.inf
     for distance in DISTANCES:
-        for _ in range(NEIGHBOURS):
+        for _ in range(tries(NEIGHBOURS)):
             way = _drawn_way(model, structure, rng)
             probe = residual(_along(model, structure, way, PROBE))
             speed = float(np.linalg.norm(probe - here)) / PROBE

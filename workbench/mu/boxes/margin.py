@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.certify.agreement import need_agreement
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 
@@ -24,6 +25,12 @@ NOTHING = 1e-15
 """A size below which nothing is looked for."""
 DECISIONS = 4
 """Share of the parts that one size may take is one over this."""
+SIZE_ROUNDING = 1e-5
+"""Share by which the size of an unstable member, found by bisection in doubles, may be off: about
+eps^(1/3), by which rounding moves a triple pole."""
+PARTS_EXCLUDED = "parts of the box hold stable members only"
+ONE_UNSTABLE = "one member of the box is unstable"
+"""What the bounds rest on."""
 TRIED = 4
 """Unstable members of a part whose least sizes are looked for."""
 COARSE = 1.5
@@ -111,6 +118,9 @@ def box_margin(
         if not search.decide(level, parts // DECISIONS + 1):
             undecided = level
     upper = math.inf if search.values is None else search.upper
+    need_agreement(
+        (1 - SIZE_ROUNDING) * search.lower, upper, "the margin", PARTS_EXCLUDED, ONE_UNSTABLE
+    )
     return BoxMargin(search.lower, upper, search.values, parts - search.left)
 
 

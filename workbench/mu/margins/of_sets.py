@@ -20,6 +20,7 @@ from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.stable_system import stable_system
+from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
@@ -39,6 +40,9 @@ LARGEST_TURN = 1e3
 """Largest t of a phase; it stands for 179.9 degrees."""
 DRAWN, DRAWN_ROUNDING = 20, 1e-6
 """Plants that are drawn in a check, and the share by which their crossings may be off."""
+LOST_ROUNDING = 1e-4
+"""Share by which the crossings of the plant that is lost first may be off: they are nearly double
+where the border of stability is touched."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,7 +198,7 @@ class SetChecker(Checker):
 
     def second_opinion(self, answer: SetMargins) -> list[Check]:
         """Plants that are drawn keep the margins by their own crossings; the lost one does not."""
-        members = [self._crossings(member) for member in self.loop.sample(DRAWN)]
+        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN))]
         low = max(one.gain[0] for one in members)
         high = min(one.gain[1] for one in members)
         phase = min(one.phase for one in members)
@@ -205,11 +209,31 @@ class SetChecker(Checker):
             ("phase", answer.phase, phase),
             ("delay", answer.delay, delay),
         )
-        over, statement = f"for {DRAWN} plants", "by which share a plant that is drawn keeps less"
+        over, statement = (
+            f"for {len(members)} plants",
+            "by which share a plant that is drawn keeps less",
+        )
         return [
             Check(f"drawn: {name}", statement, excess(one, other), DRAWN_ROUNDING, over=over)
             for name, one, other in kept
-        ]
+        ] + self._lost(answer)
+
+    def _lost(self, answer: SetMargins) -> list[Check]:
+        """Checks that the plants that are lost first keep no more, where parameters tell of all."""
+        if not all(isinstance(block, Real) for block in self.loop.structure):
+            return []
+        statement, found = "by which share the plant that is lost keeps more", []
+        for kind, plant in answer.plants.items():
+            own = self._crossings(self.loop.at(**plant))
+            more = {
+                "rise": (own.gain[1], answer.gain_lost[1]),
+                "fall": (answer.gain_lost[0], own.gain[0]),
+                "phase": (own.phase, answer.phase_lost),
+                "delay": (own.delay, answer.delay_lost),
+            }[kind]
+            value, over = excess(*more) if own.stable else 0.0, "for this one plant"
+            found.append(Check(f"lost: {kind}", statement, value, LOST_ROUNDING, over=over))
+        return found
 
     def _crossings(self, member: StateSpace) -> ClassicalMargins:
         return classical_margins(opened_channel(uncertain(member), self.channel))

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
@@ -29,6 +30,12 @@ STEP = 0.25
 grows by at most pi / 2 times as much."""
 DECISIONS = 6
 """Share of the parts that one delay may take is one over this."""
+CROSSING_ROUNDING = 1e-5
+"""Share by which the delay of a member, found from its crossings in doubles, may be off: about
+eps^(1/3), by which rounding moves a triple one."""
+EVERY_BAND = "parts exclude every frequency for every plant"
+ITS_CROSSING = "one plant has a crossing there"
+"""What the bounds rest on."""
 WITHIN = 0.999
 """Share of the wanted distance of the bounds that a delay is set for."""
 
@@ -79,6 +86,9 @@ def delay_bounds(
             lower = level
         elif search.upper > level:
             undecided = level
+    need_agreement(
+        (1 - CROSSING_ROUNDING) * lower, search.upper, "the delay", EVERY_BAND, ITS_CROSSING
+    )
     return DelayBounds(min(lower, search.upper), search.upper, search.values)
 
 

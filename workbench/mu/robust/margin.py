@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from workbench.answer import RepeatedChecker
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
@@ -29,6 +28,7 @@ from workbench.mu.robust.margin_bounds import (
     PerformanceMargin,
     StabilityChecker,
     StabilityMargin,
+    UnlimitedChecker,
 )
 from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
@@ -88,7 +88,7 @@ def robust_stability(
     if not effective.elements:  # such as k - k: whatever they are, the system is its nominal
         unlimited = StabilityMargin(math.inf, math.inf, math.nan, None, None, 0, given.dt or 0.0)
         again = partial(robust_stability, given)
-        return unlimited.checked_by(RepeatedChecker(again, "for whatever the elements are"))
+        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", given))
     if len(effective.elements) < len(given.elements):
         given = effective
     asked = [with_decay(given, decay)] if decay or not damping else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ TRIED = 9
 """Delays that a second opinion tries, up to the one that is proven."""
 RECIPROCAL_ROUNDING = 1e-15
 """Share by which the reciprocal of a bound may exceed it, rounded."""
+LARGEST_TRIED = 1e3
+"""Size of the perturbations by which a margin without an end is tried."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,6 +181,17 @@ class StabilityChecker(PartsChecker):
             members = [self.systems[0].at(**{name: tau}) for tau in tried]
             found.append(peaks.all_decay(members, f"{name} tried"))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class UnlimitedChecker(RepeatedChecker):
+    """Checks that no element of a system can move its poles: computed again, and tried."""
+
+    system: UncertainSystem
+
+    def second_opinion(self, answer: StabilityMargin) -> list[Check]:
+        tried = peaks.sampled_loops(self.system.system, self.system.structure, 1 / LARGEST_TRIED)
+        return [replace(tried, over=f"{tried.over} of size {LARGEST_TRIED:g}")]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from workbench.arrays import ComplexArray
 from workbench.certificate import Check
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
+from workbench.effort import tries
 from workbench.mu.lower.bound import lower_bound
 from workbench.second_opinion import SEED
 from workbench.second_opinion.multipliers import inequality_holds
@@ -103,7 +104,7 @@ def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
     """Perturbations drawn, each scaled by an eigenvalue of M Delta to be singular to rounding."""
     found = []
     turning = not any(isinstance(block, Real) for block in structure)
-    for Delta in vertex_perturbations(structure, DRAWN):
+    for Delta in vertex_perturbations(structure, tries(DRAWN)):
         values = loop_eigenvalues(M, Delta)
         if not turning:
             values = values[np.abs(values.imag) <= REAL_EIGENVALUE * np.abs(values)].real

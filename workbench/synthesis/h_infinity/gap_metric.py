@@ -7,6 +7,7 @@ coprime factors [N; M] (T. Georgiou, On the computation of the gap metric, Syste
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,16 +16,30 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.answer import Answer, RepeatedChecker
+from workbench.certificate import Check, excess
+from workbench.certify.agreement import need_agreement
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
-from workbench.mu import nu_gap
+from workbench.mu import NuGap, nu_gap
+from workbench.second_opinion import energies
+from workbench.second_opinion.distances import chordal_distance
+from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation, worst_pole
 from workbench.systems.riccati import right_factors
+
+OVER = "at every frequency, for these two plants"
+"""What the bounds quantify over."""
+BELOW_IT = "the nu-gap is never above it"
+"""What the lower bound rests on."""
+FACTORS_ROUNDING = 1e-9
+"""Share that rounding of the coprime factors may move a bound by."""
+GRAPHS_ROUNDING = 1e-9
+"""What rounding may add to the distance of the graphs of equal plants."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,9 +79,41 @@ def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
     plane = [bilinear_continuous(one) if one.dt else one for one in systems]
     factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")
     upper = max(_directed(*factors, tolerance), _directed(*factors[::-1], tolerance))
+    # Both are proven for computed coprime factors, which rounding moves.
+    need_agreement(
+        (1 - FACTORS_ROUNDING) * below.lower, upper, "the gap", BELOW_IT, "a stable Q reaches it"
+    )
     again = partial(gap_metric, first, second, tolerance)
     found = PlantGap(below.lower, max(min(upper, 1.0), below.lower))
-    return found.checked_by(RepeatedChecker(again, "at every frequency, for these two plants"))
+    return found.checked_by(GapChecker(again, OVER, (systems[0], systems[1]), below))
+
+
+@dataclass(frozen=True, eq=False)
+class GapChecker(RepeatedChecker):
+    """Computes a `PlantGap` again, and compares it with the plants' graphs in time.
+
+    ``plants`` are both, ``below`` their nu-gap.
+    """
+
+    plants: tuple[StateSpace, StateSpace]
+    below: NuGap
+
+    def second_opinion(self, answer: PlantGap) -> list[Check]:
+        plane = [bilinear_continuous(one) if one.dt else one for one in self.plants]
+        poles = np.abs(np.concatenate([one.poles() for one in plane]))
+        rate = energies.UNIT * float(poles.max(initial=0.0) or 1.0)
+        graphs = [energies.in_samples(one, rate) for one in plane]
+        apart = max(energies.graph_distance(*graphs), energies.graph_distance(*graphs[::-1]))
+        statement = "distance of the graphs in time over the claimed upper bound, less 1"
+        apart = max(apart - GRAPHS_ROUNDING, 0.0)
+        found = [Check("graphs in time", statement, excess(apart, answer.upper), SAMPLED_ROUNDING)]
+        if self.below.winding and 0.0 < self.below.omega < math.inf:
+            omega = np.array([self.below.omega])
+            chord = float(chordal_distance(*self.plants, omega)[0])
+            statement = "claimed lower bound over the chordal distance at its frequency, less 1"
+            value = excess(answer.lower, chord)
+            found.append(Check("chordal distance", statement, value, SAMPLED_ROUNDING))
+        return found
 
 
 def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:

@@ -24,9 +24,12 @@ from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.errors import InputError, SolverError
+from workbench.second_opinion import energies
+from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.synthesis.h_infinity.normalised import has_rank, rank_advice
 from workbench.systems.balancing import balanced
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import standard_plant
 
 BOUND_LOWERING = 1e-6
@@ -81,6 +84,26 @@ class DisturbanceChecker(Checker):
         again = _proven(self.plant, self.rates).lower
         statement = "by which share the claimed bound is larger than the one computed again"
         return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+
+    def second_opinion(self, answer: DisturbanceBound) -> list[Check]:
+        """The least energy that the disturbance leaves, by dynamic programming over samples."""
+        given, rates = standard_plant(self.plant), np.unique(self.rates)
+        start = answer.disturbance
+        q, n = len(start), len(given.A)
+        decay, seen = (np.kron(np.eye(q), part) for part in exponentials(rates))
+        joint = np.block([[given.A, given.B1 @ seen], [np.zeros((len(decay), n)), decay]])
+        into = np.vstack([given.B2, np.zeros((len(decay), given.B2.shape[1]))])
+        whole = joint, into, np.hstack([given.C1, given.D11 @ seen]), given.D12
+        poles = np.abs(np.linalg.eigvals(joint))
+        rate = energies.UNIT * math.sqrt(float(rates[0] * max(poles.max(), rates[-1])))
+        X = energies.least_energy(energies.in_samples(realisation(whole, 0.0), rate))
+        if X is None:
+            return []
+        state = np.concatenate([np.zeros(n), start.ravel()])
+        left = math.sqrt(max(float(state @ X @ state), 0.0)) / float(np.linalg.norm(start))
+        statement = "claimed bound over the least norm that its disturbance leaves, less 1"
+        value = excess(answer.lower, left)
+        return [Check("energy in samples", statement, value, SAMPLED_ROUNDING)]
 
 
 def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> DisturbanceBound:

@@ -28,9 +28,11 @@ import numpy as np
 
 from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import Array, RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
+from workbench.second_opinion.held_plants import drawn_loops
 from workbench.structure import Real
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
@@ -175,7 +177,23 @@ def sampled_robustness(
         float(angles[k] / sample_time),
         angles.size,
         aliases,
-    ).checked_by(RepeatedChecker(again, over))
+    ).checked_by(AliasChecker(again, over, parts, sampled_K, delay, sign))
+
+
+@dataclass(frozen=True, eq=False)
+class AliasChecker(RepeatedChecker):
+    """Computes a `SampledRobustness` again, and closes loops by dynamics in time.
+
+    ``parts`` are the plant from (w, u) to (z, y), ``K`` is sampled, u = ``sign`` K y.
+    """
+
+    parts: StateSpace
+    K: StateSpace
+    delay: float
+    sign: int
+
+    def second_opinion(self, answer: SampledRobustness) -> list[Check]:
+        return [drawn_loops(self.parts, self.K, self.delay, self.sign, answer.lower)]
 
 
 def _parts(plant: Any) -> StateSpace:

@@ -27,6 +27,8 @@ import numpy as np
 from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
+from workbench.certify.agreement import need_agreement
+from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
@@ -122,6 +124,14 @@ def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
         if not len(k):
             break
     np.minimum.at(lower, k, least)
+    need_agreement(
+        (1 - REPEATED_ROUNDING) * lower,
+        upper,
+        "the least mu",
+        "boxes cover all T",
+        "one T reaches it",
+        lambda index: f"at frequency {index[0] + 1}",
+    )
     found = LeastMu(np.minimum(lower, upper), upper, T)
     again = partial(least_mu, weights, tolerance)
     over = f"at these {len(upper)} frequencies, for all complex K"
@@ -137,7 +147,7 @@ class LeastMuChecker(RepeatedChecker):
     def second_opinion(self, answer: LeastMu) -> list[Check]:
         rng = np.random.default_rng(SEED)
         reached = self.weights.mu(answer.T)
-        size = rng.lognormal(sigma=2.0, size=(DRAWN, len(answer.T)))
+        size = rng.lognormal(sigma=2.0, size=(tries(DRAWN), len(answer.T)))
         turns = np.exp(2j * np.pi * rng.uniform(size=size.shape))
         drawn = np.min([self.weights.mu(T) for T in size * turns], axis=0)
         return [
@@ -152,7 +162,7 @@ class LeastMuChecker(RepeatedChecker):
                 "claimed lower bound over the least mu of controllers that are drawn, less 1",
                 float(np.max(answer.lower / drawn, initial=0.0)) - 1.0,
                 REPEATED_ROUNDING,
-                over=f"for {DRAWN} complex numbers at each frequency",
+                over=f"for {tries(DRAWN)} complex numbers at each frequency",
             ),
         ]
 

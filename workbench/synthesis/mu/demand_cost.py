@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
-from workbench.certificate import EVERY_PERTURBATION
+from workbench.certificate import EVERY_PERTURBATION, Check
+from workbench.effort import deeper
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_positive
+from workbench.second_opinion import loops
 from workbench.solution import solve
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.synthesis.mu.program import MuController, MuSynthesis
@@ -193,6 +196,27 @@ class DemandCost(Study):
             K = self._stored(controllers, i, j)
             missed[i, j] = sum(not one.holds for one in demands.checks(K))
         return upper.copy(data=missed)
+
+    def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
+        """Each loop by powers of its transition, and by plants of its set."""
+        upper, found = answer["peak"].sel(bound="upper").values, []
+        program = MuSynthesis(self.plant)
+        with deeper():
+            for i, j in np.argwhere(np.isfinite(upper)).tolist():
+                K, where = self._stored(answer["controllers"], i, j), self._words(i, j)
+                loop = self.plant.close(K)
+                claim = program.structure, (1 + PEAK_SLACK) * float(upper[i, j])
+                tried = [
+                    loops.powers_fall(loop.A, loop.dt),
+                    loops.gain(self.plant.system, K, *claim, poles=loop.poles()),
+                    *loops.in_time(loop, *claim),
+                ]
+                found += [replace(check, name=f"{where}: {check.name}") for check in tried]
+        return [*super().deep_opinion(answer), *found]
+
+    def _words(self, i: int, j: int) -> str:
+        """A demand and an order in words."""
+        return f"{list(self.demands)[i]}, order {self.orders[j]}"
 
     def _stored(self, controllers: DataArray, i: int, j: int) -> StateSpace:
         """The controller of a demand and an order, by number."""

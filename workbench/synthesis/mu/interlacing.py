@@ -20,6 +20,10 @@ ON_THE_AXIS = 1e-6
 """Distance from the imaginary axis, relative to the largest pole, of poles that may lie right of it
 as far as doubles tell."""
 
+ABOUT, DEEP_DIP = 1e-3, 1e-3
+"""Distance of the points about a zero, over its size, and the share of their responses that the one
+at the zero may be: what is known to rounding is far below."""
+
 
 @dataclass(frozen=True, eq=False)
 class NoStableController(ProofTask):
@@ -60,6 +64,16 @@ class NoStableController(ProofTask):
         count = len(_between(self.plant, low, high))
         statement = "1 if the number of real eigenvalues between the zeros is even"
         return [Check("eigenvalues", statement, float(count % 2 == 0), 0.0)]
+
+    def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
+        """The responses themselves: next to nothing at each zero, beside those about it."""
+        statement = "largest response at the zero over the least of those about it"
+        ranges = zip(("lower", "upper"), answer["zeros"].values.tolist(), strict=True)
+        found = [
+            Check(f"{name} zero in responses", statement, _dip(self.plant, *ends), DEEP_DIP)
+            for name, ends in ranges
+        ]
+        return [*super().deep_opinion(answer), *found]
 
     def _proven(self, answer: Dataset) -> Interlacing:
         (a, b), (c, d) = answer["zeros"].values.tolist()
@@ -102,6 +116,19 @@ def _between(plant: StateSpace, low: float, high: float) -> list[float]:
     poles = plant.poles()
     real = poles[np.abs(poles.imag) <= 1e-8 * np.abs(poles)].real
     return [float(pole) for pole in np.sort(real) if low < pole < high]
+
+
+def _dip(plant: StateSpace, low: float, high: float) -> float:
+    """Size of the response at a real zero over the least of those at ABOUT times it, in doubles."""
+    if math.isinf(low):
+        return float(np.abs(plant.D).max(initial=0.0) > 0.0)
+    zero = (low + high) / 2
+    size = zero or float(np.abs(plant.poles()).max(initial=1.0))
+    step, sizes = max(ABOUT * size, (high - low) / ABOUT**2), []
+    for s in (zero, zero - step, zero + step):
+        inner = np.linalg.solve(s * np.eye(plant.nstates) - plant.A, plant.B)
+        sizes.append(float(np.abs(plant.C @ inner + plant.D).max()))
+    return sizes[0] / (min(sizes[1:]) or math.ulp(0.0))
 
 
 def _stored(low: Range, high: Range) -> Dataset:

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.effort import tries
 from workbench.second_opinion import recorded_plants as drawn
 from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback
 from workbench.synthesis.records.record import StateRecords
@@ -88,5 +89,5 @@ def _small_gain(
             V = np.hstack([V, question.disturbance / answer.level])
         gain, angle = drawn.largest_response(loop[None], V, E, radius)
         statement = f"scaled gain of the central loop, at {angle:.4g} rad per sample, less 1"
-        value, over = gain - 1.0, f"{EVERY_PLANT}, at {drawn.ANGLES} frequencies"
+        value, over = gain - 1.0, f"{EVERY_PLANT}, at {tries(drawn.ANGLES)} frequencies"
     return Check("small gain", statement, value, DRAWN_ROUNDING, over=over)

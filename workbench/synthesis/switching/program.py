@@ -35,6 +35,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import as_list
 from workbench.program import Program
+from workbench.second_opinion.exact_switchings import exact_products
 from workbench.second_opinion.switchings import fastest_growth
 from workbench.synthesis.switching.modes import Mode, check_modes, is_whole
 from workbench.synthesis.switching.periodic import longest_unstable
@@ -228,12 +229,18 @@ class SwitchedStability(Program):
         return found
 
     def second_opinion(self, answer: Dwell) -> list[Check]:
-        shortest = [answer.samples if m.shortest is None else m.shortest for m in self.modes]
-        longest = [mode.longest for mode in self.modes]
-        rate, which = fastest_growth([mode.A for mode in self.modes], shortest, longest)
+        rate, which = fastest_growth(*self._allowed(answer))
         statement = "logarithmic growth in one period of switchings drawn, less its rounding"
         over = "for periodic switchings drawn"
         return [Check("switchings drawn", statement, rate, 0.0, which, over=over)]
+
+    def deep_opinion(self, answer: Dwell) -> list[Check]:
+        return [*super().deep_opinion(answer), *exact_products(*self._allowed(answer))]
+
+    def _allowed(self, answer: Dwell) -> tuple[list[RealArray], list[int], list[int | None]]:
+        """Transitions of the modes, and the shortest and longest stays in each."""
+        shortest = [answer.samples if m.shortest is None else m.shortest for m in self.modes]
+        return [m.A for m in self.modes], shortest, [m.longest for m in self.modes]
 
     def gap(self, answer: Dwell) -> tuple[str, float]:
         found, which = self.destabilising

@@ -33,6 +33,7 @@ from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.uncertainty.algebra.system import Algebraic
+from workbench.uncertainty.covers.checks import realised_support
 from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.responses.plane import from_plane, plane_function
 from workbench.uncertainty.responses.plants import Responses
@@ -241,6 +242,10 @@ class ContainmentChecker(Checker):
             Check("containment", statement, found.worst, limit, found.where),
             Check("claim", "how much larger it is than claimed", found.worst - answer.worst, limit),
         ]
+
+    def second_opinion(self, answer: Containment) -> list[Check]:
+        model = self.model
+        return [realised_support(model.systems(), model.form, self.responses, self.leave_out)]
 
 
 def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:

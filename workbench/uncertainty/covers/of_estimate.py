@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from workbench.answer import Answer
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, worst
+from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.samples import as_count, as_frequencies
@@ -107,11 +108,12 @@ class CoverOfEstimateChecker(Checker):
         from scipy.stats import binom
 
         rng = np.random.default_rng(SEED)
-        drawn = self.uncertainty.drawn(rng, DRAWN, self._fine)[:, :, *self.entry]
+        count = tries(DRAWN)
+        drawn = self.uncertainty.drawn(rng, count, self._fine)[:, :, *self.entry]
         away = np.abs(drawn - answer.nominal.response(self._fine))
         outside = int((away > self._sizes(answer)).any(axis=1).sum())
-        most = float(binom.isf(DOUBT, DRAWN, 1.0 - self.confidence))
-        statement = f"number of {DRAWN} models drawn from the estimate that are not in the model"
+        most = float(binom.isf(DOUBT, count, 1.0 - self.confidence))
+        statement = f"number of {count} models drawn from the estimate that are not in the model"
         return [Check("drawn", statement, outside, most)]
 
     def _estimated(self) -> ComplexArray:

@@ -1,0 +1,36 @@
+"""How much a second opinion tries: a usual amount in every certificate, more in `verify --deep`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+DEEPER = 10
+"""Factor by which a deep opinion draws, samples or simulates more."""
+
+_factor: ContextVar[int] = ContextVar("factor", default=1)
+
+
+def tries(usual: int) -> int:
+    """How many draws, frequencies or samples are tried where there are usually so many.
+
+    Examples
+    --------
+    >>> from workbench.effort import deeper, tries
+    >>> with deeper():
+    ...     more = tries(20)
+    >>> tries(20), more
+    (20, 200)
+    """
+    return usual * _factor.get()
+
+
+@contextmanager
+def deeper() -> Iterator[None]:
+    """Within it second opinions try `DEEPER` times as much."""
+    token = _factor.set(DEEPER)
+    try:
+        yield
+    finally:
+        _factor.reset(token)
