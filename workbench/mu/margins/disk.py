@@ -228,7 +228,7 @@ def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace
     D = Delta.D[[row], [column]]
     delta = control.ss(Delta.A, Delta.B[:, [column]], Delta.C[[row]], D, Delta.dt)
     if delta.nstates:  # in a unit of time of its own, because its tolerance is absolute
-        rate = speed(delta.A)
+        rate = speed(delta.A, delta.B, delta.C)
         slow = control.ss(delta.A / rate, delta.B / rate, delta.C, delta.D, delta.dt)
         slow = control.minreal(slow, verbose=False)
         delta = control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, delta.dt)
