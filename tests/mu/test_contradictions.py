@@ -14,6 +14,7 @@ from workbench.errors import ContradictionError
 from workbench.mu import (
     branch_and_bound,
     lower_bound,
+    margin_sensitivity,
     peak,
     set_margins,
     skew_bounds,
@@ -22,10 +23,11 @@ from workbench.mu import (
 )
 from workbench.mu.boxes import margin
 from workbench.mu.margins import set_delay
+from workbench.mu.robust import element_sensitivity
 from workbench.mu.robust.skew import Skew
 from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Complex, Full, Real, Structure
-from workbench.uncertainty import real, tf
+from workbench.uncertainty import feedback, real, tf
 
 STRUCTURES = [
     Structure([Real(4)]),
@@ -181,3 +183,11 @@ def test_a_delay_that_one_plant_does_not_bear_and_is_proven_is_one(monkeypatch):
     monkeypatch.setattr(set_delay._DelaySearch, "decide", decide)
     with pytest.raises(ContradictionError, match="the delay"):
         set_margins(LOOP, LEAD, tolerance=0.1)
+
+
+def test_a_margin_that_rises_with_the_set_is_one(monkeypatch):
+    grown = element_sensitivity._grown
+    shrunk = lambda system, name, factor: grown(system, name, 0.5)  # noqa: E731
+    monkeypatch.setattr(element_sensitivity, "_grown", shrunk)
+    with pytest.raises(ContradictionError, match="with more of k"):
+        margin_sensitivity(feedback(LOOP * LEAD, 1), tolerance=1e-2)

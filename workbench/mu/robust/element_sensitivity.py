@@ -12,10 +12,15 @@ import numpy as np
 from workbench.answer import Answer, PartsChecker
 from workbench.arrays import RealArray
 from workbench.certificate import Check
+from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
 from workbench.mu.robust.margin import robust_performance, robust_stability
-from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
+from workbench.mu.robust.margin_bounds import (
+    RECIPROCAL_ROUNDING,
+    PerformanceMargin,
+    StabilityMargin,
+)
 from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
@@ -136,6 +141,14 @@ def margin_sensitivity(
         between = f"{own.lower:g} and {own.upper:g}"
         raise InputError(f"the margin lies between {between}: it has no sensitivity")
     grown = {name: margin(_grown(known, name, 1.0 + growth)) for name in known.elements}
+    for name, one in grown.items():
+        need_agreement(
+            (1 - RECIPROCAL_ROUNDING) * one.lower,
+            own.upper,
+            "the margin",
+            f"it is proven with more of {name}, in a larger set",
+            "a perturbation of the set itself",
+        )
     bounds = {name: _rises(own, one, growth) for name, one in grown.items()}
     return MarginSensitivity(bounds, growth, own, grown).checked_by(SensitivityChecker())
 
