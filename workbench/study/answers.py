@@ -105,7 +105,7 @@ def answers(function: Function) -> Any:
     ...
     >>> certificate = solve(Norm()).certificate
     >>> certificate.holds, certificate.checks[0].name
-    (True, 'lag: upper')
+    (True, 'lag: peak')
     """
     return AnswersDeclaration(function)
 

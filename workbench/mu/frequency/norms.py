@@ -41,7 +41,7 @@ class SystemNorm(Answer):
     >>> import control
     >>> from workbench.mu import h2_norm, h_infinity_norm
     >>> lag = control.tf([3.0], [1.0, 2.0])
-    >>> round(h_infinity_norm(lag).upper, 3), round(h2_norm(lag).upper, 3)
+    >>> round(h_infinity_norm(lag).lower, 3), round(h2_norm(lag).upper, 3)
     (1.5, 1.5)
     """
 

@@ -97,6 +97,15 @@ class PeakChecker(Checker):
     """Checks a `Peak` of mu over frequency of a system, as given to `peak`, and its structure.
 
     ``band`` [rad/s]: lowest and highest frequency of the peak.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import PeakChecker, peak
+    >>> from workbench.structure import Full, Structure
+    >>> lag, structure = control.ss(-2.0, 1.0, 1.0, 0.0), Structure([Full(1, 1)])
+    >>> PeakChecker(lag, structure).certify(peak(lag, structure), 1e-6).holds
+    True
     """
 
     system: Any

@@ -121,6 +121,17 @@ class WorstCaseChecker(Checker):
     """Checks a `WorstCaseGain` of a system in continuous time that stands for a sampled one.
 
     ``dt`` is the sampling time [s] of that one, 0 where the system stands for itself.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import WorstCaseChecker, worst_case_gain
+    >>> from workbench.structure import Complex, Structure
+    >>> N = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
+    >>> structure = Structure([Complex(1)])
+    >>> WorstCaseChecker(N, structure).certify(worst_case_gain(N, structure), 1e-6).holds
+    True
     """
 
     system: Any
