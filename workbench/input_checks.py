@@ -56,6 +56,8 @@ def as_list(values: Any, name: str) -> list[Any]:
         raise InputError(f"{name} must be a list, not {values!r}")
     try:
         return list(values)
+    except InputError:  # of what makes the values
+        raise
     except Exception as error:  # some things look like sequences and are none
         raise InputError(f"{name} must be a list, not {values!r}: {error}") from None
 

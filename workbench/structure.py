@@ -186,6 +186,8 @@ class Structure:
     def __init__(self, blocks: Iterable[Block]) -> None:
         try:
             object.__setattr__(self, "blocks", tuple(blocks))
+        except InputError:  # of what makes the blocks
+            raise
         except Exception:  # some things look like sequences and are none
             raise InputError(f"a list of blocks is needed, not {blocks!r}") from None
         if not self.blocks:

@@ -89,7 +89,7 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     if waiting:
         b[n : n + m] = np.eye(m)
         a[n + m :, n:-m] = np.eye(m * (waiting - 1))
-    return control.ss(a, b, c, d, period)
+    return control.ss(a, b, c, d, float(period))
 
 
 def continued(system: StateSpace) -> StateSpace:
