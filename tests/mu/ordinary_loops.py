@@ -15,6 +15,8 @@ from flint import ctx, fmpq, fmpq_poly
 
 FORMS = ("tf", "zpk", "ss", "product", "series", "feedback")
 DIGITS = 50
+ROUNDING = 2.0**-46
+"""Values of a polynomial below this share of the sizes of its terms are made of rounding."""
 ON_AXIS = 1e-25
 """Distance of a root from the axis or the circle, relative, at which it lies there."""
 
@@ -176,7 +178,7 @@ class Truth:
 
 
 def truth(N, D, dt):
-    """Margins of N / D."""
+    """Margins of N / D, without crossings at which both are made of rounding."""
     with mpmath.workdps(DIGITS), ctx.workprec(400):
         return _truth(N, D, float(dt or 0.0))
 
@@ -199,6 +201,8 @@ def _truth(N, D, dt):
 
     one, other = N * mirrored(D), D * mirrored(N)
     unit = _on_boundary(N * mirrored(N) - D * mirrored(D), dt)
+    sizes = fmpq_poly([abs(c) for c in N.coeffs()])
+    unit = [w for w in unit if abs(at(N, _point(w, dt))) > ROUNDING * at(sizes, w if not dt else 1)]
     real = [w for w in _on_boundary(one - other, dt) if abs(at(D, _point(w, dt))) > 0]
     # |1 + L|^2 is stationary where the derivative of (N + D)(N + D)* / (D D*) is zero.
     S, size = (N + D) * mirrored(N + D), D * mirrored(D)
