@@ -37,11 +37,11 @@ def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = Non
     return not POLE_ROUNDINGS * EPS * moved < 1.0  # true for NaN
 
 
-def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int]:
+def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
     """An orthogonal Q and the block triangular Q^T A Q, with k poles that are not stable first.
 
     A (n, n) has balanced states. Poles at 0 are exactly 0, and so are the real parts of simple ones
-    elsewhere on the axis.
+    elsewhere on the axis. The last result is the number of those at 0.
     """
     n = len(A)
     small = AXIS_ROUNDING * EPS * n * float(np.linalg.norm(A))
@@ -55,7 +55,7 @@ def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int]:
     T[:k, k:] = T[:k, k:] @ Q2
     T[k:, k:] = T2
     _put_on_axis(T[k : k + count, k : k + count], small)
-    return Q, T, k + count
+    return Q, T, k + count, k
 
 
 def _integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:

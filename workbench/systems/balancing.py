@@ -28,6 +28,10 @@ def state_units(A: RealArray, B: RealArray, C: RealArray) -> RealArray:
     return balancing(M, len(A))[0][: len(A)]
 
 
+ZERO = 100.0
+"""Multiple of the rounding error of a product of matrices up to which it counts as zero."""
+
+
 def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
     """A frequency [rad/s] to measure time by, a power of two; 1 for a system without any.
 
@@ -36,14 +40,37 @@ def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
     frequencies.
     """
     n = len(A)
-    power, bound = np.eye(n), np.eye(n)
-    for k in range(1, n + 1):
+    if not n:
+        return 1.0
+    poles = np.linalg.eigvals(A)
+    by_gain = _speed_of_integrators(A, B, C)
+    if poles_at_zero(poles / by_gain) == n or _nilpotent(A):
+        return by_gain
+    size = np.abs(poles)
+    return _power_of_two(float(np.median(size[size > 1e-8 * size.max()])))
+
+
+def poles_at_zero(poles: Array) -> int:
+    """How many poles (n,) are 0 up to rounding, in a unit of time in which others are not small.
+
+    Of a repeated one rounding makes poles of the size of its root, which together are the roots of
+    a polynomial whose lower coefficients are rounding.
+    """
+    rising = poles[np.argsort(np.abs(poles))]
+    for k in range(len(rising), 0, -1):
+        if (np.abs(np.poly(rising[:k])[1:]) <= ZERO * len(rising) * EPS).all():
+            return k
+    return 0
+
+
+def _nilpotent(A: RealArray) -> bool:
+    """Whether a power of A is 0 up to the rounding of its entries."""
+    power, bound = np.eye(len(A)), np.eye(len(A))
+    for _ in A:
         power, bound = power @ A, bound @ np.abs(A)
-        if not (np.abs(power) > k * n * EPS * bound).any():  # A^k is 0 up to the rounding of A
-            return _speed_of_integrators(A, B, C)
-    size = np.abs(np.linalg.eigvals(A)) if n else np.zeros(0)
-    size = size[size > 1e-8 * size.max(initial=0.0)]
-    return _power_of_two(float(np.median(size))) if len(size) else 1.0
+        if (np.abs(power) <= ZERO * len(A) * EPS * bound).all():
+            return True
+    return False
 
 
 def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
@@ -51,7 +78,7 @@ def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
     rows, bound = C, np.abs(C)
     for k in range(1, len(A) + 1):
         h = np.abs(rows @ B)
-        h = h[h > k * len(A) * EPS * (bound @ np.abs(B))]
+        h = h[h > ZERO * len(A) * EPS * (bound @ np.abs(B))]
         if h.size:
             return _power_of_two(float(h.max()) ** (1.0 / k))
         rows, bound = rows @ A, bound @ np.abs(A)

@@ -156,8 +156,8 @@ class ExactLoop:
         return Crossing(end, complex(_double(self._ratio(degree))))
 
     def _seen(self, at: Crossing) -> bool:
-        """Whether the response is finite, and more than the rounding of the entries of L."""
-        if not np.isfinite(at.value):
+        """Whether a gain that is no rounding makes the response -1, and the response is none."""
+        if not ROUNDINGS * EPS * abs(at.value) < 1.0:  # or a pole, up to rounding
             return False
         L = self.system
         size = abs(L.D[0, 0])

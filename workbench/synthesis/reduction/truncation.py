@@ -16,7 +16,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import speed, state_units
+from workbench.systems.balancing import poles_at_zero, speed, state_units
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.gramians import balancing_projections, gramian_factors
 from workbench.systems.realisation import Matrices
@@ -203,12 +203,23 @@ def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealAr
 
 
 def _scaled(K: Matrices) -> tuple[float, Matrices]:
-    """A rate [rad/s], and K in time scaled by it with balanced states."""
+    """A rate [rad/s], and K in time scaled by it with balanced states.
+
+    The states stay as given where balancing hides that poles are 0 up to rounding.
+    """
     A, B, C, D = K
     rate = speed(A, B, C)
     A, B = A / rate, B / rate
     units = state_units(A, B, C)
-    return rate, (A * units[:, None] / units, B * units[:, None], C / units, D)
+    integrators = poles_at_zero(np.linalg.eigvals(A)) if len(A) else 0
+    for factor in (units, np.ones(len(A))):
+        scaled = A * factor[:, None] / factor
+        if stable_last(scaled)[3] >= integrators:
+            return rate, (scaled, B * factor[:, None], C / factor, D)
+    raise InputError(
+        f"K has {integrators} poles that are 0 up to rounding, but its matrices do not say whether "
+        "they are integrators: give it as a transfer function or with integrators that are exact"
+    )
 
 
 def _timed(K: Matrices, rate: float) -> Matrices:
@@ -221,7 +232,7 @@ def _split(K: Matrices) -> Split:
     """Split K by an ordered Schur form and a Sylvester equation that removes the coupling."""
     A, B, C, D = K
     n = len(A)
-    Q, T, k = stable_last(A)
+    Q, T, k, _ = stable_last(A)
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
     B, C = Q.T @ B, C @ Q
     kept = T[:k, :k], B[:k] - X @ B[k:], C[:, :k], np.zeros_like(D)
