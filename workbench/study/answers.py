@@ -110,7 +110,7 @@ def answers(function: Function) -> Any:
     return AnswersDeclaration(function)
 
 
-def certified(
+def checks_of(
     found: Iterator[tuple[str, Checker, Any]],
     checks: Callable[[Checker, Any], Any],
 ) -> list[Check]:

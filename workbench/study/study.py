@@ -15,7 +15,7 @@ from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
-from workbench.study.answers import AnswersDeclaration, certified
+from workbench.study.answers import AnswersDeclaration, checks_of
 from workbench.study.checks import Checked
 from workbench.study.declarations import (
     ArrayDeclaration,
@@ -109,7 +109,7 @@ class Study(Task):
         return [
             check
             for one in self._declared(AnswersDeclaration)
-            for check in certified(one.restored(self, get, in_doubles(answer)), checks)
+            for check in checks_of(one.restored(self, get, in_doubles(answer)), checks)
         ]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
