@@ -37,6 +37,8 @@ def speed(A: RealArray) -> float:
 
 FAR = 2.0**200
 """Entries beyond this size, or its reciprocal, have squares whose quotients may overflow."""
+FARTHEST = 400.0
+"""Largest exponent of two of a first factor; those of matrices in blocks grow without end."""
 
 
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
@@ -50,7 +52,8 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     known = size[size > 0.0]
     if known.size and not (known.min() > 1 / FAR and known.max() < FAR):
         # The factors of roots of the entries are roots of factors.
-        rows, columns = (factor**8 for factor in _balancing(size**0.125, channels))
+        roots = _balancing(size**0.125, channels)
+        rows, columns = (np.exp2(np.clip(8 * np.log2(part), -FARTHEST, FARTHEST)) for part in roots)
         inner, outer = _balancing(_scaled(size, rows, columns), channels)
         return rows * inner, columns * outer
     return _balancing(size, channels)
@@ -59,7 +62,8 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
 def _scaled(size: RealArray, rows: RealArray, columns: RealArray) -> RealArray:
     """Entries times the factors of their row and column, which alone may overflow."""
     with np.errstate(divide="ignore"):
-        found: RealArray = np.exp2(np.log2(size) + np.log2(rows)[:, None] + np.log2(columns))
+        exponent = np.log2(size) + np.log2(rows)[:, None] + np.log2(columns)
+    found: RealArray = np.where(size > 0.0, np.exp2(np.clip(exponent, -FARTHEST, FARTHEST)), 0.0)
     return found
 
 
