@@ -37,8 +37,8 @@ def speed(A: RealArray) -> float:
 
 FAR = 2.0**200
 """Entries beyond this size, or its reciprocal, have squares whose quotients may overflow."""
-FARTHEST = 400.0
-"""Largest exponent of two of a first factor; those of matrices in blocks grow without end."""
+FARTHEST = 1000.0
+"""Largest exponent of two of a factor; those of matrices in blocks grow without end."""
 
 
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
@@ -55,7 +55,11 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
         roots = _balancing(size**0.125, channels)
         rows, columns = (np.exp2(np.clip(8 * np.log2(part), -FARTHEST, FARTHEST)) for part in roots)
         inner, outer = _balancing(_scaled(size, rows, columns), channels)
-        return rows * inner, columns * outer
+        rows, columns = (
+            np.exp2(np.clip(np.log2(one) + np.log2(other), -FARTHEST, FARTHEST))
+            for one, other in ((rows, inner), (columns, outer))
+        )
+        return rows, columns
     return _balancing(size, channels)
 
 
