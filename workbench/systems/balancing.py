@@ -91,6 +91,8 @@ def _power_of_two(size: float) -> float:
 
 FAR = 2.0**200
 """Entries beyond this size, or its reciprocal, have squares whose quotients may overflow."""
+FARTHEST = 1000.0
+"""Largest exponent of two of a factor; those of matrices in blocks grow without end."""
 
 
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
@@ -104,16 +106,22 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     known = size[size > 0.0]
     if known.size and not (known.min() > 1 / FAR and known.max() < FAR):
         # The factors of roots of the entries are roots of factors.
-        rows, columns = (factor**8 for factor in _balancing(size**0.125, channels))
+        roots = _balancing(size**0.125, channels)
+        rows, columns = (np.exp2(np.clip(8 * np.log2(part), -FARTHEST, FARTHEST)) for part in roots)
         inner, outer = _balancing(_scaled(size, rows, columns), channels)
-        return rows * inner, columns * outer
+        rows, columns = (
+            np.exp2(np.clip(np.log2(one) + np.log2(other), -FARTHEST, FARTHEST))
+            for one, other in ((rows, inner), (columns, outer))
+        )
+        return rows, columns
     return _balancing(size, channels)
 
 
 def _scaled(size: RealArray, rows: RealArray, columns: RealArray) -> RealArray:
     """Entries times the factors of their row and column, which alone may overflow."""
     with np.errstate(divide="ignore"):
-        found: RealArray = np.exp2(np.log2(size) + np.log2(rows)[:, None] + np.log2(columns))
+        exponent = np.log2(size) + np.log2(rows)[:, None] + np.log2(columns)
+    found: RealArray = np.where(size > 0.0, np.exp2(np.clip(exponent, -FARTHEST, FARTHEST)), 0.0)
     return found
 
 
