@@ -29,7 +29,7 @@ Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D."""
 
 
-def drawn_loops(parts: Any, K: Any, delay: float, sign: int, claimed: float) -> Check:
+def loops_held(parts: Any, K: Any, delay: float, sign: int, claimed: float) -> Check:
     """Check that loops with dynamics of a gain below the claimed margin are stable.
 
     Parameters

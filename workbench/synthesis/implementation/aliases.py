@@ -32,7 +32,7 @@ from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
-from workbench.second_opinion.held_plants import drawn_loops
+from workbench.second_opinion.held_plants import loops_held
 from workbench.structure import Real
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
@@ -193,7 +193,7 @@ class AliasChecker(RepeatedChecker):
     sign: int
 
     def second_opinion(self, answer: SampledRobustness) -> list[Check]:
-        return [drawn_loops(self.parts, self.K, self.delay, self.sign, answer.lower)]
+        return [loops_held(self.parts, self.K, self.delay, self.sign, answer.lower)]
 
 
 def _parts(plant: Any) -> StateSpace:

@@ -12,7 +12,7 @@ from workbench.geometry import Circle, NarrowestStadium, SmallestCircle, Stadium
 from workbench.geometry.bounds import circle_radius_bound
 
 
-class Places(Protocol):
+class Named(Protocol):
     """What names the place of the f-th set."""
 
     def place(self, f: int, /) -> str: ...
@@ -47,7 +47,7 @@ def least_radii(sets: NarrowestStadium | SmallestCircle, found: Circle | Stadium
 
 
 def set_check(
-    name: str, about: str, off: RealArray, limit: float, places: Places, over: str
+    name: str, about: str, off: RealArray, limit: float, places: Named, over: str
 ) -> Check:
     """The check of one kind of set; ``about`` says what its centre is."""
     value, where = worst(off, lambda i: f"at {places.place(i[0])}")
