@@ -138,6 +138,7 @@ ANSWERS = {
     ),
     "h_infinity_norm": lambda: mu.h_infinity_norm(N),
     "h2_norm": lambda: mu.h2_norm(N),
+    "h2_norm, unstable": lambda: mu.h2_norm(control.tf([1.0], [1.0, -1.0])),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),
     "hinf": lambda: synthesis.hinf(
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),

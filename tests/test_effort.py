@@ -3,7 +3,7 @@
 import pytest
 
 from workbench.certificate import deep_checks
-from workbench.effort import DEEPER, deeper, tries
+from workbench.executor.effort import DEEPER, deeper, tries
 from workbench.mu import peak
 from workbench.structure import Complex, Structure
 from workbench.systems.realisation import realisation

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.effort import deeper
 from workbench.errors import InputError
+from workbench.executor.effort import deeper
 from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
 from workbench.solvers import Outcome
@@ -335,7 +335,7 @@ class Checker(ABC):
         """Dear checks, as those of `second_opinion`, which `workbench verify --deep` asks for.
 
         By default the second opinion with more draws, samples and frequencies
-        (`workbench.effort`). A checker with another dear way adds it.
+        (`workbench.executor.effort`). A checker with another dear way adds it.
         """
         with deeper():
             return self.second_opinion(answer)

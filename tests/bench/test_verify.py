@@ -13,9 +13,9 @@ from workbench.bench import netcdf
 from workbench.bench.files import write_json
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, seal
+from workbench.bench.trust.numbers import certificates_apart
 from workbench.bench.trust.untrusted import read_json
 from workbench.bench.verify import finished_folders
-from workbench.bench.verify_numbers import certificates_apart
 from workbench.certificate import Certificate, Check
 from workbench.errors import ResultError
 

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from workbench import Check, Outcome, Program, method, problem
-from workbench.effort import tries
+from workbench.executor.effort import tries
 
 FEWEST = 3
 

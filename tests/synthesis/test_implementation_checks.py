@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.second_opinion.c_header import state_space_of
+from workbench.second_opinion.implemented.c_header import state_space_of
 from workbench.synthesis import Implementation
 from workbench.synthesis.implementation import program as implementation
 from workbench.uncertainty import UncertaintyModel

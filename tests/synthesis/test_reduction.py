@@ -13,8 +13,8 @@ from workbench.errors import InputError
 from workbench.mu import conditions
 from workbench.structure import Real, Structure
 from workbench.synthesis import MixedSensitivity, approximated, hinf, reduce_order
+from workbench.systems.equations.gramians import gramian_factors
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.gramians import gramian_factors
 
 
 def random_controller(seed, kept=0):

@@ -9,7 +9,7 @@ from lanes import thinned
 
 from workbench.errors import InputError
 from workbench.mu import robust_stability
-from workbench.second_opinion.held_plants import _held
+from workbench.second_opinion.implemented.held_plants import _held
 from workbench.synthesis import sampled_robustness
 from workbench.uncertainty import UncertaintyModel, delay, dynamics, feedback, real, tf
 

@@ -7,8 +7,8 @@ import pytest
 from workbench.errors import InputError
 from workbench.mu import coprime_margin, loop_margins, nu_gap, robust_stability, worst_case_gain
 from workbench.systems.balancing import balancing
+from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation
-from workbench.systems.riccati import right_factors
 from workbench.uncertainty import real, tf
 
 

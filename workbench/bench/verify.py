@@ -25,9 +25,9 @@ from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.bench.sweep import SWEEP
+from workbench.bench.trust.numbers import SAME_NUMBER, certificates_apart, metrics_apart
 from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
-from workbench.bench.verify_numbers import SAME_NUMBER, certificates_apart, metrics_apart
 from workbench.certificate import Certificate, Check, deep_checks
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 
 MEMBERS = 20

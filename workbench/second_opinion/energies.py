@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 
 DOUBLINGS = 60
 """Doublings of the horizon at most."""

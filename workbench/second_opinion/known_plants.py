@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
-from workbench.effort import tries
+from workbench.executor.effort import tries
 
 CIRCLES = (1e-5, 1e-4, 1e-3)
 """Radii of the circles about a known pole within which eigenvalues are counted."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, excess
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import (

@@ -10,7 +10,7 @@ from scipy import stats
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies

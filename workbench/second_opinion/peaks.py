@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
 from workbench.second_opinion.perturbations import (
     constant_perturbations,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from workbench.arrays import EPS, RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 
 Realisation = tuple[RealArray, RealArray, RealArray, RealArray]

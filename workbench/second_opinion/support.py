@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 
 DIRECTIONS = 180
 """Directions in which points and shapes are compared, over the whole turn."""

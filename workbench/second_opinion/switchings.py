@@ -11,7 +11,7 @@ import flint
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import BITS, PRECISE_ROUNDING, growth, precise_growth
 

@@ -21,8 +21,8 @@ from workbench.certificate import Check
 from workbench.diagnosis.generators.generator import structure_matrix, transfer
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
-from workbench.effort import tries
 from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.executor.effort import tries
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion.loops import SAMPLED_ROUNDING

@@ -11,8 +11,8 @@ import numpy as np
 
 from workbench.answer import ProgramAnswer
 from workbench.certificate import Check, CheckedAs, quantified
-from workbench.effort import tries
 from workbench.errors import InputError, SolverError
+from workbench.executor.effort import tries
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset

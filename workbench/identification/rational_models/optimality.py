@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.structure import ModelStructure

@@ -12,9 +12,9 @@ from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import bilinear_continuous
+from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
-from workbench.systems.gramians import balancing_projections, gramian_factors
 from workbench.systems.realisation import realisation, worst_pole
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 

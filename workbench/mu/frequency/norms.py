@@ -19,6 +19,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
+from workbench.second_opinion import peaks
 from workbench.second_opinion.powers import root_energy
 from workbench.structure import Full, Structure
 from workbench.systems.balancing import with_state_units
@@ -189,6 +190,9 @@ class UnstableChecker(Checker):
     def checks(self, answer: SystemNorm, tolerance: float) -> list[Check]:
         finite = float(not math.isinf(answer.lower) or is_stable(self.system))
         return [Check("no norm", "whether it is stable, or a finite norm is claimed", finite, 0.0)]
+
+    def second_opinion(self, answer: SystemNorm) -> list[Check]:
+        return [peaks.one_unstable([self.system])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,8 @@ from workbench.structure import Full, Structure
 from workbench.systems.balancing import balanced, singular
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
+from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, transposed_system
-from workbench.systems.riccati import right_factors
 from workbench.uncertainty.algebra.system import uncertain
 
 

@@ -20,8 +20,8 @@ from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.stable_system import stable_system
-from workbench.effort import tries
 from workbench.errors import InputError
+from workbench.executor.effort import tries
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin

@@ -15,7 +15,7 @@ from workbench.arrays import ComplexArray
 from workbench.certificate import Check
 from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.mu.lower.bound import lower_bound
 from workbench.second_opinion import SEED
 from workbench.second_opinion.multipliers import inequality_holds

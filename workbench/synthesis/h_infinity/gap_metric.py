@@ -29,8 +29,8 @@ from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
+from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, worst_pole
-from workbench.systems.riccati import right_factors
 
 OVER = "at every frequency, for these two plants"
 """What the bounds quantify over."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
+from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.norms import norm
-from workbench.systems.riccati import hamiltonian_solution
 from workbench.systems.standard_plant import StandardPlant
 
 NEGLIGIBLE_LEVEL = 1e-6

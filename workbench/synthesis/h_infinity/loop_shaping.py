@@ -30,12 +30,12 @@ from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous, to_continuous
 from workbench.systems.conversion import as_system, as_weight
+from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.minimal import minimal
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
-from workbench.systems.riccati import hamiltonian_solution
 from workbench.systems.standard_plant import standard_plant
 
 HANKEL_ROUNDING = 1e6

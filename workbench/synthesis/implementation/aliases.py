@@ -32,7 +32,7 @@ from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
-from workbench.second_opinion.held_plants import loops_held
+from workbench.second_opinion.implemented.held_plants import loops_held
 from workbench.structure import Real
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,

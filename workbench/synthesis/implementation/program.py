@@ -22,9 +22,9 @@ from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
-from workbench.second_opinion.c_header import code_agrees, integer_code_agrees
-from workbench.second_opinion.integer_cascades import reached_rounding, reached_signals
-from workbench.second_opinion.sampled_plants import (
+from workbench.second_opinion.implemented.c_header import code_agrees, integer_code_agrees
+from workbench.second_opinion.implemented.integer_cascades import reached_rounding, reached_signals
+from workbench.second_opinion.implemented.sampled_plants import (
     rounded_signals,
     sampled_plants,
     sampled_sensitivity,

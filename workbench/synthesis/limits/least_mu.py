@@ -28,8 +28,8 @@ from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.agreement import need_agreement
-from workbench.effort import tries
 from workbench.errors import InputError
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 

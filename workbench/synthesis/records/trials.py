@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import recorded_plants as drawn
 from workbench.synthesis.records.inequalities import Criterion, ProvenFeedback
 from workbench.synthesis.records.record import StateRecords

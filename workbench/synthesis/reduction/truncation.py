@@ -1,7 +1,7 @@
 """Methods of order reduction: balanced truncation, with fast states left out or at rest, Glover's
 approximation, closed-loop weighting.
 
-All are square-root methods in scaled time and states (see `workbench.systems.gramians`).
+All are square-root methods in scaled time and states (see `workbench.systems.equations.gramians`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.systems.axis_poles import stable_last
 from workbench.systems.balancing import poles_at_zero, speed, state_units
+from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.gramians import balancing_projections, gramian_factors
 from workbench.systems.realisation import Matrices
 
 Reducer = Callable[[int], Matrices]

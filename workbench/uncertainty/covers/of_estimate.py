@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 from workbench.answer import Answer
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, worst
-from workbench.effort import tries
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.executor.effort import tries
 from workbench.fitting.samples import as_count, as_frequencies
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Figure

@@ -18,8 +18,8 @@ from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.equations.riccati import right_factors
 from workbench.systems.realisation import realisation, transposed_system
-from workbench.systems.riccati import right_factors
 
 MatrixForm = Literal[
     "additive",

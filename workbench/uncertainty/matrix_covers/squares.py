@@ -16,9 +16,9 @@ from workbench.certify.cones.form import triangle
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
+from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
-from workbench.systems.riccati import hamiltonian_solution
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 LEAST_SQUARE = 1e-4

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag, expm
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 from workbench.second_opinion.loops import INSIDE
 from workbench.second_opinion.powers import growth

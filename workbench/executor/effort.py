@@ -17,7 +17,7 @@ def tries(usual: int) -> int:
 
     Examples
     --------
-    >>> from workbench.effort import deeper, tries
+    >>> from workbench.executor.effort import deeper, tries
     >>> with deeper():
     ...     more = tries(20)
     >>> tries(20), more

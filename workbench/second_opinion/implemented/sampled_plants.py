@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, excess
-from workbench.effort import tries
+from workbench.executor.effort import tries
 from workbench.second_opinion.responses import plain_response
 
 TRIED_FREQUENCIES = 4000

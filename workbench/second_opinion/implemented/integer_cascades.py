@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check, excess
-from workbench.effort import tries
+from workbench.executor.effort import tries
 
 SAMPLES = 600
 """Samples of each impulse response."""

@@ -1,0 +1,1 @@
+"""Implemented and sampled controllers, tried in time: rounding, integers, headers, held plants."""

@@ -1,0 +1,1 @@
+"""Solutions of matrix equations: factors of Gramians, and Riccati equations."""
