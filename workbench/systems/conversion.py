@@ -29,6 +29,8 @@ def as_system(system: Any, name: str) -> StateSpace:
         )
     try:
         found = with_all_poles(system)
+    except InputError as error:
+        raise InputError(f"{name} has no realisation: {error}") from None
     except ValueError as error:
         raise InputError(
             f"{name} has no realisation: {error}; an improper one needs fast poles"

@@ -66,6 +66,7 @@ def search_grid(loop: StateSpace) -> RealArray:
     Examples
     --------
     >>> import control
+    >>> import numpy as np
     >>> from workbench.systems import search_grid
     >>> grid = search_grid(control.ss(control.tf([1.0], [1.0, 1.0])))  # poles 1 and 2 rad/s
     >>> (2 * np.pi * grid[[0, -1]]).round(6).tolist()

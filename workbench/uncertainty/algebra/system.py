@@ -319,6 +319,8 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
     if isinstance(part, control.TransferFunction):
         try:
             system = with_all_poles(part)
+        except InputError as error:
+            raise InputError(f"{name} has no realisation: {error}") from None
         except ValueError as error:
             raise InputError(
                 f"{name} has no realisation: {error}; an improper one needs fast poles"
