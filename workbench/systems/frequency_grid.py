@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, RealArray
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 
 
@@ -44,7 +45,13 @@ def starting_grid(poles: Array) -> RealArray:
     natural = np.abs(poles)
     if not len(natural):
         return np.array([0.0, np.inf])
-    low, high = natural.min() / GRID_REACH, natural.max() * GRID_REACH
+    with np.errstate(over="ignore"):
+        low, high = natural.min() / GRID_REACH, natural.max() * GRID_REACH
+    if not (low > 0.0 and np.isfinite(high)):
+        raise InputError(
+            f"poles from {natural.min():.3g} to {natural.max():.3g} rad/s leave the range of "
+            "doubles; measure time in another unit"
+        )
     count = int(np.ceil(POINTS_PER_DECADE * np.log10(high / low))) + 1
     light = poles[(poles.imag > 0) & (-poles.real < LIGHT_DAMPING * natural)]
     near = light.imag[:, None] - light.real[:, None] * np.concatenate(

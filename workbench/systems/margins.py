@@ -19,6 +19,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
+from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import GRID_REACH, starting_grid
 from workbench.systems.generalised_plant import response
 from workbench.systems.range_hints import warn_far_frequencies
@@ -72,8 +73,13 @@ def search_grid(loop: StateSpace) -> RealArray:
     >>> (2 * np.pi * grid[[0, -1]]).round(6).tolist()
     [0.01, 200.0]
     """
+    loop = as_system(loop, "loop")
     direct = 1.0 + loop.D[0, 0]
-    closed = [np.linalg.eigvals(loop.A - loop.B @ loop.C / direct)] if direct else []
+    with np.errstate(all="ignore"):
+        back = loop.A - loop.B @ loop.C / direct if direct else np.zeros((0, 0))
+    if not np.isfinite(back).all():
+        raise InputError("the gain of the loop overflows doubles; measure its signals otherwise")
+    closed = [np.linalg.eigvals(back)]
     poles, end = np.concatenate([loop.poles(), *closed]).astype(complex), math.inf
     if loop.dt:
         period = 1.0 if loop.dt is True else loop.dt
@@ -189,10 +195,12 @@ def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str
     100.0
     """
 
+    grid = _grid(loop, frequency)
+    loop = as_system(loop, "loop")
+
     def L(at: RealArray) -> ComplexArray:
         return loop_response(loop, at)
 
-    grid = _grid(loop, frequency)
     sensitive = crossings(lambda f: abs(1 / (1 + L(f))) - HALF_POWER, grid)
     unity = crossings(lambda f: np.log(abs(L(f))), grid)
     complementary = crossings(lambda f: abs(L(f) / (1 + L(f))) - HALF_POWER, grid)

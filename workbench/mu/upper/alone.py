@@ -28,7 +28,7 @@ def closed_form(M: ComplexArray, structure: Structure) -> tuple[Array, Array, Re
     Eigenvectors that are nearly dependent make multipliers that prove less.
     """
     size = np.abs(M).max(axis=(1, 2), initial=0.0)
-    scale = np.where(size > 0, size, 1.0)[:, None]
+    scale = np.where(size > np.finfo(float).tiny, size, 1.0)[:, None]
     values, V = np.linalg.eig(M / scale[:, None])
     mu = np.abs(values)
     g = np.zeros_like(mu)

@@ -28,6 +28,8 @@ from workbench.structure import Structure
 
 NULL_TOLERANCE = 1e-3
 """Eigenvalues within this relative distance of the largest span the null space that X lies in."""
+LARGEST = 1e150
+"""Entries of M beyond this have squares that doubles do not hold."""
 TRACE_WEIGHT = 1e3
 """Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions."""
 
@@ -70,6 +72,8 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     M = as_matrices(M, structure)
     if not isinstance(bound, UpperBound) or np.shape(bound.value) != M.shape[:-2]:
         raise InputError("bound must be that of this M: `upper_bound(M, structure)`")
+    if np.abs(M).max(initial=0.0) > LARGEST:
+        raise InputError(f"M has entries above {LARGEST:.3g}, whose squares overflow; scale it")
     if not (bound.value > 0).all():
         raise InputError("the bound is 0 somewhere, and has no gradient there; leave it out")
     return dual(M, structure, bound) @ _half(M, bound) / bound.value[..., None, None]

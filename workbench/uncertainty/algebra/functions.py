@@ -234,7 +234,11 @@ def _matrix(given: Any, name: str) -> UncertainSystem:
     if isinstance(given, UncertainSystem):
         return _constant(given, name)
     if not isinstance(given, list | tuple):
-        return _constant(uncertain(np.atleast_2d(given) if np.ndim(given) else given, name), name)
+        try:
+            whole = np.atleast_2d(given) if np.ndim(given) else given
+        except (RuntimeError, TypeError, ValueError) as error:
+            raise InputError(f"{name} is no matrix: {error}") from None
+        return _constant(uncertain(whole, name), name)
     rows = [as_list(row, f"a row of {name}") for row in given]
     parts = [[_number(entry, name) for entry in row] for row in rows]
     if len({len(row) for row in parts}) != 1:
