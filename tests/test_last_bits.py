@@ -37,7 +37,6 @@ FAST = [
     "textbook/fault-detection",
     "textbook/h2/record-feedback",
     "two-by-two/matrix-cover",
-    "unstable-first-order/board",
 ]
 """A stored problem of each kind of Program whose certificate takes little, and of two Studies."""
 OTHERS = [
@@ -106,6 +105,7 @@ OTHERS = [
     "textbook/real-mu-jump",
     "textbook/record-lengths",
     "unstable-first-order/reduction",
+    "unstable-first-order/board",
 ]
 """Of the other kinds those whose certificate takes less than 0.3 s, then those of more."""
 HEAVY = [

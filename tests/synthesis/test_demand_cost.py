@@ -35,6 +35,7 @@ def test_weaker_demands_cost_no_more():
     assert not study.certify(wrong, 1e-6).valid
 
 
+@pytest.mark.slow
 def test_a_deep_opinion_tries_every_loop_and_refutes_a_peak_that_is_too_small():
     study = wb.load("unstable-first-order/demands")
     (file,) = STORED.glob("unstable-first-order/demands/*/data.nc")
