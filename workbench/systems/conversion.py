@@ -27,18 +27,23 @@ def as_system(system: Any, name: str) -> StateSpace:
         raise InputError(
             f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it needs one each"
         )
-    try:
-        found = with_all_poles(system)
-    except InputError as error:
-        raise InputError(f"{name} has no realisation: {error}") from None
-    except ValueError as error:
-        raise InputError(
-            f"{name} has no realisation: {error}; an improper one needs fast poles"
-        ) from None
+    found = as_states(system, name)
     for part in "ABCD":
         if not np.isfinite(getattr(found, part)).all():
             raise InputError(f"{part} of {name} has entries that are not finite")
     return found
+
+
+def as_states(system: Any, name: str) -> StateSpace:
+    """As `with_all_poles`; InputError names the system where there is no realisation."""
+    try:
+        return with_all_poles(system)
+    except InputError as error:
+        raise InputError(f"{name} has no realisation: {error}") from None
+    except ValueError as error:  # python-control's, of several inputs or outputs
+        raise InputError(
+            f"{name} has no realisation: {error}; an improper one needs fast poles"
+        ) from None
 
 
 def as_weight(weight: Any, size: int, name: str) -> StateSpace:

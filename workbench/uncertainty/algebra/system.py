@@ -20,10 +20,11 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_count
 from workbench.structure import Structure
+from workbench.systems.conversion import as_states
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
-from workbench.systems.realisation import in_words, pole_sizes, realisation, with_all_poles
+from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
@@ -317,14 +318,7 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         return UncertainSystem(*pulled_out(part))
     system = part
     if isinstance(part, control.TransferFunction):
-        try:
-            system = with_all_poles(part)
-        except InputError as error:
-            raise InputError(f"{name} has no realisation: {error}") from None
-        except ValueError as error:
-            raise InputError(
-                f"{name} has no realisation: {error}; an improper one needs fast poles"
-            ) from None
+        system = as_states(part, name)
     M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
     if not np.isfinite(M).all():
         raise InputError(f"{name} has entries that are not finite")
