@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 import traceback
@@ -164,8 +165,14 @@ def certified_answer(answer: Any, certificate: Certificate | None, message: str)
     return answer
 
 
+STATED_ELSEWHERE = {"cvxpy.problems.problem.Problem": "workbench.conic.cvxpy_program"}
+"""Modules whose `solve_problem` answers what is stated in another library, by the class of that.
+
+A module is imported when it is asked."""
+
+
 def solve(
-    task: Task,
+    task: Any,
     method: str | None = None,
     options: Options | None = None,
     context: Context | None = None,
@@ -175,11 +182,40 @@ def solve(
     Without a context, a terminal or a notebook shows how far the work is.
     Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
 
+    Parameters
+    ----------
+    task
+        A Program, a Study, or a `cvxpy.Problem`, which becomes a `workbench.conic.CvxpyProgram`.
+        Behind it the problem has a value, a status and values of its variables and dual variables,
+        as behind CVXPY's own ``solve``, of what is certified only.
+    method
+        A method of the Program, such as the name of a solver; None: the default one.
+    options, context
+        Accuracy, time limit and seed; or what has these and more, of an enclosing work.
+
     Raises
     ------
     UnknownNameError, InputError
-        As `find_method`; or a method was named for a Study, which has none.
+        As `find_method`; a method was named for a Study, which has none; or the problem is none
+        that can be certified.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import workbench as wb
+    >>> x = cp.Variable(2, name="x")
+    >>> problem = cp.Problem(cp.Maximize(cp.sum(x)), [cp.norm(x) <= 5, x[0] == 3])
+    >>> solution = wb.solve(problem)
+    >>> solution.holds, round(solution.value, 5), round(float(x.value[1]), 5), problem.status
+    (True, 7.0, 4.0, 'optimal')
     """
+    for kind in type(task).__mro__:
+        elsewhere = STATED_ELSEWHERE.get(f"{kind.__module__}.{kind.__qualname__}")
+        if elsewhere:
+            answered: Solution = importlib.import_module(elsewhere).solve_problem(
+                task, method, options, context
+            )
+            return answered
     if context is None:
         with shown_live(type(task).__name__) as (progress, watch):
             shown = Context(options or Options(), progress, watch)
@@ -193,7 +229,9 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     Whatever the method does not book as statement is solve: one without a statement books nothing.
     """
     if not isinstance(task, Task):
-        raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
+        raise InputError(
+            f"a Program, a Study or a cvxpy.Problem is needed, not {type(task).__name__}"
+        )
     asked = context.options.accuracy
     note = task.unheeded(method, asked)
     need_unchanged(task)

@@ -60,8 +60,8 @@ def test_a_kernel_that_forgets_the_residual_is_found(monkeypatch):
 
 def test_a_kernel_that_turns_the_sign_of_the_bound_is_found(monkeypatch):
     program, answer = optimal().task, optimal().answer
-    honest = programs.dot
-    monkeypatch.setattr(programs, "dot", lambda b, y: -honest(b, y))
+    honest = programs.dual_bound
+    monkeypatch.setattr(programs, "dual_bound", lambda form, y: -honest(form, y))
     failed = {check.name for check in program.second_opinion(answer) if not check.holds}
     assert failed == {"weak duality"}
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm
 from workbench.conic.claims import ConicallyStated, NoLeastValue, NoSolution
+from workbench.conic.cvxpy_program import CvxpyProgram
 from workbench.conic.named_solvers import conic_solver
 from workbench.conic.program import ConicProgram
 from workbench.on_demand import no_more_names
@@ -17,6 +18,7 @@ __all__ = [
     "ConicForm",
     "ConicProgram",
     "ConicallyStated",
+    "CvxpyProgram",
     "NoLeastValue",
     "NoSolution",
     "conic_solver",

@@ -88,6 +88,8 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     x: list[Any] = [exact_rational(value) for value in near]
     if not equations:
         return x
+    if n == 0:
+        return None if any(equation[n] != 0 for equation in equations) else x
     if _too_many(len(equations), n):
         return None
     order, independent = _pivot_order(equations, near)

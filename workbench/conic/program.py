@@ -12,9 +12,7 @@ import numpy as np
 from workbench.arrays import EPS, RealArray
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
-from workbench.certify.cones.membership import fraction, outside
-from workbench.certify.cones.rays import dot, transposed
-from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.certify.cones.rays import dual_bound
 from workbench.conic.claims import ConicallyStated, parsed_rational
 from workbench.conic.ray_search import dual_point
 from workbench.errors import InputError
@@ -118,10 +116,9 @@ class ConicProgram(ConicallyStated):
         if "dual" not in answer:
             return f"{statement}; no dual point was found", math.inf
         y = [parsed_rational(str(text)) for text in answer["dual"].values]
-        residual = [p + exact_rational(q) for p, q in zip(transposed(form, y), form.c, strict=True)]
-        if any(each != 0 for each in residual) or outside(form, y, dual=True):
+        bound = dual_bound(form, y)
+        if bound is None:
             return f"{statement}; the dual point is none", math.inf
-        bound = -fraction(dot(form.b, y))
         return statement, (value - float(bound)) / self.objective_scale(answer)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:

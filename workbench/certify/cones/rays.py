@@ -6,7 +6,8 @@ Let y be in the dual of K. Every x with b - A x in K satisfies y'(b - A x) >= 0,
 
 So where b'y < 0, no solution has max |x| < R = -b'y / sum |A'y|; and none exists if A'y = 0. The
 bound for A'y not 0: C. Jansson, D. Chaykin, C. Keil, Rigorous error bounds for the optimal value in
-semidefinite programming, SIAM J. Numer. Anal. 46 (2007) 180-200.
+semidefinite programming, SIAM J. Numer. Anal. 46 (2007) 180-200. Where A'y = -c, every solution has
+c'x = -(A'y)'x >= -b'y.
 """
 
 from __future__ import annotations
@@ -35,6 +36,15 @@ def excluded_radius(form: ConicForm, y: Sequence[Rational]) -> float:
         return 0.0
     residual = sum((abs(value) for value in transposed(form, y)), start=fmpq(0))
     return math.inf if residual == 0 else rounded_down(fraction(fall / residual))
+
+
+def dual_bound(form: ConicForm, y: Sequence[Rational]) -> Fraction | None:
+    """The number -b'y that no solution's c'x is below; None where y is no dual point of a form."""
+    if len(y) != form.b.size or outside(form, y, dual=True):
+        return None
+    if any(p + exact_rational(q) != 0 for p, q in zip(transposed(form, y), form.c, strict=True)):
+        return None
+    return fraction(-dot(form.b, y))
 
 
 def conic_slack(form: ConicForm, x: Sequence[Rational], *, of_ray: bool = False) -> list[Rational]:

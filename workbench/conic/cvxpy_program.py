@@ -1,0 +1,296 @@
+"""A user's own convex problem, stated in CVXPY, for every conic solver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.certificate import Check, worst
+from workbench.certify.cones.form import ConeKind, ConicForm
+from workbench.certify.cones.rays import dual_bound, excluded_radius
+from workbench.conic.claims import ConicallyStated, parsed_rational
+from workbench.conic.expressions import (
+    RESERVED,
+    current,
+    lent_values,
+    named_variables,
+    of_attributes,
+    violations,
+)
+from workbench.conic.ray_search import dual_point, dual_ray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.heavy_types import Dataset
+from workbench.program import Claim, conic_method
+from workbench.second_opinion import conic_proofs, lagrangians
+from workbench.solution import Solution, solve
+from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
+
+if TYPE_CHECKING:
+    from workbench.conic.canonical import Canonical
+
+LONGEST = 60
+"""Most characters of a constraint in a message."""
+
+
+@dataclass(frozen=True, eq=False)
+class CvxpyProgram(ConicallyStated):
+    """A disciplined convex problem of CVXPY, as its user states it.
+
+    An answer is a dataset with the values of the problem's variables by name (``variable_1``, ...
+    where they have none). Feasibility and value are checked on the user's own expressions. The
+    answer's ``canonical_dual`` is a rational dual point of the conic form that CVXPY makes of the
+    problem; it proves that no feasible value is better than the metric ``bound``. Claims that there
+    is no solution, or no best value, are proven on that form.
+
+    Distances and gaps are relative to 1 + magnitudes: a problem in units of 1e-10 is stated in
+    larger ones first. The conic form is CVXPY's, its doubles taken as exact.
+
+    Parameters
+    ----------
+    problem
+        A `cvxpy.Problem` with cones of `ConeKind`, without integer variables. Its parameters have
+        values, which are taken as they are now.
+
+    Raises
+    ------
+    InputError
+        The problem is not disciplined convex, has an integer variable, a parameter without a value,
+        a number that is not finite, or needs a cone without proofs.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import workbench as wb
+    >>> from workbench.conic import CvxpyProgram
+    >>> x = cp.Variable(2, name="x")
+    >>> program = CvxpyProgram(cp.Problem(cp.Minimize(cp.norm(x)), [cp.sum(x) == 2]))
+    >>> solution = wb.solve(program, "scs")
+    >>> solution.certificate.holds, solution.answer["x"].values.round(5).tolist()
+    (True, [1.0, 1.0])
+    """
+
+    problem: Any
+    stated: Any = field(init=False, repr=False)
+    """The problem with numbers for its parameters."""
+    canonical: Canonical = field(init=False, repr=False)
+    numbers: tuple[Any, ...] = field(init=False, repr=False)
+    """Every constant and parameter, so that a change of one is noticed."""
+
+    default_method = "clarabel"
+    headline = "value"
+    checks_follow_accuracy = True
+
+    @property
+    def quantifier(self) -> str:
+        return "for this one problem"
+
+    def __post_init__(self) -> None:
+        from workbench.conic.canonical import canonical_form
+        from workbench.conic.statement import need_statement
+
+        stated = need_statement(self.problem)
+        given = (*self.problem.parameters(), *stated.constants())
+        numbers = tuple(one.value for one in given)
+        vars(self).update(stated=stated, canonical=canonical_form(stated), numbers=numbers)
+
+    def conic_form(self) -> ConicForm:
+        return self.canonical.form
+
+    @property
+    def problem_size(self) -> float:
+        """Number of the form's variables."""
+        return float(self.canonical.form.c.size)
+
+    @property
+    def variables(self) -> dict[str, Any]:
+        """The problem's variables by the names that they have in an answer."""
+        return named_variables(self.stated)
+
+    @property
+    def sign(self) -> float:
+        """What the objective is times in what is minimised: -1 where it is to be maximised."""
+        return 1.0 if self.problem.objective.NAME == "minimize" else -1.0
+
+    def at(self, answer: Dataset) -> AbstractContextManager[None]:
+        """The answer's values, lent to the user's variables."""
+        found = {}
+        for name, one in self.variables.items():
+            if name not in answer or answer[name].shape != one.shape:
+                raise InputError(f"an answer needs {name} of shape {one.shape}")
+            found[name] = answer[name].values
+        return lent_values(self.stated, found)
+
+    def objective(self, answer: Dataset) -> float:
+        with self.at(answer):
+            return self.sign * float(np.real(self.stated.objective.expr.value))
+
+    def objective_scale(self, answer: Dataset) -> float:
+        return 1.0 + abs(self.objective(answer))
+
+    def answer_now(self) -> Dataset | None:
+        """The values that the variables have now; None where one has none."""
+        import xarray as xr
+
+        found: dict[str, Any] = {}
+        for name, one in self.variables.items():
+            value = current(one)
+            if value is None:
+                return None
+            found[name] = (_dims(name, value), value, {"units": "1"})
+        return xr.Dataset(found)
+
+    def witnessed(self, answer: Dataset) -> Dataset:
+        y = dual_point(self.canonical.form)
+        if y is None:
+            return answer
+        return answer.assign({RESERVED: ("row", [str(value) for value in y], {"units": "1"})})
+
+    def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
+        constraints = self.stated.constraints
+        own = self.variables
+        with self.at(answer):
+            off = [float(violations(one).max(initial=0.0)) for one in constraints]
+        apart = [
+            float(of_attributes(one, answer[name].values).max(initial=0.0))
+            for name, one in own.items()
+        ]
+        names = list(own)
+        value, where = worst(off, lambda k: f"of constraint {k[0] + 1}, {_cut(constraints[k[0]])}")
+        moved, of = worst(apart, lambda place: f"of {names[place[0]]}")
+        relative = "relative to 1 + the magnitudes of its terms"
+        return [
+            Check(
+                "constraints", f"distance from a constraint, {relative}", value, tolerance, where
+            ),
+            Check(
+                "variables",
+                "distance of a variable from what it is declared to be, relative to 1 + its size",
+                moved,
+                tolerance,
+                of,
+            ),
+            Check(
+                "objective",
+                "1 if it has no finite value",
+                float(not math.isfinite(self.objective(answer))),
+                0.0,
+            ),
+        ]
+
+    def second_opinion(self, answer: Dataset) -> Sequence[Check]:
+        bound, y = self.bound(answer), dual_of(answer)
+        if bound is None or y is None:
+            return []
+        duals = self.dual_values(y)
+        stated, sign = self.stated, self.sign
+        with self.at(answer):
+            drawn = lagrangians.lagrangian_above(stated, duals, float(bound), sign)
+        return [
+            conic_proofs.supports(self.canonical.form, y),
+            conic_proofs.dual_equations(self.canonical.form, y),
+            drawn,
+        ]
+
+    def dual_values(self, y: Sequence[Any]) -> dict[int, Any]:
+        """Values of the constraints' dual variables by the constraint's id, in CVXPY's signs."""
+        near = np.array([float(Fraction(str(value))) for value in y])
+        return dict(self.canonical.dual_values(near))
+
+    def bound(self, answer: Dataset) -> Fraction | None:
+        """What no feasible value of what is minimised is below, proven; None without a proof."""
+        y = dual_of(answer)
+        found = None if y is None else dual_bound(self.canonical.form, y)
+        return None if found is None else found + Fraction(self.canonical.constant)
+
+    def gap(self, answer: Dataset) -> tuple[str, float]:
+        statement = "value beyond the exact bound of the dual point, relative to 1 + |value|"
+        if RESERVED not in answer:
+            return f"{statement}; no dual point was found", math.inf
+        bound = self.bound(answer)
+        if bound is None:
+            return f"{statement}; the dual point is none", math.inf
+        return statement, (self.objective(answer) - float(bound)) / self.objective_scale(answer)
+
+    def metrics(self, answer: Dataset) -> dict[str, float]:
+        bound = self.bound(answer)
+        least = -math.inf if bound is None else float(bound)
+        return {"value": self.sign * self.objective(answer), "bound": self.sign * least}
+
+
+def solve_problem(
+    problem: Any, method: str | None, options: Options | None, context: Context | None
+) -> Solution:
+    """What `solve` answers to a problem of CVXPY, which then holds what is certified of it.
+
+    Variables, dual variables, value and status are those of a valid answer: "optimal" where its
+    certificate holds, else "optimal_inaccurate"; or the status is a proven "infeasible" or
+    "unbounded". Of anything else nothing is kept: variables, value and status are None.
+    """
+    from cvxpy.reductions.solution import Solution as Told
+
+    program = CvxpyProgram(problem)
+    solution = solve(program, method, options, context)
+    problem._clear_solution()  # CVXPY has no public name for it
+    outcome, answer = solution.outcome, solution.answer
+    if solution.proof is not None:
+        if solution.holds:
+            value = program.sign * (math.inf if outcome is Outcome.INFEASIBLE else -math.inf)
+            problem.unpack(Told(str(outcome), value, {}, {}, {}))
+    elif solution.certificate is not None and solution.certificate.valid:
+        primal = {one.id: answer[name].values for name, one in program.variables.items()}
+        y = dual_of(answer)
+        duals = {} if y is None else program.dual_values(y)
+        status = "optimal" if solution.holds else "optimal_inaccurate"
+        problem.unpack(Told(status, solution.value, primal, duals, {}))
+    return solution
+
+
+def dual_of(answer: Dataset) -> list[Any] | None:
+    """The dual point of an answer; None where it has none."""
+    if RESERVED not in answer:
+        return None
+    return [parsed_rational(str(text)) for text in answer[RESERVED].values]
+
+
+def _dims(name: str, value: Array) -> tuple[str, ...]:
+    return tuple(f"{name}_{axis}" for axis in range(np.ndim(value)))
+
+
+def _cut(constraint: Any) -> str:
+    text = " ".join(str(constraint).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def _widest(program: CvxpyProgram) -> str:
+    """The widest of the cones that a solver needs, in the words of `workbench.solvers.CONES`."""
+    if program.stated.is_qp():  # quadratic objectives too, which are cones only here
+        return "linear"
+    kinds = {cone.kind for cone in program.canonical.form.cones}
+    return "semidefinite" if ConeKind.SEMIDEFINITE in kinds else "second-order"
+
+
+@conic_method(CvxpyProgram, cones=_widest)
+def _conic(program: CvxpyProgram, context: Context, solver: ConicSolver) -> Claim:
+    """The problem as it is stated."""
+    with lent_values(program.stated, {}):
+        outcome, said = solve_conic(program.stated, solver, context.options, context)
+        answer = None if outcome.without_answer else program.answer_now()
+    if outcome is Outcome.FAILED:
+        said = f"{said}; {_proven_of_solutions(program.conic_form(), context)}"
+    return answer, outcome, said
+
+
+def _proven_of_solutions(form: ConicForm, context: Context) -> str:
+    """What is proven of solutions where a solver ends without a word on them, as on weak ones."""
+    y = dual_ray(form, context)
+    radius = 0.0 if y is None else excluded_radius(form, y)
+    said = "there is no certificate, neither of an answer nor of there being none"
+    return f"{said}; proven is that no solution has max |x| < R = {radius:.6g}" if radius else said
