@@ -390,7 +390,7 @@ def test_an_answer_that_is_a_dataset_is_stored_as_it_is():
 
 
 def test_only_programs_and_studies_are_answered():
-    with pytest.raises(InputError, match="Program or a Study is needed, not int"):
+    with pytest.raises(InputError, match=r"a Study or a cvxpy\.Problem is needed, not int"):
         solve(3)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -99,7 +100,9 @@ def canonical_form(problem: Any) -> Canonical:
         problem = cp.Problem(type(problem.objective)(problem.objective.expr + 0 * idle),
                              problem.constraints)  # fmt: skip
     try:
-        data, chain, inverse = problem.get_problem_data(FormSolver())
+        with warnings.catch_warnings():  # of a sparse variable that is read as an array
+            warnings.simplefilter("ignore")
+            data, chain, inverse = problem.get_problem_data(FormSolver())
     except SolverError as error:
         raise InputError(
             "the problem needs a cone without proofs here, such as a power cone; those of "

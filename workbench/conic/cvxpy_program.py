@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from workbench.conic.claims import ConicallyStated, parsed_rational
 from workbench.conic.expressions import (
     RESERVED,
     current,
+    domains,
     lent_values,
     named_variables,
     of_attributes,
@@ -154,50 +156,34 @@ class CvxpyProgram(ConicallyStated):
         return answer.assign({RESERVED: ("row", [str(value) for value in y], {"units": "1"})})
 
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
-        constraints = self.stated.constraints
-        own = self.variables
+        constraints, domain = self.stated.constraints, domains(self.stated)
         with self.at(answer):
-            off = [float(violations(one).max(initial=0.0)) for one in constraints]
-        apart = [
-            float(of_attributes(one, answer[name].values).max(initial=0.0))
-            for name, one in own.items()
-        ]
-        names = list(own)
-        value, where = worst(off, lambda k: f"of constraint {k[0] + 1}, {_cut(constraints[k[0]])}")
-        moved, of = worst(apart, lambda place: f"of {names[place[0]]}")
-        relative = "relative to 1 + the magnitudes of its terms"
-        return [
-            Check(
-                "constraints", f"distance from a constraint, {relative}", value, tolerance, where
-            ),
-            Check(
-                "variables",
-                "distance of a variable from what it is declared to be, relative to 1 + its size",
-                moved,
-                tolerance,
-                of,
-            ),
-            Check(
-                "objective",
-                "1 if it has no finite value",
-                float(not math.isfinite(self.objective(answer))),
-                0.0,
-            ),
-        ]
+            off = [_largest(violations(one)) for one in constraints]
+            beyond = [_largest(violations(one)) for one in domain]
+        own = self.variables
+        apart = [_largest(of_attributes(one, answer[name].values)) for name, one in own.items()]
+        places = [f"{number}, {_cut(one)}" for number, one in enumerate(constraints, 1)]
+        told = (
+            ("constraints", "a constraint", off, places),
+            ("domain", "where an atom is defined", beyond, [*map(_cut, domain)]),
+            ("variables", "what a variable is declared to be", apart, [*own]),
+        )
+        found = []
+        for name, what, values, labels in told:
+            found.append(_distance(name, what, values, labels, tolerance))
+        infinite = float(not math.isfinite(self.objective(answer)))
+        return [*found, Check("objective", "1 if it has no finite value", infinite, 0.0)]
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
         bound, y = self.bound(answer), dual_of(answer)
         if bound is None or y is None:
             return []
-        duals = self.dual_values(y)
-        stated, sign = self.stated, self.sign
+        form, duals, domain = self.canonical.form, self.dual_values(y), domains(self.stated)
         with self.at(answer):
-            drawn = lagrangians.lagrangian_above(stated, duals, float(bound), sign)
-        return [
-            conic_proofs.supports(self.canonical.form, y),
-            conic_proofs.dual_equations(self.canonical.form, y),
-            drawn,
-        ]
+            drawn = lagrangians.lagrangian_above(
+                self.stated, duals, float(bound), self.sign, domain
+            )
+        return [conic_proofs.supports(form, y), conic_proofs.dual_equations(form, y), drawn]
 
     def dual_values(self, y: Sequence[Any]) -> dict[int, Any]:
         """Values of the constraints' dual variables by the constraint's id, in CVXPY's signs."""
@@ -249,7 +235,9 @@ def solve_problem(
         y = dual_of(answer)
         duals = {} if y is None else program.dual_values(y)
         status = "optimal" if solution.holds else "optimal_inaccurate"
-        problem.unpack(Told(status, solution.value, primal, duals, {}))
+        with warnings.catch_warnings():  # of a sparse variable that is read as an array
+            warnings.simplefilter("ignore")
+            problem.unpack(Told(status, solution.value, primal, duals, {}))
     return solution
 
 
@@ -258,6 +246,19 @@ def dual_of(answer: Dataset) -> list[Any] | None:
     if RESERVED not in answer:
         return None
     return [parsed_rational(str(text)) for text in answer[RESERVED].values]
+
+
+def _distance(
+    name: str, what: str, values: Sequence[float], labels: Sequence[str], tolerance: float
+) -> Check:
+    value, where = worst(values, lambda place: f"of {labels[place[0]]}")
+    statement = f"distance from {what}, relative to 1 + the magnitudes of its terms"
+    return Check(name, statement, value, tolerance, where)
+
+
+def _largest(values: Array) -> float:
+    """The largest of distances, 0 where there is none; NaN where one is."""
+    return float(values.max(initial=0.0))
 
 
 def _dims(name: str, value: Array) -> tuple[str, ...]:

@@ -36,7 +36,8 @@ def named_variables(problem: Any) -> dict[str, Any]:
 def lent_values(problem: Any, values: Mapping[str, Array]) -> Iterator[None]:
     """Values by name for a problem's variables, None for the others.
 
-    Behind it each variable has its own again, and each dual variable too.
+    Behind it each variable has its own again, and each dual variable too. Within it CVXPY warns of
+    nothing, as of a sparse variable that is read as an array.
     """
     primal = named_variables(problem)
     all_of_them = [*primal.values()]
@@ -45,7 +46,9 @@ def lent_values(problem: Any, values: Mapping[str, Array]) -> Iterator[None]:
     try:
         for name, one in primal.items():
             one.save_value(values.get(name))
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
     finally:
         for one, value in own:
             one.save_value(value)
@@ -56,6 +59,15 @@ def current(variable: Any) -> Any:
     with warnings.catch_warnings():  # a sparse variable warns of being read as an array
         warnings.simplefilter("ignore")
         return dense(variable.value)
+
+
+def domains(problem: Any) -> list[Any]:
+    """Constraints that the arguments of atoms lie where these are defined, as in x >= 0 of log x.
+
+    CVXPY evaluates some atoms elsewhere too, such as a cube.
+    """
+    parts = [problem.objective.expr, *(two for one in problem.constraints for two in one.args)]
+    return [one for part in parts for one in part.domain]
 
 
 def dense(value: Any) -> Any:

@@ -46,6 +46,11 @@ def need_statement(problem: Any) -> Any:
                 f"{', '.join(CONSTRAINTS)}"
             )
     for atom in _atoms(stated):
+        if getattr(atom, "quad_approx", ()):
+            raise InputError(
+                f"CVXPY replaces {type(atom).__name__} by cones that are near it, which is another "
+                "problem: no bound of it is one of yours"
+            )
         error = getattr(atom, "approx_error", 0.0)
         if error > INEXACT:
             raise InputError(

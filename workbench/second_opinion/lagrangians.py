@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,9 @@ ROUNDING = 1e-9
 """Share of its terms that a Lagrangian in doubles may lie below a bound."""
 
 
-def lagrangian_above(problem: Any, duals: Mapping[int, Any], bound: float, sign: float) -> Check:
+def lagrangian_above(
+    problem: Any, duals: Mapping[int, Any], bound: float, sign: float, domain: Sequence[Any]
+) -> Check:
     """Check that f + sum of the products of dual values and constraints is a bound or more.
 
     Where dual values prove that no feasible f is below the bound, the Lagrangian is not below it at
@@ -40,6 +42,8 @@ def lagrangian_above(problem: Any, duals: Mapping[int, Any], bound: float, sign:
         Of sign * objective.
     sign
         1, or -1 where the objective is to be maximised.
+    domain
+        Constraints of CVXPY outside of which nothing is tried.
     """
     rng, worst, within = np.random.default_rng(SEED), -math.inf, 0
     priced = [one for one in problem.constraints if one.id in duals]
@@ -49,10 +53,12 @@ def lagrangian_above(problem: Any, duals: Mapping[int, Any], bound: float, sign:
     for number in range(tries(POINTS)):
         for one, value in centre.items():
             one.save_value(_drawn(one, value, SPREADS[number % len(SPREADS)], rng))
+        if any(np.max(one.violation(), initial=0.0) > 0.0 for one in domain):
+            continue
         terms = [sign * float(np.real(problem.objective.expr.value))]
         terms += [_product(one) for one in priced]
         total, size = sum(terms), 1.0 + abs(bound) + sum(map(abs, terms))
-        if math.isnan(total):  # outside of the domain of an atom
+        if math.isnan(total):
             continue
         within += 1
         worst = max(worst, (bound - total) / size if math.isfinite(size) else -1.0)
