@@ -35,12 +35,13 @@ def minimiser(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
     n = form.c.size
     cost = form.c * columns
     size = np.abs(cost).max(initial=0.0) or 1.0
+    unit = unit_of_points(form, rows)
     try:
         solver = clarabel.DefaultSolver(
             csc_array((n, n)),
             cost / size,
             csc_array(root @ A),
-            root @ (rows * form.b),
+            root @ (rows * form.b / unit),
             [_native(cone) for cone in form.cones],
             settings,
         )
@@ -49,14 +50,14 @@ def minimiser(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
         raise
     except BaseException:  # a Rust panic is no Exception
         return None
-    x = columns * np.array(solution.x)
+    x = unit * columns * np.array(solution.x)
     return x if np.isfinite(x).all() and "Infeasible" not in str(solution.status) else None
 
 
 def inner_point(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
-    """A point (n,) whose slack b - A x lies as deep in the cones as it can, up to a depth of 1.
+    """A point (n,) whose slack b - A x lies as deep in the cones as it can, up to the size of b.
 
-    The depth is measured in the scaled rows of the form. None where no point was found in so
+    Depth and size are measured in the scaled rows of the form. None where no point was found in so
     many seconds.
     """
     rows, _ = scaling(form)
@@ -68,7 +69,7 @@ def inner_point(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
     deeper = ConicForm(
         np.append(np.zeros(n), -1.0),
         A,
-        np.append(form.b, 1.0),
+        np.append(form.b, unit_of_points(form, rows)),
         (*form.cones, ConeFactor(ConeKind.NONNEGATIVE, 1)),
     )
     found = minimiser(deeper, seconds)
@@ -88,6 +89,12 @@ def units(form: ConicForm) -> RealArray:
             part[[i == j for i, j in triangle(cone.size)]] = 1.0
         parts.append(part)
     return np.concatenate([*parts, np.zeros(0)])
+
+
+def unit_of_points(form: ConicForm, rows: RealArray) -> float:
+    """A power of two near the size of b in scaled rows, 1 where b is 0."""
+    size = float(np.abs(rows * form.b).max(initial=0.0)) or 1.0
+    return float(2.0 ** np.round(np.log2(size)))
 
 
 def scaling(form: ConicForm) -> tuple[RealArray, RealArray]:

@@ -60,8 +60,13 @@ def dual_point(form: ConicForm, *, share: float = 0.0) -> list[Rational] | None:
     best = minimiser(points)
     if best is None:
         return None
-    if share == 0.0 and (y := exact_point(points, best)) is not None:
-        return y
+    if share == 0.0:
+        if (y := exact_point(points, best)) is not None:
+            return y
+        for excess in INNER_SHARES:  # as deep as it is with nearly the least b'y
+            near = inner_point(_not_above(points, excess, best))
+            if near is not None and (y := exact_point(points, near)) is not None:
+                return y
     inner = inner_point(points)
     if inner is None:
         return None
@@ -69,6 +74,17 @@ def dual_point(form: ConicForm, *, share: float = 0.0) -> list[Rational] | None:
         if (y := exact_point(points, (1 - part) * best + part * inner)) is not None:
             return y
     return None
+
+
+def _not_above(points: ConicForm, excess: float, best: RealArray) -> ConicForm:
+    """The points whose objective exceeds that of the best one by no more than this share of it."""
+    terms = float(np.abs(points.c) @ np.abs(best))
+    return ConicForm(
+        points.c,
+        vstack([points.A, csr_array(points.c[None, :])]),
+        np.append(points.b, points.c @ best + excess * terms),
+        (*points.cones, ONE_ROW),
+    )
 
 
 def settled_ray(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
