@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import control
+import cvxpy as cp
 import numpy as np
 import pytest
 from test_answers import ANSWERS
@@ -65,8 +66,14 @@ def matrix_sets() -> Certificate:
     return wb.solve(MatrixSets(deviations)).certificate
 
 
+def cvxpy_problem() -> Certificate:
+    x = cp.Variable(2)
+    return wb.solve(cp.Problem(cp.Minimize(cp.norm(x)), [x[0] + 2 * x[1] == 5])).certificate
+
+
 PROGRAMS = {
     "ConicProgram": lambda: conic([[-1.0], [1.0]], [-2.0, 5.0]).certificate,
+    "CvxpyProgram": cvxpy_problem,
     "NoSolution": lambda: conic([[-1.0], [1.0]], [-2.0, 1.0]).certificate,
     "NoLeastValue": lambda: conic([[-1.0], [0.0]], [0.0, 1.0], -1.0).certificate,
     "NoStableController": no_stable_controller,
