@@ -137,6 +137,8 @@ ANSWERS = {
         OF_PARAMETERS, gain=0.67, tolerance=0.1
     ),
     "h_infinity_norm": lambda: mu.h_infinity_norm(N),
+    "linf_norm": lambda: mu.linf_norm(FAST),
+    "linf_norm, infinite": lambda: mu.linf_norm(control.tf([1.0], [1.0, 0.0])),
     "h2_norm": lambda: mu.h2_norm(N),
     "h2_norm, unstable": lambda: mu.h2_norm(control.tf([1.0], [1.0, -1.0])),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),

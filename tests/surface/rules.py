@@ -33,6 +33,9 @@ FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "omegas"}
 SAMPLING = {"sample_time", "sampling_time", "sampling_period", "Ts", "T_s"}
 TOLERANCE = 1e-3
 """The default of ``tolerance``: the relative width of the interval that is proven."""
+NORM_TOLERANCE = 1e-6
+"""The default of norms of plain systems, which cost no more for it."""
+NORMS = {"workbench.mu.h_infinity_norm", "workbench.mu.linf_norm"}
 RATES = {"sample_rate", "sampling_rate", "sampling_frequency", "fs", "f_s"}
 SYNONYMS = {
     "tolerance": {"tol", "rtol", "atol", "eps", "epsilon", "precision", "accuracy", "gap"},
@@ -101,11 +104,12 @@ def words(surface: Surface) -> Iterator[Breach]:
 
 
 def tolerances(surface: Surface) -> Iterator[Breach]:
-    """`tolerance` has one default; a run's may be a word."""
+    """`tolerance` has one default, and norms a smaller one; a run's may be a word."""
     for one in surface.names:
         number = isinstance(one.default, int | float)
-        if one.name == "tolerance" and number and one.default != TOLERANCE:
-            yield _named("tolerances", one, f"tolerance={TOLERANCE:g}, not {one.default:g}")
+        lawful = NORM_TOLERANCE if one.owner in NORMS else TOLERANCE
+        if one.name == "tolerance" and number and one.default != lawful:
+            yield _named("tolerances", one, f"tolerance={lawful:g}, not {one.default:g}")
 
 
 def order(surface: Surface) -> Iterator[Breach]:

@@ -6,6 +6,7 @@ from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
+    from workbench.mu.frequency.axis_norm import linf_norm
     from workbench.mu.frequency.complex_part import with_complex_part
     from workbench.mu.frequency.norms import SystemNorm, h2_norm, h_infinity_norm
     from workbench.mu.frequency.peak import peak
@@ -86,6 +87,7 @@ __all__ = [
     "guaranteed_probability",
     "h2_norm",
     "h_infinity_norm",
+    "linf_norm",
     "loop_margins",
     "lower_bound",
     "margin_sensitivity",

@@ -134,6 +134,28 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
     )
 
 
+def axis_gain(system: Any, lower: float, upper: float, omega: float) -> Check:
+    """Check bounds of the largest gain of a StateSpace, claimed at `omega` [rad/s], by responses.
+
+    No response at a frequency that is tried may exceed the upper bound, and that at `omega` must
+    reach the lower one. The system need not be stable.
+    """
+    tried = tried_frequencies(np.linalg.eigvals(system.A), omega, dt=system.dt)
+    gain = np.linalg.norm(plain_response(system, tried), 2, axis=(-2, -1))
+    worst = excess(float(gain.max()), upper)
+    if worst > SAMPLED_ROUNDING and math.isfinite(tried[int(gain.argmax())]):
+        precise = precise_response(system, float(tried[int(gain.argmax())]))
+        worst = excess(float(np.linalg.norm(precise, 2)), upper)
+    there = np.linalg.norm(plain_response(system, np.array([omega]))[0], 2)
+    return Check(
+        "responses",
+        "largest share by which responses exceed the upper bound, or miss the lower one",
+        max(worst, excess(lower, float(there))),
+        SAMPLED_ROUNDING,
+        over=f"at {tried.size} frequencies",
+    )
+
+
 def one_unstable(members: Sequence[Any], nominal: Sequence[Any] | None = None) -> Check:
     """Check that one of some systems is unstable, or on the border of stability.
 

@@ -27,8 +27,8 @@ from workbench.systems.conversion import as_system
 
 SUM_ROUNDING = 1e-6
 """Share by which a sum over samples in plain doubles may lie outside the bounds."""
-NORM_TOLERANCE = 1e-3
-"""Default relative distance of the bounds of an H-infinity norm."""
+NORM_TOLERANCE = 1e-6
+"""Default relative distance of the bounds of a largest gain."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
