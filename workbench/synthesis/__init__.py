@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.switching.modes import Mode
     from workbench.synthesis.switching.program import Dwell, SwitchedStability
     from workbench.synthesis.switching.single_loops import SingleLoops
+    from workbench.systems.weight import weight
 else:
     __getattr__, __dir__ = on_demand(__name__)
 
@@ -147,4 +148,5 @@ __all__ = [
     "second_order_sections",
     "switched_loop",
     "unswitched",
+    "weight",
 ]

@@ -82,9 +82,9 @@ def stable_numerator(system: StateSpace) -> Numerator:
         resolvent = certified_norm(_resolvent(parts, dt))
         entering = certified_norm(realisation((*parts[:2], _one(A), 0.0 * B), dt))
         leaving = certified_norm(realisation((parts[0], _one(A), C, 0.0 * C), dt))
-    except InputError as found:
+    except InputError as told:
         raise InputError(
-            f"the system's unstable poles cannot be mirrored at the boundary of stability: {found}"
+            f"the system's unstable poles cannot be mirrored at the boundary of stability: {told}"
         ) from None
     blur = _size(moved[0], only_rounding=True) * resolvent
     if not blur < 0.5:
