@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.agreement import need_agreement
-from workbench.certify.stable_system import angular_frequency, bilinear_frequency
+from workbench.certify.stable_system import angular_frequency
 from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
@@ -26,8 +25,10 @@ from workbench.mu.boxes.recentred import RealParameters
 FIRST_PARTS = 24
 """Parts of the box from which the frequencies are found at which some plant can be turned to -1."""
 STEP = 0.25
-"""Growth of the frequency along a band, relative, in units of the wanted distance of the bounds; t
-grows by at most pi / 2 times as much."""
+"""Relative growth of the frequency along a band that is not cut again, in units of the wanted
+distance of the bounds; t grows by at most pi / 2 times as much."""
+NARROWED = 0.75
+"""Share of its turns down to which a part shrinks with its bands and is looked at again uncut."""
 DECISIONS = 6
 """Share of the parts that one delay may take is one over this."""
 CROSSING_ROUNDING = 1e-5
@@ -143,18 +144,18 @@ class _DelaySearch:
     def decide(self, delay: float, region: list[Band]) -> bool:
         """Whether every plant is proven to bear a delay."""
         budget = self.share
-        for low, high in self._cut(region, delay):
-            turn = min(self.frequency(high) * delay, math.pi) if math.isfinite(high) else math.pi
-            partition = Partition(self._part(math.tan(turn / 4), ((low, high),)))
-            while partition:
-                part = partition.pop()
-                budget -= 1
-                left = self._examined(part)
-                if left is None or not left[0].bands:
-                    continue
-                self._seen(part.centre[:-1])
-                if self.upper <= delay or budget <= 0 or not partition.cut(*left):
-                    return False
+        open_ = [part for band in region for part in self._turned(self._part(1.0, (band,)), delay)]
+        while open_:
+            part = open_.pop()
+            budget -= 1
+            left = self._examined(part)
+            if left is None or not left[0].bands:
+                continue
+            self._seen(part.centre[:-1])
+            pieces = self._cut(*left, delay)
+            if self.upper <= delay or budget <= 0 or not pieces:
+                return False
+            open_ += pieces
         return True
 
     def _examined(self, part: BoxPart) -> tuple[BoxPart, RealArray] | None:
@@ -167,25 +168,55 @@ class _DelaySearch:
             part, effects = replace(part, bands=bands), effects_in(response, self.given.structure)
         return part, effects
 
-    def _cut(self, region: list[Band], delay: float) -> list[Band]:
-        """Bands along each of which t grows by less than a share of the gap."""
-        found: list[Band] = []
-        period = self.given.system.period
-        turned = math.pi / delay
-        for low, high in region:
-            start, end = (self.frequency(v) if math.isfinite(v) else math.inf for v in (low, high))
-            edges = [low]
-            top = min(end, turned)
-            if top > start:
-                start = max(start, top * 1e-6)
-                count = math.ceil(math.log(top / start) / (STEP * self.gap)) + 1
-                inner = np.geomspace(start, top, count)[1:]
-                edges += [float(v) for v in bilinear_frequency(inner, period)]
-            if end > turned:
-                edges.append(high)
-            edges[-1] = high if end <= turned else edges[-1]
-            found += pairwise(edges)
+    def _turned(self, part: BoxPart, delay: float) -> list[BoxPart]:
+        """A part for each of its bands, with the turns that a delay makes along that band."""
+        found = []
+        for band in part.bands:
+            high = part.high.copy()
+            high[-1] = min(high[-1], self._turn(band[1], delay))
+            if high[-1] >= part.low[-1]:
+                found.append(BoxPart(part.low, high, (band,)))
         return found
+
+    def _turn(self, v: float, delay: float) -> float:
+        """The largest t of delays up to one at a frequency of the bilinear plane."""
+        angle = min(self.frequency(v) * delay, math.pi) if math.isfinite(v) else math.pi
+        return math.tan(angle / 4)
+
+    def _cut(self, part: BoxPart, effects: RealArray, delay: float) -> list[BoxPart]:
+        """Pieces of an open part; none where it is too narrow to be cut.
+
+        What matters most is cut: a parameter, or the band, by the share of the turns that its
+        lower half does without.
+        """
+        found: list[BoxPart] = []
+        for one in self._turned(part, delay):
+            ((low, high),) = one.bands
+            spared = one.high[-1] - max(one.low[-1], self._turn(low, delay))
+            share = spared / max(2 * part.width[-1], 1e-300)
+            narrow = low > 0 and high / low <= 1 + STEP * self.gap
+            shrunk = 2 * one.width[-1] <= NARROWED * 2 * part.width[-1]
+            if shrunk:
+                found.append(one)
+            elif not narrow and share * effects[-1] >= effects.max() / 2:
+                middle = _within(low, high)
+                halves = replace(one, bands=((low, middle), (middle, high)))
+                found += self._turned(halves, delay)
+            else:
+                partition = Partition(one)
+                partition.pop()
+                if not partition.cut(one, effects):
+                    return []
+                while partition:
+                    found.append(partition.pop())
+        return found
+
+
+def _within(low: float, high: float) -> float:
+    """A frequency inside a band."""
+    if math.isinf(high):
+        return 2.0 * low if low > 0 else 1.0
+    return math.sqrt(low) * math.sqrt(high) if low > 0 else high / 8.0
 
 
 def _joined(bands: list[Band]) -> list[Band]:
