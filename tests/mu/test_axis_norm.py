@@ -121,7 +121,7 @@ def test_a_claim_that_is_too_good_fails(name):
 
 def test_what_has_no_such_norm_is_named():
     hidden = control.ss([[1.0, 0.0], [0.0, -1.0]], [[1.0], [1.0]], [[0.0, 1.0]], 0)
-    with pytest.raises(InputError, match=r"shows so little.*minimal_realisation"):
+    with pytest.raises(InputError, match=r"shows so little.*control.minreal"):
         linf_norm(hidden)
     with pytest.raises(InputError, match=r"system has no realisation.*improper"):
         linf_norm(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))

@@ -159,5 +159,5 @@ def _hidden() -> InputError:
     return InputError(
         "the system has an unstable pole that shows so little at its outputs, or lies so near the "
         "boundary of stability or so far from others, that doubles cannot tell its effect; take "
-        "hidden states out first (workbench.synthesis.minimal_realisation), or move the pole"
+        "hidden states out first (control.minreal), or move the pole"
     )
