@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.mu import robust_stability
+from workbench.mu.robust.delay_margins import delay_is_lost
 from workbench.uncertainty import delay, feedback, real, tf
 
 
@@ -40,6 +41,17 @@ def test_a_loop_that_bears_every_delay_loses_none():
     borne, lost = margin.delays["tau"]
     assert borne > 1e5 and lost == math.inf
     assert "no longer one found" in repr(margin)
+
+
+def test_what_only_rounding_makes_unstable_is_not_lost(monkeypatch):
+    """The poles of a loop with a delay of 1e6 s and a lag of 1 s, moved as rounding moves them."""
+    found = feedback(tf([0.5], [1, 1]) * delay("tau", 0, 1), 1)
+    poles = control.StateSpace.poles
+    with monkeypatch.context() as moved:
+        moved.setattr(control.StateSpace, "poles", lambda system: poles(system) + 2e-6)
+        assert not delay_is_lost(found, "tau", 9e5)
+    longer = feedback(tf([5], [1, 1]) * delay("tau", 0, 1), 1)
+    assert delay_is_lost(longer, "tau", 0.4) and not delay_is_lost(longer, "tau", 0.3)
 
 
 def test_other_elements_count_with_their_whole_set():

@@ -53,6 +53,18 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     return _bound_of(scaled, sampled)
 
 
+def is_proven_unstable(A: RealArray, sampled: bool) -> bool:
+    """Whether a pole of A (n, n) is proven to lie beyond the stability boundary."""
+    if not np.isfinite(A).all():
+        return False
+    with np.errstate(all="ignore"):
+        for discs in _attempts(balanced_states(A)[0]):
+            bound, _, decided = _worst(discs, sampled)
+            if decided:
+                return bound >= 0.0
+    return False
+
+
 def _bound_of(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     """As `pole_bound`, of a matrix whose states are scaled."""
     best: tuple[float, complex | None] = np.inf, None

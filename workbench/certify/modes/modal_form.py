@@ -245,12 +245,15 @@ def _modes(A: Any, bits: int) -> tuple[Any, Array] | None:
 
     Pairs of complex poles have two columns. Poles so close that their eigenvectors may be nearly
     parallel share a mode, with an orthonormal basis of all of them. None where the columns do not
-    add up to n.
+    add up to n, or a pole is beyond doubles.
     """
     import flint
 
     n = A.nrows()
     values, vectors = eigenpairs(A, bits)
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.abs(values)).all():  # beyond doubles, which only some of them say
+            return None
     columns: list[list[Any]] = []
     poles: list[complex] = []
     mode: list[int] = []

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from workbench.certify.stability import is_proven_unstable
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
@@ -45,9 +46,11 @@ def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
 
 
 def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:
-    """Whether the loop of the nominals is unstable with a delay."""
-    poles = np.asarray(found.at(**{name: tau}).poles())
-    return bool(poles.real.max(initial=-math.inf) * tau > GROWS)
+    """Whether the loop of the nominals is proven to be unstable with a delay."""
+    loop = found.at(**{name: tau})
+    growth = np.asarray(loop.poles()).real.max(initial=-math.inf)
+    # Poles of times far apart come from doubles with the error of the fastest.
+    return bool(growth * tau > GROWS) and is_proven_unstable(np.asarray(loop.A), False)
 
 
 def _borne(found: UncertainSystem, element: DelayElement, tolerance: float) -> float:
