@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import control
+import cvxpy as cp
 import numpy as np
 from tight_problems import PROGRAMS
 
-from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
+from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram, CvxpyProgram
 from workbench.fitting import ResponseFit
 from workbench.geometry import NarrowestStadium
 from workbench.identification import ClosedLoopFit, RationalModelFit
@@ -64,10 +65,16 @@ def conic_program() -> Program:
     return ConicProgram(ConicForm([1.0], [[-1.0]], [-1.0], [cone]))
 
 
+def cvxpy_program() -> Program:
+    """The nearest point of a plane to the origin."""
+    x = cp.Variable(2, name="x")
+    return CvxpyProgram(cp.Problem(cp.Minimize(cp.norm(x)), [x[0] + 2 * x[1] == 5]))
+
+
 OTHERS = {
     make.__name__: make
     for make in (
-        conic_program, closed_loop_fit, implementation, rational_model, rational_fit, given_angle,
-        mu_synthesis,
+        conic_program, cvxpy_program, closed_loop_fit, implementation, rational_model,
+        rational_fit, given_angle, mu_synthesis,
     )
 }  # fmt: skip

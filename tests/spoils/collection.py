@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import control
-import cvxpy as cp
 import numpy as np
 
 import workbench as wb
-from workbench.conic import CvxpyProgram
 from workbench.program import Program
 from workbench.synthesis import LoopShaping, MixedSensitivity
 from workbench.uncertainty import MatrixCoverForLoop, MatrixModel, feedback
@@ -24,12 +22,6 @@ if str(MUTANTS) not in sys.path:
 from small_problems import OTHERS  # noqa: E402
 from tight_problems import PROGRAMS as TIGHT  # noqa: E402
 from tight_problems import QUICK_METHODS  # noqa: E402
-
-
-def cvxpy_program() -> Program:
-    """The nearest point of a plane to the origin."""
-    x = cp.Variable(2, name="x")
-    return CvxpyProgram(cp.Problem(cp.Minimize(cp.norm(x)), [x[0] + 2 * x[1] == 5]))
 
 
 def loop_shaping() -> Program:
@@ -61,10 +53,7 @@ def cover_for_loop() -> Program:
 PROGRAMS = {
     **OTHERS,
     **TIGHT,
-    **{
-        make.__name__: make
-        for make in (cvxpy_program, loop_shaping, mixed_sensitivity, cover_for_loop)
-    },
+    **{make.__name__: make for make in (loop_shaping, mixed_sensitivity, cover_for_loop)},
 }
 
 
