@@ -184,6 +184,18 @@ class PartsChecker(Checker):
         return checks
 
 
+def stored_numbers(name: str, answer: Any, *fields: str) -> dict[str, Any]:
+    """Numbers of an answer as variables of a dataset; `restored_numbers` reads them back."""
+    return {f"{name}_{field}": ((), getattr(answer, field)) for field in fields}
+
+
+def restored_numbers(name: str, data: Dataset, *fields: str) -> dict[str, float] | None:
+    """The numbers by field; None where the dataset has none of this name."""
+    if f"{name}_{fields[0]}" not in data:
+        return None
+    return {field: float(data[f"{name}_{field}"]) for field in fields}
+
+
 @dataclass(frozen=True, eq=False)
 class RepeatedChecker(Checker):
     """Checks bounds by computing them again from the data alone: nothing shorter proves them."""

@@ -18,6 +18,7 @@ from workbench.mu import (
     Conditions,
     PeakChecker,
     Sweep,
+    condition_systems,
     conditions,
     frequency_sweep,
     upper_bound,
@@ -102,8 +103,9 @@ class Analysis(Study):
     @answers
     def peaks(self, found: dict[str, Conditions]) -> dict[Case, Any]:
         """Certified peak of each case."""
-        of = {"performance": "robust_performance", "stability": "robust_stability"}
-        return {case: getattr(found[case[1]], of[case[0]]) for case in product(QUESTIONS, KINDS)}
+        return {
+            case: getattr(found[case[1]], f"robust_{case[0]}") for case in product(QUESTIONS, KINDS)
+        }
 
     @peaks.checkers
     def of_the_cases(self, cases: Any) -> dict[Case, PeakChecker]:
@@ -113,7 +115,8 @@ class Analysis(Study):
     @part
     def cases(self, plants: Any) -> dict[Case, tuple[StateSpace, Structure]]:
         """System that Delta closes, and structure of Delta, of each case."""
-        return _cases(plants, simple_controller())
+        of = {kind: condition_systems(plant, simple_controller()) for kind, plant in plants.items()}
+        return {case: of[case[1]][f"robust_{case[0]}"] for case in product(QUESTIONS, KINDS)}
 
     @part
     def sweeps(self, cases: Any, omega: DataArray) -> dict[Case, Sweep]:
@@ -206,14 +209,6 @@ class Analysis(Study):
     )
     def real_below_complex(self, upper: DataArray) -> DataArray:
         return upper.sel(kind="mixed", drop=True) / upper.sel(kind="complex", drop=True)
-
-    @check("bounds", "distance of a bound from that of the stored peak", at_most=0.0, where=AT_CASE)
-    def other_bounds(self, answer: Dataset, peak: DataArray) -> DataArray:
-        proven = [
-            [answer[f"peaks_{question}_{kind}_bounds"].values for kind in KINDS]
-            for question in QUESTIONS
-        ]
-        return abs(peak - np.array(proven)).max("bound")
 
     @check("peaks", "bound at a frequency over the certified peak", at_most=1.0, where=AT_CASE)
     def beyond_peak(self, upper: DataArray, peak: DataArray) -> DataArray:
@@ -335,20 +330,3 @@ def _over_mu(upper: DataArray, peer_omega: DataArray) -> DataArray:
     """The upper bound of stability over the exact mu of a real spring, at the same frequencies."""
     stability = upper.sel(question="stability", kind="mixed", omega=peer_omega.values)
     return peer_omega.copy(data=stability.values / real_spring_mu(peer_omega.values))
-
-
-def _cases(
-    plants: dict[str, GeneralisedPlant], K: StateSpace
-) -> dict[tuple[str, str], tuple[StateSpace, Structure]]:
-    """System that Delta closes, and structure of Delta, for each question and kind."""
-    import control
-
-    cases = {}
-    for kind, plant in plants.items():
-        N, structure = plant.close(K), plant.structure
-        assert structure is not None
-        rows, columns = structure.columns, structure.rows
-        N11 = control.ss(N.A, N.B[:, :columns], N.C[:rows], N.D[:rows, :columns])
-        cases["performance", kind] = N, plant.performance_structure
-        cases["stability", kind] = N11, structure
-    return cases

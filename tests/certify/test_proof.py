@@ -12,6 +12,7 @@ from workbench.certify.cover import CertifiedInterval
 from workbench.certify.proofs import peak_proof
 from workbench.certify.proofs.peak_proof import PeakProof, gaps, proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
+from workbench.certify.stable_system import stable_system
 from workbench.mu.frequency.peak import peak
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -151,3 +152,19 @@ def _negative(interval):
 
 def _wide(interval):
     return replace(interval, low=0.0, high=math.inf)
+
+
+def test_multipliers_that_prove_their_interval_and_nothing_beyond_are_enough(monkeypatch):
+    lag = stable_system(control.ss(-1.0, 1.0, 1.0, 0.0))
+    one, slope, zero = np.eye(1), 0.01 * np.eye(1), np.zeros((1, 1))
+    interval = CertifiedInterval(9.0, 11.0, 10.0, one, one, zero, (slope, slope, zero))
+    whole = peak_proof.proven_in_doubles
+
+    def up_to_the_ends(system, multipliers, beta, omega, slopes, half, end_margin):
+        if half > 1.05:
+            return None, False
+        return whole(system, multipliers, beta, omega, slopes, half, end_margin)
+
+    monkeypatch.setattr(peak_proof, "proven_in_doubles", up_to_the_ends)
+    ends = peak_proof._ends(lag, Structure([Complex(1)]), interval, 1.001)
+    assert ends is not None and ends[0] <= 9.0 and ends[1] >= 11.0

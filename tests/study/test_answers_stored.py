@@ -12,6 +12,7 @@ from workbench.geometry import SmallestCircle, smallest_circle
 from workbench.mu import PeakChecker, WorstCaseChecker, nu_gap, peak, worst_case_gain
 from workbench.structure import Complex, Structure
 from workbench.study import Study, answers, array, dim, part
+from workbench.study.packing import unpacked_datasets
 from workbench.synthesis import LoopWeights, least_mu
 
 N = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2)))
@@ -63,34 +64,44 @@ def test_their_certificates_are_part_of_the_study_s(solved):
     _, solution = solved
     assert solution.holds, solution.certificate.failures
     names = {check.name for check in solution.certificate.checks}
-    assert {"peak: lower", "gain 1: upper", "circle: containment", "least: lower"} <= names
+    assert {"found: upper", "found: containment", "found: lower"} <= names
     opinions = {check.name for check in solution.certificate.checks if check.opinion}
-    assert {"peak: nearly singular", "least: drawn"} <= opinions
+    assert {"found: nearly singular", "found: drawn"} <= opinions
     assert all(check.over for check in solution.certificate.checks)
 
 
-SPOILT = {
-    "found_peak_bounds": 0.98,
-    "found_gain_1_bounds": 0.98,
-    "found_circle_radius": 0.98,
-    "found_least_lower": 1.02,
-}
+def _failures(study, answer):
+    return [one for one in study.certify(answer, 1e-6).checks if not one.holds]
+
+
+SPOILT = {"bounds": ("peak", 0.98), "radius": ("circle", 0.98), "lower": ("least", 1.02)}
 
 
 @pytest.mark.parametrize("name", SPOILT)
 def test_a_claim_that_is_too_good_fails(solved, name):
     study, solution = solved
     spoilt = solution.answer.copy(deep=True)
-    spoilt[name] = spoilt[name] * SPOILT[name]
-    assert not study.certify(spoilt, 1e-6).holds
+    spoilt[f"found_{name}"] = spoilt[f"found_{name}"] * SPOILT[name][1]
+    failures = _failures(study, spoilt)
+    assert any(check.where.startswith(SPOILT[name][0]) for check in failures)
     assert study.certify(solution.answer.copy(deep=True), 1e-6).holds
+
+
+def test_answers_that_are_worse_than_the_arrays_made_of_them_fail(solved):
+    study, solution = solved
+    spoilt = solution.answer.copy(deep=True)
+    spoilt["found_bounds"] = spoilt["found_bounds"] * np.tile([0.9, 1.1], 2)
+    (failure,) = _failures(study, spoilt)
+    assert (failure.name, failure.where) == ("arrays of answers", "height")
 
 
 def test_a_restored_answer_is_the_one_that_was_found(solved):
     _, solution = solved
-    again = PeakChecker(N, WHOLE).restored_answer("found_peak", solution.answer)
+    stored = unpacked_datasets("found", solution.answer)
+    assert list(stored) == ["peak", "gain 1", "circle", "least"]
+    again = PeakChecker(N, WHOLE).restored_answer("found", stored["peak"])
     assert [again.lower, again.upper] == solution.answer["height"].values.tolist()
-    circle = SmallestCircle(POINTS).restored_answer("found_circle", solution.answer)
+    circle = SmallestCircle(POINTS).restored_answer("found", stored["circle"])
     assert circle.radius == smallest_circle(POINTS).radius
 
 

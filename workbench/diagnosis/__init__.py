@@ -46,7 +46,11 @@ if TYPE_CHECKING:
         null_space_generator,
     )
     from workbench.diagnosis.generators.parity_space import ParityRelation, parity_relation
-    from workbench.diagnosis.generators.performance_index import PerformanceIndex, performance_index
+    from workbench.diagnosis.generators.performance_index import (
+        PerformanceIndex,
+        index_checker,
+        performance_index,
+    )
     from workbench.diagnosis.generators.whitening import WhitenedResidual, whitened_residual
     from workbench.diagnosis.models.detectability import (
         Detectability,
@@ -112,6 +116,7 @@ __all__ = [
     "full_order",
     "glr",
     "hysteresis",
+    "index_checker",
     "intervals",
     "isolability",
     "isolable",

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from workbench.mu.members.bundle import bundle_plot
     from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
     from workbench.mu.robust.branch import branch_and_bound
-    from workbench.mu.robust.conditions import Conditions, conditions
+    from workbench.mu.robust.conditions import Conditions, condition_systems, conditions
     from workbench.mu.robust.destabilising import destabilising
     from workbench.mu.robust.element_sensitivity import MarginSensitivity, margin_sensitivity
-    from workbench.mu.robust.gain_room import GainRoom, gain_room
+    from workbench.mu.robust.gain_room import GainRoom, RoomChecker, gain_room
     from workbench.mu.robust.margin import robust_performance, robust_stability
     from workbench.mu.robust.margin_bounds import PerformanceMargin, StabilityMargin
     from workbench.mu.robust.performance import performance_peak, performance_sweep
@@ -63,6 +63,7 @@ __all__ = [
     "PerformanceMargin",
     "RankOneLoop",
     "Real",
+    "RoomChecker",
     "SetMargins",
     "SkewBounds",
     "SkewedPeak",
@@ -76,6 +77,7 @@ __all__ = [
     "branch_and_bound",
     "bundle_plot",
     "classical_margins",
+    "condition_systems",
     "conditions",
     "coprime_margin",
     "destabilising",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +10,12 @@ from workbench.answer import Answer
 from workbench.certificate import Check, Checker, quantified
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
-from workbench.study.declarations import (
-    Declaration,
-    Function,
-    PartDeclaration,
-    identifier,
-)
+from workbench.study.declarations import Declaration, Function, PartDeclaration
+from workbench.study.packing import packed_datasets, unpacked_datasets
 
 Labelled = Mapping[Any, Any]
+Restored = dict[Any, tuple[Checker, Any]]
+"""Checker and answer by label; the answer None where none is stored."""
 
 
 class AnswersDeclaration(Declaration):
@@ -34,8 +32,10 @@ class AnswersDeclaration(Declaration):
 
     def variables(self, study: Any, get: Callable[[str], Any]) -> dict[str, Any]:
         """The variables of a dataset from which `restored` has the answers back."""
+        import xarray as xr
+
         checkers = self._checkers(study, get)
-        found: dict[str, Any] = {}
+        found: dict[str, Dataset] = {}
         for label, answer in get(self.name).items():
             if answer is None:
                 continue
@@ -45,18 +45,23 @@ class AnswersDeclaration(Declaration):
             if label not in checkers:
                 known = ", ".join(map(repr, checkers))
                 raise InputError(f"{self.name!r} has no checker for {label!r}; there are {known}")
-            witnessed = checkers[label].witnessed(answer)
-            found |= checkers[label].stored_answer(self._prefix(label), witnessed)
-        return found
+            checker = checkers[label]
+            stored = checker.stored_answer(self.name, checker.witnessed(answer))
+            found[label_words(label)] = xr.Dataset(stored)
+        return packed_datasets(self.name, found)
 
-    def restored(
-        self, study: Any, get: Callable[[str], Any], data: Dataset
-    ) -> Iterator[tuple[str, Checker, Any]]:
-        """Label, checker and answer of those that are stored."""
-        for label, checker in self._checkers(study, get).items():
-            answer = checker.restored_answer(self._prefix(label), data)
-            if answer is not None:
-                yield _words(label), checker, answer
+    def restored(self, study: Any, get: Callable[[str], Any], data: Dataset) -> Restored:
+        """Checker and answer by label; no answer where none is stored."""
+        stored = unpacked_datasets(self.name, data)
+        return {
+            label: (
+                checker,
+                checker.restored_answer(self.name, stored[label_words(label)])
+                if label_words(label) in stored
+                else None,
+            )
+            for label, checker in self._checkers(study, get).items()
+        }
 
     def _checkers(self, study: Any, get: Callable[[str], Any]) -> Labelled:
         if self.of_checkers is None:
@@ -67,18 +72,16 @@ class AnswersDeclaration(Declaration):
         checkers: Labelled = self.of_checkers.value(study, get)
         return checkers
 
-    def _prefix(self, label: Any) -> str:
-        return f"{self.name}_{identifier(_words(label))}"
-
 
 def answers(function: Function) -> Any:
     """Declare answers of functions by label, which are stored and certified with the Study.
 
     A second function, under ``@NAME.checkers``, gives the checker of each from the Study's data
-    alone. `workbench verify` restores the answers and asks the checkers again; their
-    checks stand in the Study's certificate under the label. Other declarations that need the
-    answers get what the function gave: they can be computed with the arrays, and are not there for
-    metrics and figures. None stands for an answer that is not there.
+    alone. `workbench verify` restores the answers and asks the checkers again; their checks stand
+    in the Study's certificate, the worst of those that are alike. Arrays that need the answers and
+    dimensions alone are made again from what is restored, and must be the same. Other declarations
+    that need the answers get what the function gave: they can be computed with the arrays, and are
+    not there for metrics and figures. None stands for an answer that is not there.
 
     Examples
     --------
@@ -105,23 +108,34 @@ def answers(function: Function) -> Any:
     ...
     >>> certificate = solve(Norm()).certificate
     >>> certificate.holds, certificate.checks[0].name
-    (True, 'lag: peak')
+    (True, 'norm: peak')
     """
     return AnswersDeclaration(function)
 
 
 def checks_of(
-    found: Iterator[tuple[str, Checker, Any]],
-    checks: Callable[[Checker, Any], Any],
+    name: str, found: Restored, checks: Callable[[Checker, Any], Iterable[Check]]
 ) -> list[Check]:
-    """The checks of answers, each under the label of its answer."""
-    return [
-        replace(check, name=f"{label}: {check.name}")
-        for label, checker, answer in found
-        for check in quantified(checker.quantifier, checks(checker, answer))
-    ]
+    """The checks of answers of one declaration; of those that are alike the worst stands for all.
+
+    ``where`` says whose value it is.
+    """
+    worst: dict[tuple[Any, ...], Check] = {}
+    for label, (checker, answer) in found.items():
+        if answer is None:
+            continue
+        for check in quantified(checker.quantifier, checks(checker, answer)):
+            kind = (check.name, check.statement, check.limit, check.over, check.proven)
+            other = worst.get(kind)
+            if other is None or not check.value <= other.value:
+                place = (
+                    f"{label_words(label)}, {check.where}" if check.where else label_words(label)
+                )
+                title = f"{name.replace('_', ' ')}: {check.name}"
+                worst[kind] = replace(check, name=title, where=place)
+    return list(worst.values())
 
 
-def _words(label: Any) -> str:
+def label_words(label: Any) -> str:
     """A label in words; those of a tuple beside each other."""
     return " ".join(map(str, label)) if isinstance(label, tuple) else str(label)

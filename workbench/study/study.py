@@ -15,7 +15,7 @@ from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
-from workbench.study.answers import AnswersDeclaration, checks_of
+from workbench.study.answers import AnswersDeclaration, Restored, checks_of
 from workbench.study.checks import Checked
 from workbench.study.declarations import (
     ArrayDeclaration,
@@ -30,6 +30,8 @@ from workbench.study.views import Drawn, Metric, Table, stem
 Kind = TypeVar("Kind", bound=Declaration)
 STORED = Dim | ArrayDeclaration | System | VariablesDeclaration | AnswersDeclaration
 """Declarations of what a dataset holds."""
+STORED_ANSWERS = "for the stored answers"
+"""What a check of the arrays that are made of them quantifies over."""
 
 
 class Study(Task):
@@ -85,16 +87,18 @@ class Study(Task):
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
         get = self._getter(answer)
         declared = [one for check in self._declared(Checked) for one in check.checks(self, get)]
-        return declared + self._of_answers(answer, lambda one, found: one.checks(found, tolerance))
+        restored = self._restored(answer)
+        made = self._made_of(restored, get) if restored else []
+        return declared + made + _each(restored, lambda one, found: one.checks(found, tolerance))
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return self._of_answers(answer, lambda one, found: one.second_opinion(found))
+        return _each(self._restored(answer), lambda one, found: one.second_opinion(found))
 
     def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return self._of_answers(answer, lambda one, found: one.deep_opinion(found))
+        return _each(self._restored(answer), lambda one, found: one.deep_opinion(found))
 
-    def _of_answers(self, answer: Dataset, checks: Callable[[Checker, Any], Any]) -> list[Check]:
-        """Checks of the declared answers of functions, restored from what is stored."""
+    def _restored(self, answer: Dataset) -> dict[str, Restored]:
+        """The declared answers of functions with their checkers, restored from what is stored."""
         stored, parts = self._getter(answer), {}
         declared = {one.name: one for one in self._declared(PartDeclaration)}
 
@@ -106,11 +110,37 @@ class Study(Task):
                 parts[name] = declared[name].value(self, get)
             return parts[name]
 
-        return [
-            check
-            for one in self._declared(AnswersDeclaration)
-            for check in checks_of(one.restored(self, get, in_doubles(answer)), checks)
-        ]
+        data = in_doubles(answer)
+        return {
+            one.name: one.restored(self, get, data) for one in self._declared(AnswersDeclaration)
+        }
+
+    def _made_of(self, restored: dict[str, Restored], stored: Callable[[str], Any]) -> list[Check]:
+        """Whether arrays that need answers of functions and dimensions alone are made of these."""
+        answers = {
+            name: {label: one for label, (_, one) in every.items()}
+            for name, every in restored.items()
+        }
+        dims = {one.name for one in self._declared(Dim)}
+
+        def get(name: str) -> Any:
+            return answers[name] if name in answers else stored(name)
+
+        apart: dict[str, int] = {}
+        for one in self._declared(ArrayDeclaration):
+            needs = set(one.needs)
+            if needs & set(answers) and needs <= dims | set(answers):
+                sizes = {name: stored(name).values for name in one.dims if name in dims}
+                for name, (_, values, _) in one.variables(self, get, sizes).items():
+                    kept = np.asarray(stored(name).values)
+                    differ = (kept != values) & ~((kept != kept) & (values != values))  # NaN
+                    apart[name] = int(np.count_nonzero(differ))
+        if not apart:
+            return []
+        said = "entries of arrays that the stored answers do not have"
+        where = ", ".join(name for name, count in apart.items() if count)
+        differing = float(sum(apart.values()))
+        return [Check("arrays of answers", said, differing, 0.0, where, over=STORED_ANSWERS)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         get = self._getter(answer)
@@ -176,6 +206,12 @@ class Study(Task):
             )
 
         return get
+
+
+def _each(restored: dict[str, Restored], checks: Callable[[Checker, Any], Any]) -> list[Check]:
+    """Checks of the answers of all declarations."""
+    every = (checks_of(name, found, checks) for name, found in restored.items())
+    return [check for some in every for check in some]
 
 
 def in_doubles(answer: Dataset) -> Dataset:

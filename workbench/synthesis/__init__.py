@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.limits.dual_search import highest_proven
     from workbench.synthesis.limits.least_mu import (
         LargestLeastMu,
+        LargestLeastMuChecker,
         LeastMu,
         largest_least_mu,
         least_mu,
@@ -99,6 +100,7 @@ __all__ = [
     "ImplementedController",
     "Iterate",
     "LargestLeastMu",
+    "LargestLeastMuChecker",
     "LeadLag",
     "LeastMu",
     "LoopFunctions",

@@ -6,6 +6,7 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,8 +16,8 @@ from workbench.arrays import RealArray
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Figure
-from workbench.mu import gain_room, performance_peak
-from workbench.study import Study, array, check, dim, figure, metric, table
+from workbench.mu import GainRoom, Peak, PeakChecker, RoomChecker, gain_room, performance_peak
+from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.uncertainty import GeneralisedPlant
 
 from ..drive.plants import controller
@@ -35,6 +36,8 @@ EDGE_TOLERANCE = 1e-3
 """Relative distance between a factor that keeps robust performance and one that loses it."""
 CURVE_TOLERANCE = 1e-3
 """Relative width of the interval that certifies a peak of the curve."""
+Plants = dict[tuple[str, str], GeneralisedPlant]
+"""Generalised plants by form of uncertainty and channel."""
 
 
 def needs(
@@ -71,28 +74,54 @@ class ReferenceGainRoom(Study):
         whole = generalised(self.axis, uncertainty(self.axis, covered))
         return whole.channel(performance, exogenous)
 
-    @array((form, channel, factor, bound), "1", "certified bounds of the peak, NaN if unstable")
-    def peak(self, context: Context) -> RealArray:
-        cases = [(form, channel) for form in FORMS for channel in CHANNELS]
+    @part
+    def plants(self) -> Plants:
+        """Generalised plants by form of uncertainty and channel."""
+        return {case: self.plant(*case) for case in product(FORMS, CHANNELS)}
+
+    @answers
+    def factor_peaks(self, plants: Plants, context: Context) -> dict[Any, Peak | None]:
+        """Peaks by form, channel and factor; None where the nominal loop is unstable."""
         K = controller(self.axis)
-        found = []
-        for form, channel in context.track(cases, "peaks"):
-            plant = self.plant(form, channel)
-            for factor in FACTORS.tolist():
-                peak = performance_peak(plant, factor * K, CURVE_TOLERANCE)
-                found.append([np.nan] * 2 if peak is None else [peak.lower, peak.upper])
+        return {
+            (*case, factor): performance_peak(plants[case], factor * K, CURVE_TOLERANCE)
+            for case in context.track(list(plants), "peaks")
+            for factor in FACTORS.tolist()
+        }
+
+    @factor_peaks.checkers
+    def of_the_factors(self, plants: Plants) -> dict[Any, PeakChecker]:
+        """What certifies the peak of each."""
+        K = controller(self.axis)
+        return {
+            (*case, factor): PeakChecker(plant.close(factor * K), plant.performance_structure)
+            for case, plant in plants.items()
+            for factor in FACTORS.tolist()
+        }
+
+    @array((form, channel, factor, bound), "1", "certified bounds of the peak, NaN if unstable")
+    def peak(self, factor_peaks: dict[Any, Peak | None]) -> RealArray:
+        found = [[np.nan] * 2 if p is None else [p.lower, p.upper] for p in factor_peaks.values()]
         return np.reshape(found, (len(FORMS), len(CHANNELS), len(FACTORS), 2))
 
-    @array((form, channel, end), "1", "factors proven to keep or to lose robust performance")
-    def room(self, context: Context) -> RealArray:
-        """NaN where robust performance is not proven with the gain as it is."""
-        cases = [(form, channel) for form in FORMS for channel in CHANNELS]
+    @answers
+    def rooms(self, plants: Plants, context: Context) -> dict[Any, GainRoom | None]:
+        """Room by form and channel; None where performance is not proven with the gain as it is."""
         K = controller(self.axis)
-        found = []
-        for form, channel in context.track(cases, "edges"):
-            one = gain_room(self.plant(form, channel), K, EDGE_TOLERANCE)
-            ends = [np.nan] * 4 if one is None else [getattr(one, end) for end in ENDS]
-            found.append(ends)
+        cases = context.track(list(plants), "edges")
+        return {case: gain_room(plants[case], K, EDGE_TOLERANCE) for case in cases}
+
+    @rooms.checkers
+    def of_the_plants(self, plants: Plants) -> dict[Any, RoomChecker]:
+        """What certifies each room."""
+        return {case: RoomChecker(plant, controller(self.axis)) for case, plant in plants.items()}
+
+    @array((form, channel, end), "1", "factors proven to keep or to lose robust performance")
+    def room(self, rooms: dict[Any, GainRoom | None]) -> RealArray:
+        """NaN where robust performance is not proven with the gain as it is."""
+        found = [
+            [np.nan if one is None else getattr(one, end) for end in ENDS] for one in rooms.values()
+        ]
         return np.reshape(found, (len(FORMS), len(CHANNELS), len(ENDS)))
 
     @check("between", "peak between the factors that keep robust performance", at_most=1.0)

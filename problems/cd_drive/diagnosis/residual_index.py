@@ -19,10 +19,28 @@ from pydantic import Field
 
 from workbench import figures, problem
 from workbench.arrays import RealArray
-from workbench.diagnosis import FaultModel, PerformanceIndex, performance_index
+from workbench.certificate import Checker
+from workbench.diagnosis import (
+    FaultModel,
+    PerformanceIndex,
+    index_checker,
+    performance_index,
+)
 from workbench.errors import InputError
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
+from workbench.study import (
+    Study,
+    answers,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    metric,
+    part,
+    system,
+    table,
+)
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
@@ -33,6 +51,10 @@ from ..drive.tables import Axis
 from .fault_filter.peers import M, defect_weight
 from .stand_in import low_pass
 
+Filters = dict[str, StateSpace]
+"""H by name."""
+RATIO: dict[str, Any] = {"disturbances": ["w_p"], "faults": ["w_sd"]}
+"""Inputs over and under the line of equation 7.23."""
 WIDTHS = (0.3, 0.1, 0.03, 0.01)
 """Damping ratios of band-passes at the frequency of the least ratio: the narrower, the better."""
 BROAD = ("all frequencies", "low-pass", "high-pass")
@@ -98,20 +120,30 @@ class ResidualIndex(Study):
         lambda self: np.geomspace(self.low_hz, self.high_hz, 400), unit="Hz", meaning="frequency"
     )
 
-    @part
-    def swapped(self, model: FaultModel) -> PerformanceIndex:
+    @answers
+    def swapped(self, model: FaultModel) -> dict[str, PerformanceIndex]:
         """Largest ratio of faults to disturbances."""
+        return {"all frequencies": performance_index(*self._swapped(model))}
+
+    @swapped.checkers
+    def of_the_swapped(self, model: FaultModel) -> dict[str, Checker]:
+        """What certifies it."""
+        return {"all frequencies": index_checker(*self._swapped(model))}
+
+    def _swapped(self, model: FaultModel) -> tuple[Any, ...]:
+        """Filter, model with faults and disturbances exchanged, and range."""
         other = FaultModel(model.system, ("u",), ("w_sd",), ("w_p",))
-        return performance_index(residual_of(pass_all(), self.axis), other, self.band)
+        return residual_of(pass_all(), self.axis), other, self.band
 
     @arrays((), least_bound="1", least_hz="Hz")
-    def least(self, swapped: PerformanceIndex) -> dict[str, float]:
+    def least(self, swapped: dict[str, PerformanceIndex]) -> dict[str, float]:
         """What no filter's ratio of norms is below, and the frequency at which it is least."""
-        at = float(swapped.omega[0]) / (2 * np.pi)
-        return {"least_bound": 1.0 / float(swapped.upper[0]), "least_hz": at}
+        found = swapped["all frequencies"]
+        at = float(found.omega[0]) / (2 * np.pi)
+        return {"least_bound": 1.0 / float(found.upper[0]), "least_hz": at}
 
     @system(filter, called="{}")
-    def filters(self, least_hz: DataArray) -> dict[str, StateSpace]:
+    def filters(self, least_hz: DataArray) -> Filters:
         """H by name."""
         import control
 
@@ -121,15 +153,27 @@ class ResidualIndex(Study):
         every = [pass_all(), slow, 1 - slow, *map(control.ss, narrow)]
         return dict(zip(FILTERS, every, strict=True))
 
-    @array((filter, bound), "1", "ratio at its largest over the range")
-    def index(self, filters: dict[str, StateSpace], model: FaultModel) -> list[tuple[float, float]]:
-        found = [
-            performance_index(
-                residual_of(H, self.axis), model, self.band, disturbances=["w_p"], faults=["w_sd"]
-            )
-            for H in filters.values()
+    @answers
+    def ratio_indices(self, filters: Filters, model: FaultModel) -> dict[str, PerformanceIndex]:
+        """Largest ratio of disturbances to faults by filter."""
+        return {
+            name: performance_index(residual_of(H, self.axis), model, self.band, **RATIO)
+            for name, H in filters.items()
+        }
+
+    @ratio_indices.checkers
+    def of_the_filters(self, filters: Filters, model: FaultModel) -> dict[str, Checker]:
+        """What certifies each."""
+        return {
+            name: index_checker(residual_of(H, self.axis), model, self.band, **RATIO)
+            for name, H in filters.items()
+        }
+
+    index = array((filter, bound), "1", "ratio at its largest over the range")(
+        lambda ratio_indices: [
+            (float(one.lower[0]), float(one.upper[0])) for one in ratio_indices.values()
         ]
-        return [(float(one.lower[0]), float(one.upper[0])) for one in found]
+    )
 
     @array((filter, norm), "1", "ratio of norms over the range")
     def ratio(self, filters: dict[str, StateSpace], least_hz: DataArray) -> list[list[float]]:

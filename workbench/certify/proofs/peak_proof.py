@@ -97,11 +97,15 @@ def _ends(
 ) -> tuple[float, float] | None:
     """Ends of what an interval's multipliers prove in doubles, which may be more than it says."""
     multipliers, slopes = _multipliers(structure, interval, interval.omega)
-    half = math.inf
-    if slopes is not None:
-        half = BEYOND * max(interval.omega - interval.low, interval.high - interval.omega)
-        half = min(half, interval.omega)
-    return proven_in_doubles(system, multipliers, beta, interval.omega, slopes, half, 0.0)[0]
+    if slopes is None:
+        return proven_in_doubles(system, multipliers, beta, interval.omega, end_margin=0.0)[0]
+    reach = max(interval.omega - interval.low, interval.high - interval.omega)
+    for factor in (BEYOND, 1.0):  # D may be positive definite up to the ends and not beyond
+        half = min(factor * reach, interval.omega)
+        ends = proven_in_doubles(system, multipliers, beta, interval.omega, slopes, half, 0.0)[0]
+        if ends is not None:
+            return ends
+    return None
 
 
 def _multipliers(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,15 @@ from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.executor.effort import tries
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.input_checks import need_positive
 from workbench.second_opinion.loops import SAMPLED_ROUNDING
 from workbench.solvers import slicot_routine
 from workbench.systems.bilinear import to_continuous
 from workbench.systems.range_hints import warn_far_frequencies
 
+NUMBERS = ("lower", "upper", "omega")
+"""Numbers of each residual in a `PerformanceIndex`."""
 SAMPLED_FREQUENCIES = 500
 """Frequencies at which a check tries an index."""
 FIRST_FREQUENCIES = 60
@@ -119,11 +121,51 @@ def performance_index(
     >>> round(float(found.upper[0]), 3)  # 0.1 |1 + j omega| at omega = 1, rounded outward
     0.142
     """
+    need_positive(tolerance, "tolerance")
+    checker = index_checker(
+        Q, model, band, disturbances=disturbances, faults=faults, tolerance=tolerance
+    )
+    return checker.again().checked_by(checker)
+
+
+def index_checker(
+    Q: StateSpace,
+    model: FaultModel,
+    band: tuple[float, float],
+    *,
+    disturbances: Sequence[str] | None = None,
+    faults: Sequence[str] | None = None,
+    tolerance: float = 1e-3,
+) -> IndexChecker:
+    """What certifies the answer of `performance_index` to the same question.
+
+    Parameters
+    ----------
+    Q, model, disturbances, faults, tolerance
+        As given to `performance_index`.
+    band
+        Two frequencies [rad/s], as given to it.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        As `performance_index`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.diagnosis import FaultModel, index_checker, null_space_generator
+    >>> from workbench.diagnosis import performance_index
+    >>> plant = control.ss(-1.0, [[1.0, 0.0]], 1.0, [[0.0, 0.1]], inputs=["f", "n"])
+    >>> model = FaultModel(plant, faults=("f",), noise=("n",))
+    >>> question = null_space_generator(model, poles=-2.0).Q, model, (0.1, 1.0)
+    >>> index_checker(*question).certify(performance_index(*question), 1e-6).holds
+    True
+    """
     need_faults(model)
     over = tuple(model.faults if faults is None else faults)
     under = (*model.disturbances, *model.noise) if disturbances is None else tuple(disturbances)
     low, high = _band(model, band)
-    need_positive(tolerance, "tolerance")
     for name in over:
         if name not in model.faults:
             raise UnknownNameError("fault", name, model.faults)
@@ -132,21 +174,14 @@ def performance_index(
     shown = structure_matrix(Q, model)[:, [model.faults.index(name) for name in over]].any(axis=1)
     if not shown.all():
         raise InputError(f"residual {int(shown.argmin()) + 1} shows none of {', '.join(over)}")
-    found = np.array(
-        [_peak(Q, model, i, over, under, low, high, tolerance) for i in range(int(Q.noutputs))]
-    )
-    again = partial(
-        performance_index,
-        Q,
-        model,
-        band,
-        disturbances=disturbances,
-        faults=faults,
-        tolerance=tolerance,
-    )
+
+    def found() -> PerformanceIndex:
+        residuals = range(int(Q.noutputs))
+        rows = [_peak(Q, model, i, over, under, low, high, tolerance) for i in residuals]
+        return PerformanceIndex(*np.array(rows).T)
+
     words = f"at every frequency from {low:.6g} to {high:.6g} rad/s"
-    checker = IndexChecker(again, words, Q, model, band, under, over)
-    return PerformanceIndex(*found.T).checked_by(checker)
+    return IndexChecker(found, words, Q, model, band, under, over)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +193,14 @@ class IndexChecker(RepeatedChecker):
     band: tuple[float, float]
     disturbances: tuple[str, ...]
     faults: tuple[str, ...]
+
+    def stored_answer(self, name: str, answer: PerformanceIndex) -> dict[str, Any]:
+        return {f"{name}_{one}": (f"{name}_residual", getattr(answer, one)) for one in NUMBERS}
+
+    def restored_answer(self, name: str, data: Dataset) -> PerformanceIndex | None:
+        if f"{name}_lower" not in data:
+            return None
+        return PerformanceIndex(*(data[f"{name}_{one}"].values for one in NUMBERS))
 
     def second_opinion(self, answer: PerformanceIndex) -> list[Check]:
         omega = np.geomspace(*_band(self.model, self.band), tries(SAMPLED_FREQUENCIES))

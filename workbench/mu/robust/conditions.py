@@ -35,6 +35,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 COMPLEX_PART = 0.01
 """Default complex part, as a share of real scalars, of structures that have real scalars only;
 without it mu is not continuous over frequency."""
+CONDITIONS = ("nominal_performance", "robust_stability", "robust_performance")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,7 +214,6 @@ def conditions(
     ... )  # 0.2 * 2 / 3 at most of K S
     (True, 0.13)
     """
-    import control
 
     need_plant(plant)
     chosen = plant.channel(performance, exogenous)
@@ -226,35 +226,77 @@ def conditions(
         return Conditions(pole, None, None, None, dt).checked_by(ConditionsChecker(N))
 
     structure = plant.structure
+    found: dict[str, Peak | None] = dict.fromkeys(CONDITIONS)
+    for name, (part, blocks) in condition_systems(chosen, K).items():
+        real = name == "robust_stability" and all(isinstance(one, Real) for one in blocks)
+        found[name] = peak(part, blocks, tolerance, complex_part=complex_part if real else 0.0)
+    nominal, stability, robust = (found[name] for name in CONDITIONS)
+    if robust is not None and structure is not None:
+        # Both are peaks of smaller sets of perturbations: one block of the two is 0.
+        real = all(isinstance(block, Real) for block in structure)
+        for smaller, word in ((nominal, "performance"), (None if real else stability, "stability")):
+            if smaller is not None:
+                need_agreement(
+                    smaller.lower,
+                    robust.upper,
+                    "the peak of mu of robust performance",
+                    f"the peak of its part, {word}, is at least that: {SINGULAR_PROVEN}",
+                    INTERVALS_COVER,
+                )
+    elif structure is None:
+        robust = nominal
+    return Conditions(pole, nominal, stability, robust, dt).checked_by(ConditionsChecker(N))
+
+
+def condition_systems(
+    plant: GeneralisedPlant, controller: Any
+) -> dict[str, tuple[StateSpace, Structure]]:
+    """System that a perturbation closes, and its structure, of each condition that there is.
+
+    They are what `conditions` asks `peak`, and what a `PeakChecker` certifies its peaks with. Take
+    `plant.channel` first for a part of the performance.
+
+    Raises InputError as `GeneralisedPlant.close`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import condition_systems
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> plant = generalised_plant(
+    ...     [(G, "v", "y"), (control.tf([0.2], [1.0]), "u", "z")],
+    ...     {"v": "u + d", "e": "-y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> asked = condition_systems(plant, control.tf([2], [1]))
+    >>> {name: N.nstates for name, (N, _) in asked.items()}
+    {'robust_stability': 1}
+    """
+    import control
+
+    N, structure = plant.close(controller), plant.structure
     rows, columns = (structure.columns, structure.rows) if structure else (0, 0)
     y, z = np.split(np.arange(N.noutputs), [rows])
     u, w = np.split(np.arange(N.ninputs), [columns])
 
-    def of(outputs: Array, inputs: Array, structure: Structure, added: float = 0.0) -> Peak:
-        part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)], dt)
-        return peak(part, structure, tolerance, complex_part=added)
+    def part(outputs: Array, inputs: Array) -> StateSpace:
+        B, C, D = N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)]
+        return control.ss(N.A, B, C, D, float(N.dt or 0.0))
 
     performs = min(len(z), len(w)) > 0
-    nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if performs else None
-    if structure is None:
-        return Conditions(pole, nominal, None, nominal, dt).checked_by(ConditionsChecker(N))
-    real = all(isinstance(block, Real) for block in structure)
-    stability = of(y, u, structure, complex_part if real else 0.0)
-    robust = None
+    found = {}
     if performs:
-        whole = np.arange(N.noutputs), np.arange(N.ninputs)
-        robust = of(*whole, chosen.performance_structure)
-        # Both are peaks of smaller sets of perturbations: one block of the two is 0.
-        for part, name in ((nominal, "performance"), (None if real else stability, "stability")):
-            if part is not None:
-                need_agreement(
-                    part.lower,
-                    robust.upper,
-                    "the peak of mu of robust performance",
-                    f"the peak of its part, {name}, is at least that: {SINGULAR_PROVEN}",
-                    INTERVALS_COVER,
-                )
-    return Conditions(pole, nominal, stability, robust, dt).checked_by(ConditionsChecker(N))
+        found["nominal_performance"] = part(z, w), Structure([Full(len(w), len(z), "performance")])
+    if structure is not None:
+        found["robust_stability"] = part(y, u), structure
+        if performs:
+            whole = part(np.arange(N.noutputs), np.arange(N.ninputs))
+            found["robust_performance"] = whole, plant.performance_structure
+    return found
 
 
 def _margin(found: Peak | None) -> tuple[float, float] | None:

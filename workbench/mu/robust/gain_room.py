@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from numbers import Real as Number
 from typing import Any
 
-from workbench.answer import Answer, PartsChecker
-from workbench.certificate import Check
+from workbench.answer import Answer, restored_numbers, stored_numbers
+from workbench.certificate import Check, Checker
+from workbench.certify.stability import stability_of
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset
 from workbench.input_checks import need_tolerance
-from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.frequency.peak_bounds import (
+    Peak,
+    PeakChecker,
+    restored_peak,
+    stored_peak,
+)
 from workbench.mu.robust.performance import performance_peak
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -19,6 +27,10 @@ PEAK_TOLERANCE = 1e-4
 """Relative width of the interval that certifies each peak."""
 FIRST_STEP = 1.25
 """First factor tried upwards and downwards; each further step squares it."""
+ENDS = {"below": False, "low": True, "high": True, "above": False}
+"""Factors of a `GainRoom`, and whether they keep robust performance."""
+BELOW_ONE = math.nextafter(1.0, 0.0)
+"""The largest number below 1."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,7 +39,8 @@ class GainRoom(Answer):
 
     At ``below`` and ``above`` it is proven not to be kept, by a perturbation or because the nominal
     loop is unstable; they are 0 and infinite where no such factor was found. Of factors between
-    ``low`` and ``high`` nothing is proven.
+    ``low`` and ``high`` nothing is proven. ``peak_low`` and its brothers are the peaks of mu at the
+    factors, with what proves them: None for an unstable loop, or without such a factor.
 
     Examples
     --------
@@ -60,6 +73,10 @@ class GainRoom(Answer):
     low: float
     high: float
     above: float
+    peak_below: Peak | None
+    peak_low: Peak | None
+    peak_high: Peak | None
+    peak_above: Peak | None
 
     def said(self) -> str:
         return (
@@ -123,71 +140,135 @@ def gain_room(
     need_tolerance(tolerance)
     if not (isinstance(most, Number) and most > FIRST_STEP):
         raise InputError(f"most is {most!r}; it must be a number above {FIRST_STEP}")
-    if _kept(plant, K, 1.0) is not True:
+    tried = _Tried(plant, K)
+    if tried.kept(1.0) is not True:
         return None
-    high, above = _edge(plant, K, tolerance, float(most), 1.0)
-    low, below = _edge(plant, K, tolerance, float(most), -1.0)
-    return GainRoom(below, low, high, above).checked_by(RoomChecker(plant, K))
+    high, above = tried.edge(tolerance, float(most), 1.0)
+    low, below = tried.edge(tolerance, float(most), -1.0)
+    peaks = (tried.peaks.get(factor) for factor in (below, low, high, above))
+    return GainRoom(below, low, high, above, *peaks).checked_by(RoomChecker(plant, K))
 
 
 @dataclass(frozen=True, eq=False)
-class RoomChecker(PartsChecker):
-    """Checks a `GainRoom` by the peaks of mu at its factors."""
+class RoomChecker(Checker):
+    """Checks a `GainRoom` by what proves the peaks of mu at its factors.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import RoomChecker, gain_room
+    >>> from workbench.structure import Complex
+    >>> from workbench.uncertainty import generalised_plant
+    >>> parts = [(control.tf([1.0], [1.0, 1.0]), "v", "y"), (control.tf([0.2], [1.0]), "u", "z")]
+    >>> plant = generalised_plant(
+    ...     [*parts, (control.tf([0.4], [1.0]), "e", "z_e")],
+    ...     {"v": "u + d", "e": "r - y"},
+    ...     perturbation=[(Complex(1), "z", "d")],
+    ...     exogenous="r",
+    ...     performance="z_e",
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> K = control.tf([2.0], [1.0])
+    >>> RoomChecker(plant, K).certify(gain_room(plant, K, tolerance=0.05), 1e-6).holds
+    True
+    """
 
     plant: GeneralisedPlant
-    K: Any
+    controller: Any
 
     @property
     def quantifier(self) -> str:
-        return "for every plant of the set, at the two factors"
-
-    def parts(self, answer: GainRoom) -> Mapping[str, Peak | None]:
-        return {
-            name: performance_peak(self.plant, factor * self.K, PEAK_TOLERANCE)
-            for name, factor in (("low", answer.low), ("high", answer.high))
-        }
+        return "for every plant of the set, at the factors"
 
     def checks(self, answer: GainRoom, tolerance: float) -> list[Check]:
-        wanted = [("low", answer.low, True), ("high", answer.high, True)]
-        lost = (("below", answer.below), ("above", answer.above))
-        wanted += [(name, factor, False) for name, factor in lost if 0 < factor < float("inf")]
-        statement = "whether robust performance is not kept, or lost, as claimed"
+        found: list[Check] = []
+        for end, kept in ENDS.items():
+            factor, peak = getattr(answer, end), getattr(answer, f"peak_{end}")
+            if not kept and factor in (0.0, math.inf):
+                continue
+            if peak is None:
+                stable = stability_of(self.plant.close(factor * self.controller)).holds
+                said = "whether the nominal loop is stable, or performance has no proof"
+                found.append(Check(end, said, float(stable or kept), 0.0))
+                continue
+            value, said = (
+                (peak.upper, "upper bound of the peak, kept below 1")
+                if kept
+                else (1.0 / peak.lower, "inverse of the lower bound of the peak, lost above 1")
+            )
+            found.append(Check(end, said, value, BELOW_ONE))
+            found += _named(end, self._at(factor).checks(peak, tolerance))
+        return found
+
+    def second_opinion(self, answer: GainRoom) -> list[Check]:
         return [
-            Check(name, statement, float(_kept(self.plant, self.K, factor) is not kept), 0.0)
-            for name, factor, kept in wanted
+            check
+            for end in ENDS
+            if (peak := getattr(answer, f"peak_{end}")) is not None
+            for check in _named(end, self._at(getattr(answer, end)).second_opinion(peak))
         ]
 
+    def stored_answer(self, name: str, answer: GainRoom) -> dict[str, Any]:
+        found = stored_numbers(name, answer, *ENDS)
+        for end in ENDS:
+            peak = getattr(answer, f"peak_{end}")
+            found |= {} if peak is None else stored_peak(f"{name}_peak_{end}", peak)
+        return found
 
-def _kept(plant: GeneralisedPlant, K: Any, factor: float) -> bool | None:
-    """Whether the peak with a factor of the gain is proven below 1; None where it is undecided."""
-    peak = performance_peak(plant, factor * K, PEAK_TOLERANCE)
-    if peak is None or peak.lower > 1.0:
-        return False
-    return True if peak.upper < 1.0 else None
+    def restored_answer(self, name: str, data: Dataset) -> GainRoom | None:
+        factors = restored_numbers(name, data, *ENDS)
+        if factors is None:
+            return None
+        below, low, high, above = (restored_peak(data, f"{name}_peak_{end}") for end in ENDS)
+        return GainRoom(**factors, peak_below=below, peak_low=low, peak_high=high, peak_above=above)
+
+    def _at(self, factor: float) -> PeakChecker:
+        """What certifies the peak of mu with a factor of the gain."""
+        loop = self.plant.close(factor * self.controller)
+        return PeakChecker(loop, self.plant.performance_structure)
 
 
-def _edge(
-    plant: GeneralisedPlant, K: Any, tolerance: float, most: float, direction: float
-) -> tuple[float, float]:
-    """The last factor that keeps robust performance, and the first that does not."""
-    inside, outside, step = 1.0, most, FIRST_STEP
-    while True:  # in factors upwards, inverted at the end where the direction is downwards
-        kept = _kept(plant, K, min(step, most) ** direction)
-        if kept is not True:
-            outside = step
-            break
-        inside = min(step, most)
-        if step >= most:
-            return inside**direction, float("inf") ** direction
-        step *= step
-    lost = outside if kept is False else float("inf")
-    while outside / inside > 1.0 + tolerance:
-        middle = (inside * outside) ** 0.5
-        kept = _kept(plant, K, middle**direction)
-        if kept is True:
-            inside = middle
-        else:
-            outside = middle
-            if kept is False:
-                lost = middle
-    return inside**direction, lost**direction
+def _named(end: str, checks: Sequence[Check]) -> list[Check]:
+    """Checks under the name of the factor that they are about."""
+    return [replace(check, name=f"{end}: {check.name}") for check in checks]
+
+
+class _Tried:
+    """Peaks of mu by factor of the gain; None where the nominal loop is unstable."""
+
+    def __init__(self, plant: GeneralisedPlant, K: Any) -> None:
+        self.plant, self.K = plant, K
+        self.peaks: dict[float, Peak | None] = {}
+
+    def kept(self, factor: float) -> bool | None:
+        """Whether the peak is proven below 1; None where it is undecided."""
+        peak = performance_peak(self.plant, factor * self.K, PEAK_TOLERANCE)
+        self.peaks[factor] = peak
+        if peak is None or peak.lower > 1.0:
+            return False
+        return True if peak.upper < 1.0 else None
+
+    def edge(self, tolerance: float, most: float, direction: float) -> tuple[float, float]:
+        """The last factor that keeps robust performance, and the first that does not."""
+        inside, outside, step = 1.0, most, FIRST_STEP
+        while True:  # in factors upwards, inverted at the end where the direction is downwards
+            kept = self.kept(min(step, most) ** direction)
+            if kept is not True:
+                outside = step
+                break
+            inside = min(step, most)
+            if step >= most:
+                return inside**direction, math.inf**direction
+            step *= step
+        lost = outside if kept is False else math.inf
+        while outside / inside > 1.0 + tolerance:
+            middle = (inside * outside) ** 0.5
+            kept = self.kept(middle**direction)
+            if kept is True:
+                inside = middle
+            else:
+                outside = middle
+                if kept is False:
+                    lost = middle
+        return inside**direction, lost**direction

@@ -21,15 +21,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from workbench.answer import REPEATED_ROUNDING, Answer, RepeatedChecker
+from workbench.answer import (
+    REPEATED_ROUNDING,
+    Answer,
+    RepeatedChecker,
+    restored_numbers,
+    stored_numbers,
+)
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, Checker, excess
 from workbench.certify.agreement import need_agreement
 from workbench.errors import InputError
 from workbench.executor.effort import tries
+from workbench.heavy_types import Dataset
 from workbench.second_opinion import SEED
 from workbench.synthesis.limits.loop_weights import LoopWeights
 
@@ -196,7 +204,19 @@ class LargestLeastMu(Answer):
 
 @dataclass(frozen=True, eq=False)
 class LargestLeastMuChecker(Checker):
-    """Checks a `LargestLeastMu` by the weights at its one frequency."""
+    """Checks a `LargestLeastMu` by the weights at its one frequency.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.synthesis import LargestLeastMuChecker, LoopWeights, largest_least_mu
+    >>> def weights(omega):
+    ...     return LoopWeights(1 / np.hypot(omega, 0.1), 0.5 * omega, 0.1 + 0 * omega, 0j * omega)
+    ...
+    >>> found = largest_least_mu(weights, np.geomspace(0.1, 10, 30))
+    >>> LargestLeastMuChecker(weights).certify(found, 1e-6).holds
+    True
+    """
 
     weights: Callable[[RealArray], LoopWeights]
 
@@ -208,6 +228,13 @@ class LargestLeastMuChecker(Checker):
         again = float(least_mu(self.weights(np.array([answer.omega]))).lower[0])
         statement = "by which share the claimed bound is larger than the one computed again"
         return [Check("lower", statement, excess(answer.lower, again), REPEATED_ROUNDING)]
+
+    def stored_answer(self, name: str, answer: LargestLeastMu) -> dict[str, Any]:
+        return stored_numbers(name, answer, "lower", "omega")
+
+    def restored_answer(self, name: str, data: Dataset) -> LargestLeastMu | None:
+        found = restored_numbers(name, data, "lower", "omega")
+        return None if found is None else LargestLeastMu(**found)
 
     def second_opinion(self, answer: LargestLeastMu) -> list[Check]:
         found = least_mu(self.weights(np.array([answer.omega])))

@@ -8,18 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from itertools import product
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench import Run, problem, ref
 from workbench.arrays import RealArray, outward_single
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.mu import performance_peak, performance_sweep
-from workbench.study import Study, array, check, dim, figure, metric, part, table
-from workbench.synthesis import largest_least_mu, least_mu
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.mu import Peak, PeakChecker, Sweep, performance_peak, performance_sweep
+from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
+from workbench.synthesis import (
+    LargestLeastMu,
+    LargestLeastMuChecker,
+    largest_least_mu,
+    least_mu,
+)
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 
@@ -53,12 +60,10 @@ stabilise the jointly chosen nominal, so no third-order design starts from it.""
 CONTROLLERS = ("mu-PID", *DESIGNS)
 
 
-class Judged(NamedTuple):
-    """Peaks, curves and orders, with NaN where a design is not made for a model or is unstable."""
-
-    peaks: RealArray
-    curves: RealArray
-    orders: RealArray
+Case = tuple[str, str, str]
+"""Model, controller and channel."""
+Loops = dict[Case, tuple[GeneralisedPlant, StateSpace]]
+"""Generalised plant of a model and channel, and a controller."""
 
 
 def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
@@ -123,44 +128,78 @@ class Controllers(Study):
     over = (model, controller, channel)
 
     @part
-    def judged(self, context: Context) -> Judged:
+    def loops(self) -> Loops:
+        """Generalised plant and controller of each design for each model, and channel."""
         import control
 
-        omega = 2 * np.pi * FREQUENCIES
-        shape = len(MODELS), len(CONTROLLERS), len(CHANNELS)
-        peaks, curves = np.full((*shape, 2), np.nan), np.full((*shape, 2, len(omega)), np.nan)
-        orders = np.full(shape[:2], np.nan)
-        runs = iter(self.designed)
-        for m, (_, _, designs) in enumerate(context.track(list(MODELS.values()), "models")):
+        runs, found = iter(self.designed), {}
+        for m, (model, (_, _, designs)) in enumerate(MODELS.items()):
             whole = self.plant(m)
             used = {"mu-PID": control.ss(controller(self.axis))}
             used |= {name: next(runs).answer.K for name in designs}
-            for name, K in used.items():
-                k = CONTROLLERS.index(name)
-                orders[m, k] = K.nstates
-                for c, (performance, exogenous) in enumerate(CHANNELS.values()):
-                    plant = whole.channel(performance, exogenous)
-                    found = performance_peak(plant, K, PEAK_TOLERANCE)
-                    if found is not None:
-                        peaks[m, k, c] = found.lower, found.upper
-                        curve = performance_sweep(plant, K, omega)
-                        curves[m, k, c] = curve.lower, curve.upper
-        return Judged(peaks, curves, orders)
+            for (name, K), (channel, signals) in product(used.items(), CHANNELS.items()):
+                performance, exogenous = signals
+                found[model, name, channel] = whole.channel(performance, exogenous), K
+        return found
+
+    @answers
+    def loop_peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
+        """Peaks of robust performance; None where the nominal loop is unstable."""
+        cases = context.track(list(loops), "peaks")
+        return {case: performance_peak(*loops[case], PEAK_TOLERANCE) for case in cases}
+
+    @loop_peaks.checkers
+    def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
+        """What certifies the peak of each."""
+        return {
+            case: PeakChecker(plant.close(K), plant.performance_structure)
+            for case, (plant, K) in loops.items()
+        }
 
     @part
-    def least(self) -> list[tuple[float, float]]:
-        """Largest least mu of each model over frequency, and its frequency [Hz]."""
-        omega = 2 * np.pi * FREQUENCIES
-        found = (largest_least_mu(self.weights(m), omega) for m in range(1, len(MODELS)))
-        return [(np.nan, np.nan), *((one.lower, one.omega / (2 * np.pi)) for one in found)]
+    def curves(self, loops: Loops, loop_peaks: Any, context: Context) -> dict[Case, Sweep]:
+        """Mu over frequency of the loops that are stable."""
+        cases = context.track([case for case, peak in loop_peaks.items() if peak], "curves")
+        return {case: performance_sweep(*loops[case], 2 * np.pi * FREQUENCIES) for case in cases}
 
-    peak = array((*over, bound), "1", "certified bounds of the supremum of mu")(
-        lambda judged: judged.peaks
-    )
-    mu = array((*over, bound, frequency), "1", "mu of robust performance")(
-        lambda judged: outward_single(judged.curves)
-    )
-    order = array((model, controller), "", "states of the controller")(lambda judged: judged.orders)
+    @answers
+    def least(self) -> dict[str, LargestLeastMu]:
+        """What every controller's peak is at least, for each model with fitted weights."""
+        omega = 2 * np.pi * FREQUENCIES
+        return {
+            model: largest_least_mu(self.weights(m), omega) for m, model in enumerate(MODELS) if m
+        }
+
+    @least.checkers
+    def of_the_models(self) -> dict[str, LargestLeastMuChecker]:
+        """What certifies each."""
+        return {
+            model: LargestLeastMuChecker(self.weights(m)) for m, model in enumerate(MODELS) if m
+        }
+
+    @array((*over, bound), "1", "certified bounds of the supremum of mu")
+    def peak(self, loop_peaks: dict[Case, Peak | None]) -> RealArray:
+        """NaN where a design is not made for a model or is unstable."""
+        found = np.full((len(MODELS), len(CONTROLLERS), len(CHANNELS), 2), np.nan)
+        for case, one in loop_peaks.items():
+            if one is not None:
+                found[_place(case)] = one.lower, one.upper
+        return found
+
+    @array((*over, bound, frequency), "1", "mu of robust performance")
+    def mu(self, curves: dict[Case, Sweep]) -> NDArray[np.float32]:
+        shape = len(MODELS), len(CONTROLLERS), len(CHANNELS), 2, len(FREQUENCIES)
+        found = np.full(shape, np.nan)
+        for case, curve in curves.items():
+            found[_place(case)] = curve.lower, curve.upper
+        return outward_single(found)
+
+    @array((model, controller), "", "states of the controller")
+    def order(self, loops: Loops) -> RealArray:
+        found = np.full((len(MODELS), len(CONTROLLERS)), np.nan)
+        for case, (_, K) in loops.items():
+            found[_place(case)[:2]] = K.nstates
+        return found
 
     @array((model, frequency), "1", "mu that every controller leaves, both channels")
     def least_mu(self) -> list[RealArray]:
@@ -168,8 +207,18 @@ class Controllers(Study):
         found = (least_mu(self.weights(m)(omega)).lower for m in range(1, len(MODELS)))
         return [np.full(omega.shape, np.nan), *found]
 
-    least_peak = array(model, "1", "the largest of them", lambda least: [mu for mu, _ in least])
-    least_peak_frequency = array(model, "Hz", "", lambda least: [where for _, where in least])
+    least_peak = array(
+        model,
+        "1",
+        "the largest of them",
+        lambda least: [np.nan, *(one.lower for one in least.values())],
+    )
+    least_peak_frequency = array(
+        model,
+        "Hz",
+        "",
+        lambda least: [np.nan, *(one.omega / (2 * np.pi) for one in least.values())],
+    )
 
     bounds = check(
         "bounds",
@@ -226,3 +275,9 @@ def _key(*names: str) -> str:
     """A model, and a design, as they stand in the name of a metric."""
     kept = "".join(c if c.isalnum() else " " for c in " ".join(names))
     return "_".join(kept.split())
+
+
+def _place(case: Case) -> tuple[int, int, int]:
+    """Place of a model, a controller and a channel in arrays."""
+    model, name, channel = case
+    return list(MODELS).index(model), CONTROLLERS.index(name), list(CHANNELS).index(channel)

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import NamedTuple
-
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.synthesis import (
-    DualCertificate,
-    LargestLeastMu,
-    highest_proven,
-    hinf,
-    largest_least_mu,
-    regularised,
-)
+from workbench.synthesis import DualCertificate, highest_proven, regularised
+from workbench.synthesis.limits.loop_functions import LoopFunctions
+from workbench.uncertainty import GeneralisedPlant
 
 from ..control_problem import generalised
 from ..design import MEASUREMENT_NOISE
@@ -33,39 +25,22 @@ START_FACTOR = 1.002
 """Least level to be proven over the pointwise bound, at which a set would shrink to a point."""
 
 
-class LowerBounds(NamedTuple):
-    """Levels of mu that no controller stays below, by three kinds of reasoning."""
-
-    pointwise: list[LargestLeastMu]
-    """For each channel of BOUNDED: mu that every controller has at one frequency [rad/s]."""
-    pointwise_1x: float
-    """The same for both channels at the disc's nominal speed."""
-    nominal_norm: float
-    """Norm of the loop by H-infinity synthesis for the nominal plant."""
-    proofs: list[DualCertificate]
-    """Certificates over all frequencies, for each of PROOFS; NaN where none was found."""
-
-
-def lower_bounds(
-    uncertain: UncertainLoop, omega: RealArray, best: float, context: Context
-) -> LowerBounds:
-    """Lower bounds by each frequency alone, by the nominal plant alone, and by both together.
-
-    `omega` (F,) [rad/s]; `best` is a peak of mu that some controller has.
-    """
-    pointwise = [largest_least_mu(partial(uncertain.weights, channel=c), omega) for c in BOUNDED]
-    at_one = largest_least_mu(partial(uncertain.weights, speed=1.0), omega).lower
+def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
+    """The plant of H-infinity synthesis for the nominal drive, with both channels."""
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
-    optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE))
+    return regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE)
+
+
+def nominal_level(uncertain: UncertainLoop, omega: RealArray) -> float:
+    """What no controller of the nominal plant is below at one of the frequencies [rad/s] (F,)."""
     W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
-    ends = {
-        "nominal": (float(nominal.max()), optimal.norm),
-        "dynamic": (START_FACTOR * pointwise[BOUNDED.index("both")].lower, best),
-    }
-    proofs = []
-    for name in PROOFS:
-        loop, (low, high) = uncertain.loops[name], ends[name]
-        found = highest_proven(loop, BASIS, low, high, context) if low < high else None
-        proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
-    return LowerBounds(pointwise, at_one, optimal.norm, proofs)
+    return float(nominal.max())
+
+
+def proof_between(
+    loop: LoopFunctions, low: float, high: float, context: Context
+) -> DualCertificate:
+    """Highest level between two that is proven for every controller; NaN where there is none."""
+    found = highest_proven(loop, BASIS, low, high, context) if low < high else None
+    return found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS)

@@ -6,6 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import chain
@@ -19,9 +20,32 @@ from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
-from workbench.mu import performance_peak, performance_sweep
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
-from workbench.synthesis import approximations, equalising_gain, least_mu
+from workbench.mu import Peak, PeakChecker, performance_peak, performance_sweep
+from workbench.study import (
+    Study,
+    answers,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    metric,
+    part,
+    system,
+    table,
+)
+from workbench.synthesis import (
+    DualCertificate,
+    HinfController,
+    HinfSynthesis,
+    LargestLeastMu,
+    LargestLeastMuChecker,
+    approximations,
+    equalising_gain,
+    hinf,
+    largest_least_mu,
+    least_mu,
+)
 from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
@@ -34,13 +58,26 @@ from ..control_problem import generalised
 from ..design import synthesis_plant, uncertainty
 from ..loop_weights import BASIS
 from ..mu_pid import FREQUENCIES
-from .bounds import BOUNDED, PROOFS, LowerBounds, lower_bounds
+from .bounds import (
+    BOUNDED,
+    PROOFS,
+    START_FACTOR,
+    nominal_level,
+    nominal_plant,
+    proof_between,
+)
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
 from .uncertain_loop import SPEED, UncertainLoop
 
 Plants = dict[str, GeneralisedPlant]
 """Generalised plants by channel."""
+Case = tuple[str, str]
+"""Controller and channel."""
+Loops = dict[Case, tuple[GeneralisedPlant, StateSpace]]
+"""Generalised plant and controller by case."""
+AT_1X = "both at 1X"
+"""Name of the pointwise bound at the disc's nominal speed."""
 ORDER = 9
 """Order of the reduced controller that the thesis shows; its full one has 74."""
 CHANNELS: dict[str, tuple[Any, Any]] = {
@@ -142,27 +179,41 @@ class FiveX(Study):
     # --- mu, and what none can beat -----------------------------------------------------------
 
     @part
-    def analysed(
-        self,
-        plants: Plants,
-        adjusted_gain: DataArray,
-        ninth: StateSpace,
-        omega: RealArray,
-        context: Context,
-    ) -> tuple[RealArray, RealArray]:
-        """Peaks (controller, channel, 3) and curves (controller, channel, 2, F)."""
-        cases = context.track(
-            list(self._named(float(adjusted_gain), ninth).values()), "controllers"
-        )
-        found = [[_numbers(plants[channel], K, omega) for channel in CHANNELS] for K in cases]
-        peaks = np.array([[peak for peak, _ in row] for row in found])
-        return peaks, np.array([[curve for _, curve in row] for row in found])
+    def loops(self, plants: Plants, adjusted_gain: DataArray, ninth: StateSpace) -> Loops:
+        """Generalised plant and controller by names of controller and channel."""
+        named = self._named(float(adjusted_gain), ninth)
+        return {(name, c): (plants[c], K) for name, K in named.items() for c in CHANNELS}
+
+    @answers
+    def peaks(self, loops: Loops, context: Context) -> dict[Case, Peak | None]:
+        """Peaks of robust performance; None where the nominal loop is unstable."""
+        cases = context.track(list(loops), "peaks")
+        return {case: performance_peak(*loops[case], PEAK_TOLERANCE) for case in cases}
+
+    @peaks.checkers
+    def of_the_loops(self, loops: Loops) -> dict[Case, PeakChecker]:
+        """What certifies the peak of each."""
+        return {
+            case: PeakChecker(plant.close(K), plant.performance_structure)
+            for case, (plant, K) in loops.items()
+        }
+
+    @part
+    def curves(self, loops: Loops, peaks: Any, omega: RealArray, context: Context) -> list[Any]:
+        """Bounds of mu over frequency (2, F) of each; NaN where the loop is unstable."""
+        unstable = np.full((2, len(omega)), np.nan)
+        cases = context.track(list(loops), "curves")
+        return [_curve(*loops[case], omega) if peaks[case] else unstable for case in cases]
 
     over = (controller, channel)
-    peak = array((*over, bound), "1", "certified bounds")(lambda analysed: analysed[0][..., :2])
-    peak_frequency = array(over, "Hz", "of the peak")(lambda analysed: analysed[0][..., 2])
+    peak = array((*over, bound), "1", "certified bounds")(
+        lambda peaks: _gathered([_numbers(one)[:2] for one in peaks.values()])
+    )
+    peak_frequency = array(over, "Hz", "of the peak")(
+        lambda peaks: _gathered([_numbers(one)[2] for one in peaks.values()])
+    )
     mu = array((*over, bound, frequency), "1", "mu of robust performance")(
-        lambda analysed: outward_single(analysed[1])
+        lambda curves: outward_single(_gathered(curves))
     )
 
     @array((bounded, bound, frequency), "1", "least mu over all K at the frequency")
@@ -180,29 +231,65 @@ class FiveX(Study):
         )
         return least_mu(alone).lower
 
+    @answers
+    def pointwise(self, omega: RealArray) -> dict[str, LargestLeastMu]:
+        """What every controller has at one frequency, for each of BOUNDED; last both at 1X."""
+        return {
+            name: largest_least_mu(weights, omega) for name, weights in self._pointwise().items()
+        }
+
+    @pointwise.checkers
+    def of_the_weights(self) -> dict[str, LargestLeastMuChecker]:
+        """What certifies each."""
+        return {name: LargestLeastMuChecker(each) for name, each in self._pointwise().items()}
+
+    @answers
+    def optimal(self) -> dict[str, HinfController]:
+        """The H-infinity controller of the nominal plant."""
+        return {"nominal": hinf(nominal_plant(self.loop))}
+
+    @optimal.checkers
+    def of_the_nominal_plant(self) -> dict[str, HinfSynthesis]:
+        """What certifies it."""
+        return {"nominal": HinfSynthesis(nominal_plant(self.loop))}
+
+    def _pointwise(self) -> dict[str, Any]:
+        """Weights over frequency of each of BOUNDED at 5X, and of both at 1X."""
+        found = {name: partial(self.loop.weights, channel=name) for name in BOUNDED}
+        return found | {AT_1X: partial(self.loop.weights, speed=1.0)}
+
     @part
-    def bounds(self, analysed: Any, omega: RealArray, context: Context) -> LowerBounds:
-        best = float(np.nanmin(analysed[0][:, -1, 1]))
-        return lower_bounds(self.loop, omega, best, context)
+    def proofs(
+        self, peaks: Any, pointwise: Any, optimal: Any, omega: RealArray, context: Context
+    ) -> list[DualCertificate]:
+        """Certificates over all frequencies, for each of PROOFS; NaN where none was found."""
+        best = min(peaks[name, "both"].upper for name in CONTROLLERS if peaks[name, "both"])
+        ends = {
+            "nominal": (nominal_level(self.loop, omega), optimal["nominal"].norm),
+            "dynamic": (START_FACTOR * pointwise["both"].lower, best),
+        }
+        return [proof_between(self.loop.loops[name], *ends[name], context) for name in PROOFS]
 
     pole = dim(-BASIS.corners, unit="rad/s", meaning="pole of h")
     pointwise_bound = array(bounded, "1", "mu that every controller has at one frequency")(
-        lambda bounds: [one.lower for one in bounds.pointwise]
+        lambda pointwise: [pointwise[name].lower for name in BOUNDED]
     )
     pointwise_frequency = array(bounded, "Hz", "frequency of the pointwise bound")(
-        lambda bounds: [one.omega / (2 * np.pi) for one in bounds.pointwise]
+        lambda pointwise: [pointwise[name].omega / (2 * np.pi) for name in BOUNDED]
     )
     pointwise_bound_1x = arrays(
         (),
-        lambda bounds: {"pointwise_bound_1X": bounds.pointwise_1x},
+        lambda pointwise: {"pointwise_bound_1X": pointwise[AT_1X].lower},
         pointwise_bound_1X=("1", "pointwise bound of both at 1X"),
     )
-    nominal_norm = array((), "1", "norm of the H-infinity loop", lambda bounds: bounds.nominal_norm)
+    nominal_norm = array((), "1", "norm of the H-infinity loop")(
+        lambda optimal: optimal["nominal"].norm
+    )
     proven_level = array(proof, "1", "level that no controller reaches")(
-        lambda bounds: [proof.level for proof in bounds.proofs]
+        lambda proofs: [proof.level for proof in proofs]
     )
     proof_coefficients = array((proof, pole), "1", "h of the proof")(
-        lambda bounds: [proof.coefficients for proof in bounds.proofs]
+        lambda proofs: [proof.coefficients for proof in proofs]
     )
 
     # --- what is said of them -----------------------------------------------------------------
@@ -248,16 +335,21 @@ class FiveX(Study):
     figure_6_5 = figure(lambda self, answer: figure_6_5(self.axis, answer))
 
 
-def _numbers(
-    plant: GeneralisedPlant, K: StateSpace, omega: RealArray
-) -> tuple[list[float], RealArray]:
-    """Bounds of the peak, its frequency [Hz], and bounds of the curve (2, F); NaN: unstable."""
-    found = performance_peak(plant, K, PEAK_TOLERANCE)
-    if found is None:
-        return [np.nan] * 3, np.full((2, len(omega)), np.nan)
-    curve = performance_sweep(plant, K, omega)
-    numbers = [found.lower, found.upper, found.omega / (2 * np.pi)]
-    return numbers, np.array([curve.lower, curve.upper])
+def _numbers(peak: Peak | None) -> list[float]:
+    """Bounds of a peak and its frequency [Hz]; NaN of an unstable loop."""
+    return [np.nan] * 3 if peak is None else [peak.lower, peak.upper, peak.omega / (2 * np.pi)]
+
+
+def _curve(plant: GeneralisedPlant, K: StateSpace, omega: RealArray) -> RealArray:
+    """Bounds of mu of robust performance (2, F)."""
+    found = performance_sweep(plant, K, omega)
+    return np.array([found.lower, found.upper])
+
+
+def _gathered(values: Sequence[Any]) -> RealArray:
+    """Values of all controllers and channels, with an axis for each."""
+    found = np.array(values)
+    return found.reshape(len(CONTROLLERS), len(CHANNELS), *found.shape[1:])
 
 
 def _stabilises(plant: GeneralisedPlant, K: StateSpace) -> bool:

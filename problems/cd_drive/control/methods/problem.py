@@ -6,9 +6,10 @@ CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,27 @@ from workbench import Check, Run, problem
 from workbench.arrays import RealArray, outward_single
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
-from workbench.mu import Peak, conditions, performance_peak, performance_sweep
+from workbench.mu import (
+    Peak,
+    PeakChecker,
+    condition_systems,
+    conditions,
+    peak,
+    performance_sweep,
+)
 from workbench.structure import Full, Structure
-from workbench.study import Study, array, check, dim, figure, metric, part, system, table
+from workbench.study import (
+    Study,
+    answers,
+    array,
+    check,
+    dim,
+    figure,
+    metric,
+    part,
+    system,
+    table,
+)
 from workbench.study.declarations import identifier
 from workbench.synthesis import DESIGNS, DesignTask
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
@@ -53,6 +72,8 @@ CONDITIONS = (
 uncertainty."""
 LOW, HIGH = 1.0, 20e3
 """Ends of the frequencies shown [Hz]."""
+Questions = dict[tuple[str, str], tuple[StateSpace, Structure]]
+"""System that a perturbation closes, and its structure, by design and condition."""
 
 
 @problem("cd/{axis}/methods", axis=("focus", "radial"), needs=cover_of, data=TABLES, slow=True)
@@ -109,14 +130,37 @@ class Methods(Study):
         return {name: DESIGNS[name](self.task, context) for name in self.names}
 
     @part
-    def peaks(self, controllers: ControllersByName, context: Context) -> list[list[Peak]]:
-        return [self._peaks(K) for K in context.track(list(controllers.values()), "judging")]
+    def questions(self, controllers: ControllersByName) -> Questions:
+        """System that a perturbation closes, and its structure, by design and condition."""
+        return {
+            (design, condition): question
+            for design, K in controllers.items()
+            for condition, question in self._questions(K).items()
+        }
+
+    @answers
+    def peaks(
+        self, questions: Questions, controllers: ControllersByName, context: Context
+    ) -> dict[tuple[str, str], Peak | None]:
+        """Peaks; a controller that does not stabilise is its method's error."""
+        found: dict[tuple[str, str], Peak | None] = {}
+        for design in context.track(list(controllers), "judging"):
+            judged = conditions(self.task.plant, controllers[design], tolerance=PEAK_TOLERANCE)
+            for name in CONDITIONS:
+                known = getattr(judged, name.replace(" ", "_"), None)
+                found[design, name] = known or peak(*questions[design, name], PEAK_TOLERANCE)
+        return found
+
+    @peaks.checkers
+    def of_the_questions(self, questions: Questions) -> dict[tuple[str, str], PeakChecker]:
+        """What certifies the peak of each."""
+        return {case: PeakChecker(*question) for case, question in questions.items()}
 
     peak = array(
         (design, condition, bound), "1", "certified bounds of the peak over all frequencies"
-    )(lambda peaks: [[(each.lower, each.upper) for each in row] for row in peaks])
+    )(lambda peaks: by_design([(each.lower, each.upper) for each in peaks.values()]))
     peak_frequency = array((design, condition), "Hz")(
-        lambda peaks: [[each.omega / (2 * np.pi) for each in row] for row in peaks]
+        lambda peaks: by_design([each.omega / (2 * np.pi) for each in peaks.values()])
     )
     pole = array(design, "rad/s", "largest real part of the nominal loop's")(
         lambda self, controllers: [rightmost_pole(self.task, K) for K in controllers.values()]
@@ -147,20 +191,17 @@ class Methods(Study):
             "full block": Structure([Full(structure.rows, structure.columns)]),
         }
 
-    def _peaks(self, K: StateSpace) -> list[Peak]:
-        """Peaks of all conditions; a controller that does not stabilise is its method's error."""
+    def _questions(self, K: StateSpace) -> dict[str, tuple[StateSpace, Structure]]:
+        """The systems and structures of all conditions."""
         plant = self.task.plant
-        found = conditions(plant, K, tolerance=PEAK_TOLERANCE)
-        assert found.nominal_performance is not None
-        assert found.robust_stability is not None
-        robust = {
-            name: _robust(replace(plant, structure=structure), K)
+        of_plant = condition_systems(plant, K)
+        found = {name: of_plant[name.replace(" ", "_")] for name in CONDITIONS[:2]}
+        found |= {
+            name: robust_performance_question(replace(plant, structure=structure), K)
             for name, structure in self.structures().items()
         }
-        robust["disturbance alone"] = _robust(plant.channel("z_p"), K)
-        robust["nominal performance"] = found.nominal_performance
-        robust["robust stability"] = found.robust_stability
-        return [robust[name] for name in CONDITIONS]
+        found["disturbance alone"] = robust_performance_question(plant.channel("z_p"), K)
+        return {name: found[name] for name in CONDITIONS}
 
     @check()
     def methods_judged(self, answer: Dataset) -> list[Check]:
@@ -185,8 +226,14 @@ class Methods(Study):
     sensitivity = figure(lambda self, answer: sensitivity_figure(self.axis, answer))
 
 
-def _robust(plant: GeneralisedPlant, K: StateSpace) -> Peak:
-    """Peak of robust performance of a loop that is known to be stable."""
-    found = performance_peak(plant, K, PEAK_TOLERANCE)
-    assert found is not None
-    return found
+def robust_performance_question(
+    plant: GeneralisedPlant, K: StateSpace
+) -> tuple[StateSpace, Structure]:
+    """System and structure of robust performance."""
+    return plant.close(K), plant.performance_structure
+
+
+def by_design(values: Sequence[Any]) -> RealArray:
+    """Values of all designs and conditions, with an axis for each."""
+    found = np.array(values)
+    return found.reshape(-1, len(CONDITIONS), *found.shape[1:])

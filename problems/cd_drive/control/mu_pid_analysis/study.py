@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar
@@ -18,9 +18,10 @@ from workbench import Check, Run
 from workbench.arrays import RealArray, outward_single
 from workbench.executor import Context
 from workbench.geometry import smallest_area_stadium
-from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.mu import Peak, conditions, performance_sweep
-from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.mu import Peak, PeakChecker, condition_systems, conditions, performance_sweep
+from workbench.structure import Structure
+from workbench.study import Study, answers, array, check, dim, figure, metric, part, table
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 from workbench.uncertainty.covers.storage import rational, shape
@@ -35,7 +36,9 @@ from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
 
 LoopCase = tuple[Any, ...]
-"""Gain variant, speed, channel and form of uncertainty of a loop."""
+"""Gain variant, speed, channel and form of uncertainty of a loop; the condition may follow."""
+Loops = dict[LoopCase, GeneralisedPlant]
+"""Generalised plants by case."""
 FORMS = ("parametric", "circle", "stadium")
 COVERS = FORMS[1:]
 SETS = (
@@ -90,32 +93,50 @@ class MuPidAnalysis(Study):
     cases = (gain, speed, channel, form)
 
     @part
-    def loops(
-        self, omega: RealArray, context: Context
-    ) -> dict[LoopCase, tuple[RealArray, RealArray]]:
-        """Peaks (condition, 3) and curve (2, F) of every loop."""
+    def loops(self) -> Loops:
+        """Plants of all cases; there is one parametric model for all gain variants."""
+        cases = product(GAIN_VARIANTS, SPEEDS, (*CHANNELS, "both"), FORMS)
+        return {case: self.plant(*case) for case in cases if case == _modelled(case)}
+
+    @part
+    def questions(self, loops: Loops) -> dict[LoopCase, tuple[StateSpace, Structure]]:
+        """System that a perturbation closes, and its structure, of each case and condition."""
         K = controller(self.axis)
-        found: dict[LoopCase, tuple[RealArray, RealArray]] = {}
-        cases = list(product(GAIN_VARIANTS, SPEEDS, (*CHANNELS, "both"), FORMS))
-        for case in context.track(cases, "loops"):
-            gain, *rest = case
-            if rest[-1] == "parametric" and gain != GAIN_VARIANTS[0]:  # one model for all variants
-                found[case] = found[GAIN_VARIANTS[0], *rest]
-                continue
-            plant = self.plant(*case)
-            judged = conditions(plant, K, tolerance=ANALYSIS_PEAK_TOLERANCE)
-            peaks = [_numbers(getattr(judged, name)) for name in CONDITIONS]
-            found[case] = np.array(peaks), _curve(plant, K, omega)
+        return {
+            (*case, condition): question
+            for case, plant in loops.items()
+            for condition, question in condition_systems(plant, K).items()
+        }
+
+    @answers
+    def peaks(self, loops: Loops, context: Context) -> dict[LoopCase, Peak | None]:
+        """Peaks of each case and condition; None of an unstable loop."""
+        K = controller(self.axis)
+        found: dict[LoopCase, Peak | None] = {}
+        for case in context.track(list(loops), "peaks"):
+            judged = conditions(loops[case], K, tolerance=ANALYSIS_PEAK_TOLERANCE)
+            found |= {(*case, name): getattr(judged, name) for name in CONDITIONS}
         return found
 
+    @peaks.checkers
+    def of_the_questions(self, questions: Any) -> dict[LoopCase, PeakChecker]:
+        """What certifies the peak of each."""
+        return {case: PeakChecker(*question) for case, question in questions.items()}
+
+    @part
+    def curves(self, loops: Loops, omega: RealArray, context: Context) -> dict[LoopCase, RealArray]:
+        """Lower and upper bound of robust performance (2, F) of each case."""
+        K, cases = controller(self.axis), context.track(list(loops), "curves")
+        return {case: _curve(loops[case], K, omega) for case in cases}
+
     peak = array((*cases, condition, bound), "1", "certified bounds of the supremum of mu")(
-        lambda loops: _gathered([peaks[:, :2] for peaks, _ in loops.values()])
+        lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, :2])
     )
     peak_frequency = array((*cases, condition), "Hz", "frequency of the largest mu")(
-        lambda loops: _gathered([peaks[:, 2] for peaks, _ in loops.values()])
+        lambda peaks: _gathered(lambda case: _over_conditions(peaks, case)[:, 2])
     )
     mu = array((*cases, bound, frequency), "1", "mu of robust performance")(
-        lambda loops: outward_single(_gathered([curve for _, curve in loops.values()]))
+        lambda curves: outward_single(_gathered(curves.__getitem__))
     )
 
     @array(
@@ -237,7 +258,20 @@ def _numbers(peak: Peak | None) -> list[float]:
     return [peak.lower, peak.upper, peak.omega / (2 * np.pi)]
 
 
-def _gathered(rows: Sequence[RealArray]) -> RealArray:
-    """Rows of every loop, as one array with an axis for each choice."""
+def _over_conditions(peaks: dict[LoopCase, Peak | None], case: LoopCase) -> RealArray:
+    """Lower and upper bound and frequency [Hz] of each condition of a case (condition, 3)."""
+    return np.array([_numbers(peaks[*case, name]) for name in CONDITIONS])
+
+
+def _modelled(case: LoopCase) -> LoopCase:
+    """The case with the same loop that is computed."""
+    gain, *rest = case
+    return (GAIN_VARIANTS[0] if rest[-1] == "parametric" else gain, *rest)
+
+
+def _gathered(of: Callable[[LoopCase], RealArray]) -> RealArray:
+    """What a function gives for every loop, as one array with an axis for each choice."""
+    cases = product(GAIN_VARIANTS, SPEEDS, (*CHANNELS, "both"), FORMS)
+    rows = [of(_modelled(case)) for case in cases]
     sizes = (len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS) + 1, len(FORMS))
     return np.reshape(rows, (*sizes, *rows[0].shape))

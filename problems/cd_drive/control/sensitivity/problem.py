@@ -20,9 +20,9 @@ from workbench import Check, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench.mu import Peak, peak
+from workbench.mu import Peak, PeakChecker, peak
 from workbench.structure import Full, Structure
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems import bands, bandwidths, loop_response
 
@@ -47,6 +47,10 @@ from .report import (
 
 Systems = dict[str, dict[str, StateSpace]]
 """Loop transfer functions by loop and drive."""
+Labelled = dict[tuple[str, str], StateSpace]
+"""W_p S by scale of the gain and drive."""
+ONE = Structure([Full(1, 1)])
+"""Structure of which mu of one signal is its magnitude."""
 LOOPS = ("continuous", "sampled", "delayed")
 LOW, HIGH = 1.0, 15e3
 """Ends of the frequencies shown [Hz]."""
@@ -140,17 +144,31 @@ class Sensitivity(Study):
         }
 
     @part
-    def peaks(self, systems: Systems, context: Context) -> list[list[Peak]]:
+    def weighted_loops(self, systems: Systems) -> Labelled:
+        """W_p S in continuous time by scale of the gain and drive."""
+        weight, loops = performance_weight(self.axis), systems["continuous"]
+        return {
+            (scale, drive): weighted_sensitivity(weight, L, factor)
+            for scale, factor in SCALES.items()
+            for drive, L in loops.items()
+        }
+
+    @answers
+    def peaks(self, weighted_loops: Labelled, context: Context) -> dict[Any, Peak]:
         """Certified largest |W_p S| over all frequencies, in continuous time."""
-        weight, loops = performance_weight(self.axis), systems["continuous"].values()
-        factors = context.track(list(SCALES.values()), "certified peaks")
-        return [[peak_of(weight, L, factor) for L in loops] for factor in factors]
+        cases = context.track(list(weighted_loops), "certified peaks")
+        return {case: peak(weighted_loops[case], ONE, PEAK_TOLERANCE) for case in cases}
+
+    @peaks.checkers
+    def of_the_loops(self, weighted_loops: Labelled) -> dict[Any, PeakChecker]:
+        """What certifies the peak of each."""
+        return {case: PeakChecker(loop, ONE) for case, loop in weighted_loops.items()}
 
     weighted = array((scale, drive, bound), "1", "largest |W_p S|")(
-        lambda peaks: [[(each.lower, each.upper) for each in row] for row in peaks]
+        lambda peaks: by_scale([(each.lower, each.upper) for each in peaks.values()])
     )
     weighted_hz = array((scale, drive), "Hz")(
-        lambda peaks: [[each.omega / (2 * math.pi) for each in row] for row in peaks]
+        lambda peaks: by_scale([each.omega / (2 * math.pi) for each in peaks.values()])
     )
 
     @array((scale, drive, "band", end), "Hz", "ends of bands in which |W_p S| > 1")
@@ -294,12 +312,17 @@ class Sensitivity(Study):
         }
 
 
-def peak_of(weight: StateSpace, loop: StateSpace, scale: float) -> Peak:
-    """Certified bounds on the largest |W_p S| over all frequencies."""
+def weighted_sensitivity(weight: StateSpace, loop: StateSpace, scale: float) -> StateSpace:
+    """W_p S of a loop whose gain is scaled."""
     import control
 
-    S = control.feedback(1, scale * loop)
-    return peak(control.ss(weight * S), Structure([Full(1, 1)]), PEAK_TOLERANCE)
+    return control.ss(weight * control.feedback(1, scale * loop))
+
+
+def by_scale(values: list[Any]) -> RealArray:
+    """Values of all scales and drives, with an axis for each."""
+    found = np.array(values)
+    return found.reshape(len(SCALES), -1, *found.shape[1:])
 
 
 def failing(weight: StateSpace, loop: StateSpace, scale: float) -> list[tuple[float, float]]:

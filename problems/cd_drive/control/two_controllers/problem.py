@@ -6,7 +6,7 @@ of CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -18,13 +18,9 @@ from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
-from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
-from workbench.mu.robust.skewed_bounds import (
-    restored_worst_case,
-    stored_worst_case,
-    worst_case_checks,
-)
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table, variables
+from workbench.mu import Peak, WorstCaseChecker, WorstCaseGain, conditions, worst_case_gain
+from workbench.structure import Structure
+from workbench.study import Study, answers, array, arrays, check, dim, figure, metric, part, table
 from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response
 
@@ -169,14 +165,26 @@ class TwoControllers(Study):
         lambda self, worst: self.choice(worst.values[:, :, 1])
     )
 
-    @variables
-    def proofs(self, judged: Judged, chosen: DataArray) -> dict[str, Any]:
-        """What proves the worst gains of the two."""
-        found: dict[str, Any] = {}
-        for case, place in zip(CASES[:2], chosen.values, strict=True):
-            for channel, gain in zip(UNCERTAIN, judged[2][place], strict=True):
-                found |= stored_worst_case(f"{case}_{channel}", gain)
-        return found
+    @answers
+    def worst_of_two(self, judged: Judged, chosen: DataArray) -> dict[Any, WorstCaseGain]:
+        """The worst gains of the two that are chosen, with what proves them."""
+        return {
+            (case, channel): gain
+            for case, place in zip(CASES[:2], chosen.values, strict=True)
+            for channel, gain in zip(UNCERTAIN, judged[2][place], strict=True)
+        }
+
+    @worst_of_two.checkers
+    def of_the_two(
+        self, K_A: DataArray, K_B: DataArray, K_C: DataArray, K_D: DataArray, chosen: DataArray
+    ) -> dict[Any, WorstCaseChecker]:
+        """What certifies them."""
+        front = _systems(K_A, K_B, K_C, K_D)
+        return {
+            (case, z): WorstCaseChecker(self.uncertain_loop(z, front[place]), self.parameters)
+            for case, place in zip(CASES[:2], chosen.values.tolist(), strict=True)
+            for z in UNCERTAIN
+        }
 
     @part
     def bounds(self, share: DataArray, nominal: DataArray, context: Context) -> Bounds:
@@ -250,12 +258,14 @@ class TwoControllers(Study):
 
     def controllers(self, answer: Dataset) -> list[StateSpace]:
         """Controllers of the front, by share."""
-        import control
+        return _systems(*(answer[f"K_{name}"] for name in "ABCD"))
 
-        return [
-            control.ss(*(one[f"K_{name}"].values for name in "ABCD"))
-            for one in (answer.isel(share=i) for i in range(answer.sizes["share"]))
-        ]
+    @property
+    def parameters(self) -> Structure:
+        """Structure of the uncertain parameters."""
+        structure = self.trade_off.uncertain.structure
+        assert structure is not None
+        return structure
 
     def _gains(self, K: StateSpace) -> list[float]:
         """a, b and c of the nominal loop."""
@@ -268,10 +278,8 @@ class TwoControllers(Study):
 
     def _worst(self, K: StateSpace) -> list[WorstCaseGain]:
         """Bounds of a and b over all plants."""
-        structure = self.trade_off.uncertain.structure
-        assert structure is not None
         return [
-            worst_case_gain(self.uncertain_loop(z, K), structure, WORST_CASE_TOLERANCE)
+            worst_case_gain(self.uncertain_loop(z, K), self.parameters, WORST_CASE_TOLERANCE)
             for z in UNCERTAIN
         ]
 
@@ -286,31 +294,15 @@ class TwoControllers(Study):
 
     @check()
     def gains_and_bounds(self, answer: Dataset) -> list[Check]:
-        front = self.controllers(answer)
-        return [
-            *two_controllers_checks(self.trade_off, front, answer),
-            *self._proven(front, answer),
-        ]
+        return two_controllers_checks(self.trade_off, self.controllers(answer), answer)
 
-    def _proven(self, front: list[StateSpace], answer: Dataset) -> list[Check]:
-        """The worst gains of the two, proven again by their multipliers and perturbations."""
-        structure = self.trade_off.uncertain.structure
-        assert structure is not None
-        found: list[Check] = []
-        for case, place in zip(CASES[:2], answer["chosen"].values.tolist(), strict=True):
-            for z in UNCERTAIN:
-                stored = restored_worst_case(answer, f"{case}_{z}")
-                claimed = answer["worst"].sel(uncertain=z).values[place].tolist()
-                same = replace(stored, lower=claimed[0], upper=claimed[1])
-                loop = self.uncertain_loop(z, front[place])
-                found += [
-                    replace(check, name=f"{check.name} of {z}, {case}")
-                    for check in worst_case_checks(loop, structure, same)
-                ]
-        return found
+    @check("worst of two", "bounds that differ from the proven ones of the two", at_most=0.0)
+    def same_bounds(self, answer: Dataset) -> float:
+        kept = answer["worst"].values[answer["chosen"].values]
+        return float(np.count_nonzero(kept.ravel() != answer["worst_of_two_bounds"].values))
 
     @metric
-    def of_the_two(self, answer: Dataset) -> dict[str, float]:
+    def numbers_of_the_two(self, answer: Dataset) -> dict[str, float]:
         upper, numbers = answer["worst"].sel(bound="upper"), {}
         for place, name in enumerate(CASES[:2]):
             one = {"share": int(answer["chosen"][place])}
@@ -341,6 +333,13 @@ class TwoControllers(Study):
             "loops": loops_figure(self.axis, answer),
         }
     )
+
+
+def _systems(A: DataArray, B: DataArray, C: DataArray, D: DataArray) -> list[StateSpace]:
+    """Controllers by share."""
+    import control
+
+    return [control.ss(*one) for one in zip(A.values, B.values, C.values, D.values, strict=True)]
 
 
 def _follows(loops: list[StateSpace], time: DataArray, reference: RealArray) -> RealArray:
