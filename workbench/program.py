@@ -90,7 +90,7 @@ class Task(Checker):
         """The numbers people quote."""
 
     def headline_value(self, answer: Any) -> float:
-        return self.metrics(answer)[self.headline] if self.headline else math.nan
+        return self.metrics(answer).get(self.headline, math.nan) if self.headline else math.nan
 
     def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:
         """What draws the figures, by name: each of them can be called where another one fails."""

@@ -69,7 +69,8 @@ class Solution:
         task, certificate = self._answered, self.certificate
         if task is None or not task.headline or certificate is None or not certificate.valid:
             return ""
-        return f"; {task.headline.replace('_', ' ')} {task.metrics(self.answer)[task.headline]:.6g}"
+        number = task.metrics(self.answer).get(task.headline)
+        return "" if number is None else f"; {task.headline.replace('_', ' ')} {number:.6g}"
 
     @property
     def _answered(self) -> Task | None:

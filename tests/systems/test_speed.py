@@ -56,3 +56,18 @@ def test_a_pole_within_rounding_is_told_in_any_units_of_states():
     assert pole_may_be_at(1j, A)
     assert not pole_may_be_at(1j, A + np.diag([0.0, -1e-12]))
     assert not pole_may_be_at(0.5j, A)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_powers_of_many_states_stay_within_doubles(scale):
+    """A chain of fast states: its 60th power is beyond doubles in any unit but its own."""
+    A = scale * (np.diag(np.full(60, -1.0)) + np.diag(np.full(59, 1e6), 1))
+    B, C = np.eye(60)[:, -1:], np.eye(60)[:1]
+    assert speed(A, B, C) == pytest.approx(scale, rel=0.5)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
+def test_many_integrators_are_measured_by_their_gain(scale):
+    A = np.diag(np.full(59, scale), 1)
+    B, C = np.eye(60)[:, -1:], scale * np.eye(60)[:1]
+    assert speed(A, B, C) == pytest.approx(scale, rel=0.5)

@@ -67,7 +67,7 @@ def _nilpotent(A: RealArray) -> bool:
     """Whether a power of A is 0 up to the rounding of its entries."""
     power, bound = np.eye(len(A)), np.eye(len(A))
     for _ in A:
-        power, bound = power @ A, bound @ np.abs(A)
+        power, bound, _ = _within_doubles(power @ A, bound @ np.abs(A))
         if (np.abs(power) <= ZERO * len(A) * EPS * bound).all():
             return True
     return False
@@ -75,14 +75,25 @@ def _nilpotent(A: RealArray) -> bool:
 
 def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
     """h^(1/k) of the largest entry h of the first C A^(k-1) B that is not 0."""
-    rows, bound = C, np.abs(C)
+    rows, bound, taken = C, np.abs(C), 0.0
     for k in range(1, len(A) + 1):
         h = np.abs(rows @ B)
         h = h[h > ZERO * len(A) * EPS * (bound @ np.abs(B))]
         if h.size:
-            return _power_of_two(float(h.max()) ** (1.0 / k))
-        rows, bound = rows @ A, bound @ np.abs(A)
+            return float(np.exp2(np.round((np.log2(h.max()) + taken) / k)))
+        rows, bound, exponent = _within_doubles(rows @ A, bound @ np.abs(A))
+        taken += exponent
     return 1.0
+
+
+def _within_doubles(product: RealArray, bound: RealArray) -> tuple[RealArray, RealArray, float]:
+    """Both over a power of two about the largest bound, and its exponent.
+
+    The powers of a matrix of many states would else leave the range of doubles.
+    """
+    largest = float(bound.max(initial=0.0))
+    exponent = float(np.floor(np.log2(largest))) if largest > 0.0 else 0.0
+    return np.ldexp(product, -int(exponent)), np.ldexp(bound, -int(exponent)), exponent
 
 
 def _power_of_two(size: float) -> float:

@@ -59,7 +59,7 @@ def test_a_controller_that_is_not_the_best_at_its_own_is_found(solved, data):
     study, _ = solved
     worse = data.copy(deep=True)
     for part in "ABCD":
-        worse[f"lqg_{part}"] = worse[f"mixed_sensitivity_{part}"]
+        worse[f"lqg_{part}"] = worse[f"loop_shaping_{part}"]
     failed = {check.name for check in study.checks(worse, 1e-6) if not check.holds}
     assert "LQG is best at its own" in failed
 
