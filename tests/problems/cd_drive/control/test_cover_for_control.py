@@ -30,7 +30,7 @@ def perturbed(part, random):
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_peak_does_not_hang_on_last_bits(axis, reference):
     """The stored run is one more of them, made on another day and maybe on another processor."""
-    narrowest = reference(f"cd/{axis}/stadium-cover")
+    narrowest = reference(f"cd/{axis}/stadium-cover", "steps")
     responses = measured_drives(axis, 400, 5.0, 5000.0, "own")
     peaks = [reference(f"cd/{axis}/cover-for-control").metrics["peak"]]
     for seed in SEEDS:
