@@ -37,20 +37,20 @@ def scalar_plant(a, D22=0.0):
     return control.ss([[a]], B, C, D)
 
 
-def textbook_plants():
-    """Name, system, measurements, controls."""
-    s = control.tf("s")
+def stacked(G, W_S, W_KS):
+    from workbench.synthesis import MixedSensitivity
 
-    def stack(G, W_S, W_KS):
-        from workbench.synthesis import MixedSensitivity
+    return MixedSensitivity(G, W_S, W_KS).plant.system
 
-        return MixedSensitivity(G, W_S, W_KS).plant.system
 
+s = control.tf("s")
+TEXTBOOK = {
     # Skogestad, Postlethwaite (1996), example 2.11: 200 / ((10 s + 1) (0.05 s + 1)^2), norm 1.37.
-    disturbed = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
-    return [
-        ("skogestad", stack(disturbed, (s / 1.5 + 10) / (s + 1e-3), 1.0), 1, 1),
-        ("unstable", stack(1 / (s - 1), (s + 1) / (s + 0.1), 0.5), 1, 1),
-        ("flexible", stack(1 / (s**2 + 0.1 * s + 1), (s + 1) / (2 * s + 0.02), 0.1), 1, 1),
-        ("scalar", scalar_plant(1.0), 1, 1),
-    ]
+    "skogestad": lambda: stacked(
+        200 / ((10 * s + 1) * (0.05 * s + 1) ** 2), (s / 1.5 + 10) / (s + 1e-3), 1.0
+    ),
+    "unstable": lambda: stacked(1 / (s - 1), (s + 1) / (s + 0.1), 0.5),
+    "flexible": lambda: stacked(1 / (s**2 + 0.1 * s + 1), (s + 1) / (2 * s + 0.02), 0.1),
+    "scalar": lambda: scalar_plant(1.0),
+}
+"""Makes the system of each, with one measurement and one control."""
