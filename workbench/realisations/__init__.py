@@ -1,0 +1,18 @@
+"""What the states of a system are worth: Gramians and Hankel values, proven."""
+
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.realisations.gramian_pair import Gramians, gramians
+    from workbench.realisations.hankel import HankelValues, hankel_values
+else:
+    __getattr__, __dir__ = on_demand(__name__)
+
+__all__ = [
+    "Gramians",
+    "HankelValues",
+    "gramians",
+    "hankel_values",
+]
