@@ -28,7 +28,7 @@ class HankelValues(Answer):
     >>> from workbench.realisations import hankel_values
     >>> values = hankel_values(control.tf([1.0], [1.0, 3.0, 2.0]))
     >>> values.upper.round(4).tolist()
-    [0.2743, 0.0243]
+    [0.2968, 0.0468]
     """
 
     lower: RealArray
@@ -68,7 +68,7 @@ def hankel_values(system: Any) -> HankelValues:
     >>> from workbench.realisations import hankel_values
     >>> values = hankel_values(control.tf([1.0], [1.0, 1.0]) + control.tf([1e-3], [1.0, 9.0]))
     >>> values.upper.round(7).tolist(), values.holds
-    ([0.500018, 3.75e-05], True)
+    ([0.50002, 3.56e-05], True)
 
     References
     ----------

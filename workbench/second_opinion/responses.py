@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -201,3 +202,41 @@ def tried_frequencies(
         found.append(omega * (1 + np.array(NEAR_A_PEAK)))
     every = np.unique(np.concatenate(found))
     return every[(every >= 0) & (every <= top)]
+
+
+POINTS = 12
+"""Points of the plane at which a sum is compared with its parts."""
+
+
+def farthest_sum(system: Any, parts: Sequence[Any]) -> float:
+    """Largest difference of a system and the sum of its parts at points about the poles.
+
+    It is relative to the sum of the sizes of the parts. The points lie off the axis and the unit
+    circle, between sizes of the poles, where responses in doubles are good.
+    """
+    poles = np.linalg.eigvals(np.asarray(system.A, dtype=float)) if system.nstates else np.ones(1)
+    sizes = np.maximum(np.abs(poles), 1e-9 * np.abs(poles).max() or 1.0)
+    radii = np.geomspace(sizes.min() / 3.0, sizes.max() * 3.0, tries(POINTS))
+    angles = np.exp(1j * (0.5 + UNIT_TURN * np.arange(len(radii))))
+    worst = 0.0
+    for s in radii * angles:
+        values = [_at(part, s) for part in (system, *parts)]
+        scale = sum(np.linalg.norm(value) for value in values)
+        apart = np.linalg.norm(values[0] - sum(values[1:]))
+        worst = max(worst, float(apart / scale) if scale else 0.0)
+    return worst
+
+
+UNIT_TURN = 2.399963
+"""Angle [rad] from one point to the next, by which they never meet (the golden angle)."""
+
+
+def _at(system: Any, s: complex) -> ComplexArray:
+    """The transfer matrix at one point."""
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    if not len(A):
+        return D.astype(complex)
+    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    inner = np.linalg.solve(s * np.eye(len(A)) - A, (B / scale[:, None]).astype(complex))
+    found: ComplexArray = D + (C * scale) @ inner
+    return found

@@ -18,7 +18,7 @@ from flint import arb, arb_mat, ctx
 from workbench.arrays import RealArray
 from workbench.certify.balls import above, below
 from workbench.certify.modes.modal_form import real_balls
-from workbench.certify.realisations.lyapunov import EnclosedGramian, enclosed_gramian, length
+from workbench.certify.realisations.lyapunov import EnclosedGramian, enclosed_gramian, frobenius
 from workbench.systems.balancing import with_state_units
 
 BITS = (128, 256, 512, 1024)
@@ -60,10 +60,10 @@ def _values(P: EnclosedGramian, Q: EnclosedGramian, bits: int) -> tuple[RealArra
     """Bounds of the values from enclosed Gramians."""
     n = P.middle.nrows()
     S = _factor(P.middle, bits)
-    blur = length(P.middle - S * S.transpose())
-    size = length(Q.middle) + Q.share * length(Q.size)
-    error = (P.share * length(P.size) + blur) * size
-    error += Q.share * length(S.transpose() * Q.size * S)
+    blur = frobenius(P.middle - S * S.transpose())
+    size = frobenius(Q.middle) + Q.share * frobenius(Q.size)
+    error = (P.share * frobenius(P.size) + blur) * size
+    error += Q.share * frobenius(S.transpose() * Q.size * S)
     middles, radius, turn = _eigenvalues(S.transpose() * Q.middle * S, bits)
     squares = [((each - radius) / (1 + turn), (each + radius) / (1 - turn)) for each in middles]
     squares += [(arb(0), arb(0))] * (n - len(squares))
@@ -101,11 +101,11 @@ def _eigenvalues(M: Any, bits: int) -> tuple[list[arb], arb, arb]:
     V = real_balls(np.linalg.eigh((near + near.T) / 2)[1])
     V = _rotated((V.transpose() * M * V).mid(), V, bits)
     diagonal = V.transpose() * M * V
-    turn = length(V.transpose() * V - real_balls(np.eye(r)))
+    turn = frobenius(V.transpose() * V - real_balls(np.eye(r)))
     middles = [diagonal[k, k].mid() for k in range(r)]
     for k in range(r):
         diagonal[k, k] -= middles[k]
-    return middles, length(diagonal), turn
+    return middles, frobenius(diagonal), turn
 
 
 def _rotated(M: Any, V: Any, bits: int) -> Any:

@@ -76,9 +76,9 @@ def enclosed_gramian(A: RealArray, B: RealArray, dt: float, bits: int) -> Enclos
         P = _refined(A, wanted, dt, 2.0 ** (8 - bits))
         Y = _refined(A, unit, dt, SMALL_DEFECT)
         if P is not None and Y is not None:
-            defect = length(_residual(A, Y, unit, dt))
+            defect = frobenius(_residual(A, Y, unit, dt))
             if defect < 0.5:
-                share = length(_residual(A, P, wanted, dt)) / (1 - defect)
+                share = frobenius(_residual(A, P, wanted, dt)) / (1 - defect)
                 return EnclosedGramian(P, Y, share.upper())
         return _by_equations(A, wanted, dt) if len(A) <= FEW_STATES else None
 
@@ -97,21 +97,21 @@ def _refined(A: RealArray, wanted: Any, dt: float, share: float) -> Any:
     sign = 1.0 if dt else -1.0
     n = len(A)
     P, rest = arb_mat(n, n), wanted
-    first = left = length(rest)
+    first = left = frobenius(rest)
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # of poles within rounding of the boundary
         for _ in range(MOST_CORRECTIONS):
             if not left > share * first:
                 return P
             try:
-                step = solve(A, sign * _doubles(rest / left.mid()))
+                step = solve(A, sign * rounded(rest / left.mid()))
             except (np.linalg.LinAlgError, ValueError, RuntimeWarning):
                 return None
             if not np.isfinite(step).all():
                 return None
             P = (P + real_balls((step + step.T) / 2) * left.mid()).mid()
             rest = _residual(A, P, wanted, dt)
-            before, left = left, length(rest)
+            before, left = left, frobenius(rest)
             if not left < SLOWEST * before:
                 return P if left <= share * 2.0**16 * first else None
     return P
@@ -141,7 +141,7 @@ def _by_equations(A: RealArray, wanted: Any, dt: float) -> EnclosedGramian | Non
     P = arb_mat(n, n)
     for k, (i, j) in enumerate(pairs):
         P[i, j] = P[j, i] = found[k, 0]
-    share = length(P - P.mid())
+    share = frobenius(P - P.mid())
     return EnclosedGramian(P.mid(), real_balls(np.eye(n)), share.upper())
 
 
@@ -187,13 +187,13 @@ def _positive_definite(matrix: Any) -> bool:
     return True
 
 
-def length(matrix: Any) -> arb:
+def frobenius(matrix: Any) -> arb:
     """An upper bound of the spectral norm: that of Frobenius."""
     squares = (entry.abs_upper() ** 2 for entry in matrix.entries())
     return sum(squares, arb(0)).upper().sqrt().upper()
 
 
-def _doubles(matrix: Any) -> RealArray:
+def rounded(matrix: Any) -> RealArray:
     """Midpoints, rounded."""
     shape = matrix.nrows(), matrix.ncols()
     return np.array([float(entry.mid()) for entry in matrix.entries()]).reshape(shape)
@@ -202,7 +202,7 @@ def _doubles(matrix: Any) -> RealArray:
 def rounded_gramian(gramian: EnclosedGramian) -> tuple[RealArray, RealArray]:
     """The Gramian in doubles, and bounds of the errors of its entries, both (n, n)."""
     n = gramian.middle.nrows()
-    near = _doubles(gramian.middle)
+    near = rounded(gramian.middle)
     error = np.zeros((n, n))
     for i in range(n):
         for j in range(i, n):
