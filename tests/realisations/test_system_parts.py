@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.realisations.parts import boundary_projector, in_doubles
+from workbench.certify.realisations.parts import boundary_projector, nearest_doubles
 from workbench.errors import InputError
 from workbench.realisations import hankel_values, stable_part
 
@@ -92,9 +92,9 @@ def test_a_random_system():
 
 def test_the_projector_is_exact():
     A = np.array([[-1.0, 2.0], [0.0, 0.0]])
-    assert in_doubles(boundary_projector(A, False)).tolist() == [[0.0, 2.0], [0.0, 1.0]]
+    assert nearest_doubles(boundary_projector(A, False)).tolist() == [[0.0, 2.0], [0.0, 1.0]]
     assert boundary_projector(np.array([[0.0, 1.0], [2.0, 0.0]]), False) is None
-    assert in_doubles(boundary_projector(np.eye(2), True)).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert nearest_doubles(boundary_projector(np.eye(2), True)).tolist() == [[1.0, 0.0], [0.0, 1.0]]
     tiny = np.array([[5e-324]])
     assert boundary_projector(tiny, False) is None
 

@@ -16,7 +16,7 @@ from workbench.certify.realisations.lyapunov import rounded, stability_proof
 from workbench.certify.realisations.parts import (
     BITS,
     boundary_projector,
-    in_doubles,
+    nearest_doubles,
     split_in_balls,
     sum_errors,
 )
@@ -132,7 +132,8 @@ def parts_of(system: StateSpace) -> SystemParts:
     if found is None:
         raise _undecided()
     own, rest = ([rounded(part) for part in parts] for parts in found)
-    Q, own[0] = _exact_integrators(own[0], float(np.abs(A).max(initial=0.0)), bool(dt))
+    negligible = VANISHING * float(np.abs(A).max(initial=float(bool(dt))))
+    Q, own[0] = exact_integrators(own[0], negligible, bool(dt))
     own[1:] = Q.T @ own[1], own[2] @ Q
     V[:, :k] = V[:, :k] @ Q
     a, b, c = rest
@@ -165,15 +166,16 @@ def _undecided() -> InputError:
     )
 
 
-def _exact_integrators(A: RealArray, size: float, sampled: bool) -> tuple[RealArray, RealArray]:
+def exact_integrators(
+    A: RealArray, negligible: float, sampled: bool
+) -> tuple[RealArray, RealArray]:
     """An orthogonal Q and Q'AQ of the part on the boundary, its poles at 0 (sampled: 1) exact.
 
-    ``size`` is that of the whole system's entries, beside which what its projector leaves of 0 is
-    nothing.
+    Entries up to ``negligible`` (sampled: of their distance from 1) are rounding of 0.
     """
     shift = np.eye(len(A)) if sampled else np.zeros((len(A), len(A)))
     moved = A - shift
-    moved[np.abs(moved) < VANISHING * max(size, 1.0 if sampled else 0.0)] = 0.0
+    moved[np.abs(moved) <= negligible] = 0.0
     Q, T, _, _ = stable_last(moved)
     return Q, T + shift
 
@@ -198,7 +200,7 @@ def _coordinates(
     V, k = np.eye(n), 0
     projector = boundary_projector(A, sampled) if _may_touch(balanced, sampled) else None
     if projector is not None:
-        V, k = _bases(in_doubles(projector) * units[:, None] / units)
+        V, k = _bases(nearest_doubles(projector) * units[:, None] / units)
     if k == n:
         return V / units[:, None], (k, 0), projector
     rest = np.linalg.solve(V, balanced @ V)[k:, k:]

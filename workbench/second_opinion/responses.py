@@ -240,3 +240,22 @@ def _at(system: Any, s: complex) -> ComplexArray:
     inner = np.linalg.solve(s * np.eye(len(A)) - A, (B / scale[:, None]).astype(complex))
     found: ComplexArray = D + (C * scale) @ inner
     return found
+
+
+def farthest_apart(system: Any, other: Any, error: float) -> float:
+    """By how much two systems differ beyond an error on the boundary of stability, relative.
+
+    At points between the sizes of the poles of the first, or spread over the unit circle.
+    """
+    if system.dt:
+        points = np.exp(1j * np.linspace(0.01, 3.13, tries(POINTS)))
+    else:
+        poles = np.linalg.eigvals(np.asarray(system.A, dtype=float)) if system.nstates else [1.0]
+        sizes = np.maximum(np.abs(poles), 1e-9 * np.abs(poles).max() or 1.0)
+        points = 1j * np.geomspace(sizes.min() / UNIT_TURN, sizes.max() * 3.0, tries(POINTS))
+    worst = 0.0
+    for s in points:
+        value, its = _at(system, s), _at(other, s)
+        apart, scale = np.linalg.norm(value - its, 2) - error, np.linalg.norm(value, 2)
+        worst = max(worst, float(apart / scale) if scale else 0.0)
+    return worst

@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, fmpq_poly
+from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.norms import certified_norm
@@ -41,7 +42,7 @@ def in_fractions(matrix: RealArray) -> fmpq_mat:
     return fmpq_mat(rows, columns, [fmpq(*pair) for pair in pairs])
 
 
-def in_doubles(matrix: fmpq_mat) -> RealArray:
+def nearest_doubles(matrix: fmpq_mat) -> RealArray:
     """The fractions, rounded."""
     entries = [float(arb(entry).mid()) for entry in matrix.entries()]
     return np.array(entries).reshape(matrix.nrows(), matrix.ncols())
@@ -146,13 +147,13 @@ def sum_errors(
         (n, n): the states of the system are this times those of the parts, nearly.
     """
     A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
-    n, k = len(A), len(boundary[0])
+    k = len(boundary[0])
     if not np.array_equal(D, boundary[3] + rest[3]):
         return math.inf, math.inf
     projector = boundary_projector(A, bool(system.dt)) if k else None
-    if k and (projector is None or sum(projector[i, i] for i in range(n)) != k):
+    if k and (projector is None or states_of(projector) != k):
         return math.inf, math.inf
-    relative = _markov_error((A, B, C, D), boundary, projector) if projector is not None else 0.0
+    relative = markov_error((A, B, C, D), boundary, projector) if projector is not None else 0.0
     with ctx.workprec(BITS):
         found = split_in_balls((A, B, C), coordinates, k, projector)
         if found is None:
@@ -164,14 +165,47 @@ def sum_errors(
     return _gain_error(rest, differences, float(system.dt or 0.0)), relative
 
 
-def _markov_error(given: Matrices, stored: Matrices, projector: fmpq_mat) -> float:
+def boundary_part_error(system: StateSpace, boundary: Matrices) -> float:
+    """The largest relative error of a Markov parameter of a stored part on the boundary."""
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    projector = boundary_projector(A, bool(system.dt))
+    if projector is None:
+        return math.inf if len(boundary[0]) else 0.0
+    return markov_error((A, B, C, D), boundary, projector)
+
+
+def gain_apart(one: Matrices, other: Matrices, dt: float, antistable: bool) -> float:
+    """A bound of the largest gain of the difference of two stable parts, or of two antistable ones.
+
+    Infinite where nothing proves one, as of antistable sampled parts that differ.
+    """
+    if all(np.array_equal(part, its) for part, its in zip(one, other, strict=True)):
+        return 0.0
+    if antistable and dt:
+        return math.inf
+    sign = -1.0 if antistable else 1.0
+    (A, B, C, D), (A2, B2, C2, D2) = one, other
+    whole = block_diag(sign * A, sign * A2), np.vstack([sign * B, sign * B2]), np.hstack([C, -C2])
+    rounding = float(np.linalg.norm(D)) * (0.0 if np.array_equal(D, D2) else EPS)
+    try:
+        return certified_norm(realisation((*whole, D - D2), dt)) + 2.0 * rounding
+    except InputError:
+        return math.inf
+
+
+def states_of(matrix: fmpq_mat) -> int:
+    """The number of states of a part: the trace of its projector."""
+    return int(sum((matrix[i, i] for i in range(matrix.nrows())), fmpq(0)).p)
+
+
+def markov_error(given: Matrices, stored: Matrices, projector: fmpq_mat) -> float:
     """The largest relative error of a Markov parameter of the part on the boundary."""
     A, B, C = (in_fractions(part) for part in given[:3])
     own = [in_fractions(part) for part in stored[:3]]
     sizes = [in_fractions(np.abs(part)) for part in stored[:3]]
     state, stored_state, size = projector * B, own[1], sizes[1]
     worst = arb(0)
-    for _ in range(2 * len(stored[0])):
+    for _ in range(2 * states_of(projector)):
         triples = zip(
             (C * state).entries(),
             (own[2] * stored_state).entries(),
@@ -197,7 +231,7 @@ def _gain_error(rest: Matrices, differences: Sequence[float], dt: float) -> floa
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)  # of poles within rounding of the axis
             outer, inner, middle = (
-                arb(axis_gain(realisation((matrix, gains, unit, np.zeros(gains.shape)), dt)))
+                arb(boundary_gain(realisation((matrix, gains, unit, np.zeros(gains.shape)), dt)))
                 for matrix, gains in ((A.T, C.T), (A, B), (A, unit))
             )
     except (InputError, RuntimeWarning):
@@ -209,7 +243,7 @@ def _gain_error(rest: Matrices, differences: Sequence[float], dt: float) -> floa
     return above(dC * entering + outer * dA * entering + outer * dB)
 
 
-def axis_gain(system: StateSpace) -> float:
+def boundary_gain(system: StateSpace) -> float:
     """An upper bound of the largest gain on the boundary of stability, of any system.
 
     Raises InputError as `stable_numerator`.
