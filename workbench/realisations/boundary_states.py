@@ -20,7 +20,7 @@ from workbench.systems.realisation import Matrices
 def least_boundary_part(system: StateSpace) -> Matrices:
     """A, B, C and D = 0 of the exact part on the boundary with the fewest states, rounded.
 
-    The matrix H of its Markov parameters is the product of the rows of C A^i and the columns of A^j B of
+    The matrix H of its Markov parameters is the product of the rows C A^i and the columns A^j B of
     the part. Rows and columns that H's rank stands on give a basis (B. L. Ho, R. E. Kalman,
     Effective construction of linear state-variable models from input/output functions,
     Regelungstechnik 14 (1966) 545-548).

@@ -24,7 +24,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import state_units
+from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import Matrices, realisation
 
@@ -140,7 +140,7 @@ def parts_of(system: StateSpace) -> SystemParts:
     two = [(a[place, place], b[place], c[:, place]) for place in _places(antistable, len(a))]
     blocks, scales = [], []
     for (a, b, c), direct in zip((own, *two), (0.0, 0.0, 1.0), strict=True):
-        units = state_units(a, b, c)
+        units = _units(a, b, c, bool(dt))
         scales.append(units)
         scaled = a * units[:, None] / units, b * units[:, None], c / units
         blocks.append((*scaled, direct * D))
@@ -152,6 +152,12 @@ def parts_of(system: StateSpace) -> SystemParts:
     boundary, antistable_part, stable = (realisation(part, dt, **labels) for part in blocks)
     errors = CLAIMED * error, CLAIMED * relative
     return SystemParts(stable, boundary, antistable_part, coordinates, *errors)
+
+
+def _units(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> RealArray:
+    """Factors of the states that balance a realisation, its time measured by its own speed."""
+    rate = 1.0 if sampled else speed(A, B, C)
+    return state_units(A / rate, B / rate, C)
 
 
 def _places(first: int, n: int) -> tuple[slice, slice]:
@@ -195,7 +201,7 @@ def _coordinates(
     the states of the first.
     """
     n = len(A)
-    units = state_units(A, B, C)
+    units = _units(A, B, C, sampled)
     balanced = A * units[:, None] / units
     V, k = np.eye(n), 0
     projector = boundary_projector(A, sampled) if _may_touch(balanced, sampled) else None

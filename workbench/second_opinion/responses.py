@@ -242,8 +242,12 @@ def _at(system: Any, s: complex) -> ComplexArray:
     return found
 
 
-def farthest_apart(system: Any, other: Any, error: float) -> float:
+def farthest_apart(
+    system: Any, other: Any, error: float, leaving: Any = None, entering: Any = None
+) -> float:
     """By how much two systems differ beyond an error on the boundary of stability, relative.
+
+    The difference is multiplied by weights of the outputs and of the inputs; None is 1.
 
     At points between the sizes of the poles of the first, or spread over the unit circle.
     """
@@ -256,6 +260,10 @@ def farthest_apart(system: Any, other: Any, error: float) -> float:
     worst = 0.0
     for s in points:
         value, its = _at(system, s), _at(other, s)
+        if leaving is not None:
+            value, its = _at(leaving, s) @ value, _at(leaving, s) @ its
+        if entering is not None:
+            value, its = value @ _at(entering, s), its @ _at(entering, s)
         apart, scale = np.linalg.norm(value - its, 2) - error, np.linalg.norm(value, 2)
         worst = max(worst, float(apart / scale) if scale else 0.0)
     return worst

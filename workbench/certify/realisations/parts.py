@@ -25,7 +25,7 @@ from workbench.certify.balls import above
 from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.norms import certified_norm
 from workbench.certify.proofs.numerator import stable_numerator
-from workbench.certify.realisations.lyapunov import frobenius
+from workbench.certify.realisations.lyapunov import frobenius, rounded
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -177,20 +177,50 @@ def boundary_part_error(system: StateSpace, boundary: Matrices) -> float:
 def gain_apart(one: Matrices, other: Matrices, dt: float, antistable: bool) -> float:
     """A bound of the largest gain of the difference of two stable parts, or of two antistable ones.
 
-    Infinite where nothing proves one, as of antistable sampled parts that differ.
+    Infinite where nothing proves one.
     """
     if all(np.array_equal(part, its) for part, its in zip(one, other, strict=True)):
         return 0.0
-    if antistable and dt:
-        return math.inf
-    sign = -1.0 if antistable else 1.0
-    (A, B, C, D), (A2, B2, C2, D2) = one, other
-    whole = block_diag(sign * A, sign * A2), np.vstack([sign * B, sign * B2]), np.hstack([C, -C2])
-    rounding = float(np.linalg.norm(D)) * (0.0 if np.array_equal(D, D2) else EPS)
+    slack = 0.0
+    if antistable:
+        (one, more), (other, still) = (_stable_mirror(part, dt) for part in (one, other))
+        slack = more + still
+    rounding = float(np.linalg.norm(one[3])) * EPS if (one[3] != other[3]).any() else 0.0
     try:
-        return certified_norm(realisation((*whole, D - D2), dt)) + 2.0 * rounding
+        apart = certified_norm(realisation(difference_of(one, other), dt))
     except InputError:
         return math.inf
+    return (apart + 2.0 * rounding + slack) * (1.0 + 4.0 * EPS)
+
+
+def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
+    """G(-s), or G(1 / z), of an antistable part, rounded, and a bound of its error.
+
+    G(1 / z) is D - C M B - C M (z - M)^-1 M B with M = A^-1.
+    """
+    A, B, C, D = part
+    if not dt or not len(A):
+        return (-A, -B, C, D), 0.0
+    with ctx.workprec(BITS):
+        a, b, c, d = (real_balls(matrix) for matrix in part)
+        try:
+            back = a.inv()
+        except ZeroDivisionError:
+            return part, math.inf
+        exact = back, back * b, -c * back, d - c * back * b
+        near = tuple(rounded(matrix) for matrix in exact)
+        errors = [
+            above(frobenius(true - real_balls(stored)))
+            for true, stored in zip(exact, near, strict=True)
+        ]
+    mirror = near[0], near[1], near[2], near[3]
+    return mirror, _gain_error(mirror, errors[:3], dt) + errors[3]
+
+
+def difference_of(one: Matrices, other: Matrices) -> Matrices:
+    """The difference of two systems, states side by side."""
+    (A, B, C, D), (A2, B2, C2, D2) = one, other
+    return block_diag(A, A2), np.vstack([B, B2]), np.hstack([C, -C2]), D - D2
 
 
 def states_of(matrix: fmpq_mat) -> int:

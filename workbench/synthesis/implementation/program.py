@@ -31,6 +31,7 @@ from workbench.second_opinion.implemented.sampled_plants import (
 )
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
+from workbench.synthesis.implementation.approximation import approximated
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.c_code.export_c import Limits, limit_tables
 from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
@@ -45,7 +46,6 @@ from workbench.synthesis.implementation.implemented import (
     ImplementedController,
     Precision,
 )
-from workbench.synthesis.implementation.reduction import approximated
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
     sampled_conditions,
