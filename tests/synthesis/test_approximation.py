@@ -90,7 +90,7 @@ def test_a_weight_brings_the_error_down_where_it_is_high():
 @pytest.mark.parametrize("system", [G, SAMPLED, MIMO, G * tf([1.0], [1.0, 0.0])])
 @pytest.mark.parametrize("error", [0.5, 3e-2, 1e-3])
 def test_a_wanted_error_is_reached_by_the_least_order(system, error):
-    found = approximated(system, method="balanced", error=error)
+    found = approximated(system, None, "balanced", error=error)
     assert found.error <= error and seen(system, found) <= error
     least = 0 if abs(system.poles()).min() > 0.0 else 1
     if found.nstates > least:
@@ -107,8 +107,8 @@ def test_no_approximation_is_better_than_the_next_hankel_value():
 
 def test_an_error_below_rounding_is_refused_or_is_the_system_itself():
     with pytest.raises(InputError, match=r"error is 1e-30; no order up to 4"):
-        approximated(G, method="balanced", error=1e-30)
-    assert approximated(G, method="balanced", error=1e-11).nstates == 4
+        approximated(G, None, "balanced", error=1e-30)
+    assert approximated(G, None, "balanced", error=1e-11).nstates == 4
 
 
 def test_it_is_a_state_space_with_a_certificate():
@@ -159,7 +159,7 @@ def test_what_is_on_the_boundary_must_agree():
 )
 def test_bad_input_is_told(given, message):
     with pytest.raises(InputError, match=message):
-        approximated(G, **{"method": "balanced"} | given)
+        approximated(G, **{"order": None, "method": "balanced"} | given)
 
 
 def test_a_pole_at_minus_one_is_named():

@@ -119,7 +119,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
 
 def approximated(
     K: Any,
-    order: int | None = None,
+    order: int | None,
     method: ReductionMethod = "weighted",
     plant: GeneralisedPlant | None = None,
     *,
@@ -137,7 +137,7 @@ def approximated(
     K
         StateSpace or TransferFunction, stable or not, continuous or sampled.
     order
-        Largest number of states.
+        Largest number of states; None where an error is wanted instead.
     method
         ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"``,
         ``"matchdc"`` and ``"hankel"``: balanced truncation, the same with the response at zero
@@ -146,8 +146,8 @@ def approximated(
     plant
         Plant of the loop u = K y; for ``"weighted"`` only.
     error
-        Instead of an order: the largest gain of the difference, times the weights, that is
-        allowed. The least order is taken that is proven to reach it.
+        Largest gain of the difference, times the weights, that is allowed. The least order that is
+        proven to reach it is taken.
     output_weight, input_weight
         Stable W_o and W_i of the difference W_o (K - K_r) W_i that is to be small, for "balanced"
         and "matchdc"; a weight of one signal counts for each.
@@ -168,14 +168,14 @@ def approximated(
     >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
     >>> approximated(K, 1, "balanced").poles().real.round(2).tolist()
     [-1.0]
-    >>> small = approximated(K, method="balanced", error=1e-3)
+    >>> small = approximated(K, None, "balanced", error=1e-3)
     >>> small.nstates, bool(small.error <= 1e-3)
     (1, True)
 
     References
     ----------
-    D. Enns, Model reduction with balanced realizations, CDC 1984, for a weight; G. Wang, V. Sreeram,
-    W. Liu, IEEE Trans. Automatic Control 44 (1999) 1734-1737, for weights on both sides.
+    D. Enns, Model reduction with balanced realizations, CDC 1984, for a weight; G. Wang, V.
+    Sreeram, W. Liu, IEEE Trans. Automatic Control 44 (1999) 1734-1737, for weights on both sides.
     """
     K = as_system(K, "K")
     weights = _weights(K, method, output_weight, input_weight)
