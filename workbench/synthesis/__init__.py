@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         approximated,
         approximations,
     )
+    from workbench.synthesis.implementation.continuation import continuous_time
     from workbench.synthesis.implementation.discretise import discretised
     from workbench.synthesis.implementation.export import export, load_controller
     from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
@@ -130,6 +131,7 @@ __all__ = [
     "approximated",
     "approximations",
     "closed_transition",
+    "continuous_time",
     "controller_replaced",
     "discretised",
     "equalising_gain",
