@@ -28,13 +28,13 @@ AWAY = 1.7 + 0.9j
 """Point of the plane, in the size of poles and zeros, at which a leading coefficient is read."""
 
 
-def continuous_time(K: Any, method: ContinuationMethod = "zoh") -> StateSpace:
+def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> StateSpace:
     """The continuous system that a sampled one was made from, by a method of `discretised`.
 
     Parameters
     ----------
-    K
-        StateSpace or TransferFunction, sampled, its dt known.
+    controller
+        StateSpace or TransferFunction, sampled, its dt known; a plant as well.
     method
         ``"zoh"``: whose response to held inputs it is at the samples; ``"tustin"``, the inverse of
         the bilinear transform; ``"matched"``, with the logarithms of poles and zeros, zeros at
@@ -43,7 +43,7 @@ def continuous_time(K: Any, method: ContinuationMethod = "zoh") -> StateSpace:
     Raises
     ------
     InputError
-        K is continuous, or its sampling time is open; it has a pole at or left of z = 0 on the real
+        It is continuous, or its sampling time is open; it has a pole at or left of z = 0 on the real
         axis, which no real system gives under a hold or by matching; of "tustin" a pole at z = -1;
         of "matched" such a zero other than -1, or several inputs or outputs.
 
@@ -61,7 +61,7 @@ def continuous_time(K: Any, method: ContinuationMethod = "zoh") -> StateSpace:
     G. F. Franklin, J. D. Powell, M. L. Workman, Digital Control of Dynamic Systems, 3rd ed., 1997,
     sections 4.3.1 and 6.2.
     """
-    K = as_system(K, "K")
+    K = as_system(controller, "K")
     need_choice(method, ContinuationMethod, "method")
     if not K.dt:
         raise InputError("K is continuous already (dt = 0); give the sampled system")
@@ -132,9 +132,9 @@ def _matched_back(K: StateSpace) -> Matrices:
                 'continuous system gives it by matching: ask "zoh" or "tustin"'
             )
     gain = _leading(K, poles, every) * np.prod(1.0 - every[infinite])
-    poles, zeros = (np.log(roots).astype(complex) / T for roots in (poles, zeros))
-    gain = gain * np.prod(_growth(zeros, T)) / np.prod(_growth(poles, T))
-    return _cascade(poles, zeros, float(gain.real))
+    starts, ends = (np.log(roots).astype(complex) / T for roots in (poles, zeros))
+    gain = gain * np.prod(_growth(ends, T)) / np.prod(_growth(starts, T))
+    return _cascade(starts, ends, float(gain.real))
 
 
 def _growth(roots: ComplexArray, T: float) -> ComplexArray:

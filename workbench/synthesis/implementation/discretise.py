@@ -26,8 +26,11 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
+ImplementationMethod = Literal["tustin", "zoh", "foh"]
+"""Discretisation methods of any number of inputs: bilinear transform, and holds of order zero and
+one."""
 DiscretisationMethod = Literal["tustin", "zoh", "foh", "matched"]
-"""Discretisation methods: bilinear transform, holds of order zero and one, poles and zeros."""
+"""The same, and matched poles and zeros."""
 SEPARATION_NORM = 1e3
 """Largest norm of a transformation that separates blocks; poles that need more stay together."""
 CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
