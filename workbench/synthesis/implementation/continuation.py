@@ -43,9 +43,9 @@ def continuous_time(controller: Any, *, method: ContinuationMethod = "zoh") -> S
     Raises
     ------
     InputError
-        It is continuous, or its sampling time is open; it has a pole at or left of z = 0 on the real
-        axis, which no real system gives under a hold or by matching; of "tustin" a pole at z = -1;
-        of "matched" such a zero other than -1, or several inputs or outputs.
+        It is continuous, or its sampling time is open; it has a pole at or left of z = 0 on the
+        real axis, which no real system gives under a hold or by matching; of "tustin" a pole at
+        z = -1; of "matched" such a zero other than -1, or several inputs or outputs.
 
     Examples
     --------
@@ -132,7 +132,8 @@ def _matched_back(K: StateSpace) -> Matrices:
                 'continuous system gives it by matching: ask "zoh" or "tustin"'
             )
     gain = _leading(K, poles, every) * np.prod(1.0 - every[infinite])
-    starts, ends = (np.log(roots).astype(complex) / T for roots in (poles, zeros))
+    starts: ComplexArray = np.asarray(np.log(poles) / T, dtype=complex)
+    ends: ComplexArray = np.asarray(np.log(zeros) / T, dtype=complex)
     gain = gain * np.prod(_growth(ends, T)) / np.prod(_growth(starts, T))
     return _cascade(starts, ends, float(gain.real))
 
