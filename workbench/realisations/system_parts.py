@@ -126,6 +126,9 @@ def parts_of(system: StateSpace) -> SystemParts:
     """The parts with their proven errors, without a checker."""
     A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
     dt = float(system.dt or 0.0)
+    rate = 1.0 if dt else speed(A, B, C)
+    given = _units(A, B, C, bool(dt))
+    A, B, C = A / rate * given[:, None] / given, B / rate * given[:, None], C / given
     V, (k, antistable), projector = _coordinates(A, B, C, bool(dt))
     with ctx.workprec(BITS):
         found = split_in_balls((A, B, C), V, k, projector)
@@ -143,8 +146,8 @@ def parts_of(system: StateSpace) -> SystemParts:
         units = _units(a, b, c, bool(dt))
         scales.append(units)
         scaled = a * units[:, None] / units, b * units[:, None], c / units
-        blocks.append((*scaled, direct * D))
-    coordinates = V / np.concatenate(scales)
+        blocks.append((rate * scaled[0], rate * scaled[1], scaled[2], direct * D))
+    coordinates = V / given[:, None] / np.concatenate(scales)
     error, relative = sum_errors(system, blocks[0], _together(*blocks[1:]), coordinates)
     if not np.isfinite(error):
         raise _undecided()

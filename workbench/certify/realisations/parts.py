@@ -29,6 +29,7 @@ from workbench.certify.realisations.lyapunov import frobenius, rounded
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, realisation
 
 BITS = 256
@@ -150,6 +151,10 @@ def sum_errors(
     k = len(boundary[0])
     if not np.array_equal(D, boundary[3] + rest[3]):
         return math.inf, math.inf
+    if not system.dt:  # gains are the same in another unit of time, a power of two
+        rate = speed(A, B, C)
+        A, B = A / rate, B / rate
+        boundary, rest = ((a / rate, b / rate, c, d) for a, b, c, d in (boundary, rest))
     projector = boundary_projector(A, bool(system.dt)) if k else None
     if k and (projector is None or states_of(projector) != k):
         return math.inf, math.inf
