@@ -107,6 +107,12 @@ def test_cancelling_pairs_of_random_loops(pole, gain, decade, integrators):
     assert found.system.poles().tolist().count(0.0) == integrators
 
 
+def test_a_unit_of_time_far_from_one():
+    found = minimal(tf([1.0, 1e-100], [1.0, 3e-100, 2e-200]))  # poles -1e-100 and -2e-100
+    assert found.removed.real == pytest.approx([-1e-100]) and found.holds
+    assert found.error < 1e-12 / 2e-100
+
+
 def test_it_stands_where_a_system_is_wanted():
     assert hankel_values(minimal(tf([1.0, 2.0], [1.0, 3.0, 2.0]))).upper == pytest.approx([0.5])
 

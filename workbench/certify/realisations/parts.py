@@ -26,6 +26,7 @@ from workbench.certify.modes.modal_form import real_balls
 from workbench.certify.norms import certified_norm
 from workbench.certify.proofs.numerator import stable_numerator
 from workbench.certify.realisations.lyapunov import frobenius, rounded
+from workbench.certify.rounding import nearest_power_of_two
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -131,6 +132,12 @@ def split_in_balls(
     return own, [lower * A * last, lower * B, C * last]
 
 
+def unit_of_time(A: RealArray, B: RealArray, C: RealArray) -> float:
+    """A power of two near the size of the largest pole, or the `speed` of integrators alone."""
+    largest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+    return float(nearest_power_of_two(largest)) if largest else speed(A, B, C)
+
+
 def sum_errors(
     system: StateSpace, boundary: Matrices, rest: Matrices, coordinates: RealArray
 ) -> tuple[float, float]:
@@ -152,7 +159,7 @@ def sum_errors(
     if not np.array_equal(D, boundary[3] + rest[3]):
         return math.inf, math.inf
     if not system.dt:  # gains are the same in another unit of time, a power of two
-        rate = speed(A, B, C)
+        rate = unit_of_time(A, B, C)
         A, B = A / rate, B / rate
         boundary, rest = ((a / rate, b / rate, c, d) for a, b, c, d in (boundary, rest))
     projector = boundary_projector(A, bool(system.dt)) if k else None
