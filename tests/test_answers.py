@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench import diagnosis, fitting, geometry, identification, mu, synthesis
+from workbench import diagnosis, fitting, geometry, identification, mu, realisations, synthesis
 from workbench.answer import Answer, ProgramAnswer
 from workbench.certificate import Certificate
 from workbench.errors import InputError, UnknownNameError
@@ -141,6 +141,13 @@ ANSWERS = {
     "linf_norm, infinite": lambda: mu.linf_norm(control.tf([1.0], [1.0, 0.0])),
     "h2_norm": lambda: mu.h2_norm(N),
     "h2_norm, unstable": lambda: mu.h2_norm(control.tf([1.0], [1.0, -1.0])),
+    "gramians": lambda: realisations.gramians(N),
+    "hankel_values": lambda: realisations.hankel_values(OSCILLATOR),
+    "hankel_values, sampled": lambda: realisations.hankel_values(OSCILLATOR.sample(0.1)),
+    "stable_part": lambda: realisations.stable_part(FAST * control.tf([1.0], [1.0, 3.0, 0.0])),
+    "minimal": lambda: realisations.minimal(control.tf([1.0, 1.0, 0.0], [1.0, 4.0, 3.0, 0.0])),
+    "minimal already": lambda: realisations.minimal(OSCILLATOR),
+    "approximated": lambda: synthesis.approximated(N, 1, "balanced", output_weight=LAG),
     "gap_metric": lambda: synthesis.gap_metric(LAG, FAST),
     "hinf": lambda: synthesis.hinf(
         control.ss([[-1.0]], [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]),
@@ -192,7 +199,7 @@ WITHOUT_NUMBER = {
     *("conditions", "conditions, unstable", "gain_room", "loop_margins", "set_margins"),
     *("classical_margins", "classical_margins, sampled", "classical_margins, unstable"),
     "classical_margins with a direct term",
-    *("reduce_order", "sampled_conditions"),
+    *("reduce_order", "sampled_conditions", "gramians"),
 }
 """Answers of several numbers with names of their own."""
 SPOILT = {"lower": 1.02, "upper": 0.98, "value": 0.98, "norm": 0.98, "radius": 0.98, "modulus": 1.1}
@@ -231,7 +238,7 @@ def test_a_second_party_agrees(answer, name):
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_it_prints_a_few_lines_with_its_number(answer, name):
-    if name in ("fit_magnitude", "fit_response"):
+    if name in ("fit_magnitude", "fit_response", "approximated"):
         return  # a StateSpace prints as one
     text = repr(answer)
     assert type(answer).__name__ in text and "array(" not in text
@@ -332,7 +339,7 @@ def test_a_fitted_system_is_a_state_space():
     assert system.plot().axes
 
 
-ROOMS = ("geometry", "fitting", "mu", "synthesis", "diagnosis", "uncertainty")
+ROOMS = ("geometry", "fitting", "mu", "realisations", "synthesis", "diagnosis", "uncertainty")
 NOT_PROVEN = {"FittedParameter"}
 """Classes with bounds that are no answers."""
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from workbench import identification as identification
     from workbench import mu as mu
     from workbench import optics as optics
+    from workbench import realisations as realisations
     from workbench import simulation as simulation
     from workbench import solvers as solvers
     from workbench import starter as starter

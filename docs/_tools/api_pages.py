@@ -20,6 +20,7 @@ ROOMS = (
     "workbench.mu",
     "workbench.synthesis",
     "workbench.diagnosis",
+    "workbench.realisations",
     "workbench.simulation",
     "workbench.systems",
     "workbench.optics",

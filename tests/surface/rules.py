@@ -35,6 +35,9 @@ TOLERANCE = 1e-3
 """The default of ``tolerance``: the relative width of the interval that is proven."""
 NORM_TOLERANCE = 1e-6
 """The default of norms of plain systems, which cost no more for it."""
+MINIMAL_TOLERANCE = 1e-9
+"""The default of minimal realisations, which leave out what is rounding."""
+MINIMAL = {"workbench.realisations.minimal"}
 NORMS = {"workbench.mu.h_infinity_norm", "workbench.mu.linf_norm"}
 RATES = {"sample_rate", "sampling_rate", "sampling_frequency", "fs", "f_s"}
 SYNONYMS = {
@@ -108,6 +111,7 @@ def tolerances(surface: Surface) -> Iterator[Breach]:
     for one in surface.names:
         number = isinstance(one.default, int | float)
         lawful = NORM_TOLERANCE if one.owner in NORMS else TOLERANCE
+        lawful = MINIMAL_TOLERANCE if one.owner in MINIMAL else lawful
         if one.name == "tolerance" and number and one.default != lawful:
             yield _named("tolerances", one, f"tolerance={lawful:g}, not {one.default:g}")
 

@@ -419,7 +419,7 @@ def test_orders_that_are_none(order):
         (lambda: approximated(K, 1), "give the plant"),
         (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
         (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
-        (lambda: approximated(KD, 1, "balanced"), "K is sampled"),
+        (lambda: approximated(KD, 1, plant=UNCERTAIN), "K is sampled"),
         (lambda: reduce_order(K, None), "must be a GeneralisedPlant"),
         (lambda: reduce_order(K, UNCERTAIN, target="a"), "target is 'a'"),
         (lambda: reduce_order(K, UNCERTAIN, target=np.nan), "target is nan"),

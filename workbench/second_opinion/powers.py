@@ -178,3 +178,83 @@ def root_energy(A: Any, B: Any, C: Any, D: Any, dt: float) -> float:
         if np.abs(more).max() <= np.finfo(float).eps * np.abs(Q).max():
             break
     return float(math.sqrt(max(float(np.trace(B.T @ Q @ B)) + float(np.sum(D**2)), 0.0)))
+
+
+SUM_ROUNDING = 1e-6
+"""Share of its size by which an entry of a sum may differ from what it is compared with."""
+FEW_STATES, SUM_BITS = 40, 192
+"""Most states of which a sum is taken in so many bits; of more, in doubles."""
+
+
+def summed_gramians(A: Any, B: Any, C: Any, dt: float) -> tuple[RealArray, RealArray]:
+    """The controllability and the observability Gramian of a stable system, as sums over samples.
+
+    As in `root_energy`; sampling by the Cayley transform with sqrt(2 a) B / (a - A) keeps the one,
+    with sqrt(2 a) C / (a - A) the other.
+    """
+    A, B, C = (np.asarray(part, dtype=float) for part in (A, B, C))
+    n = len(A)
+    if not n:
+        return np.zeros((0, 0)), np.zeros((0, 0))
+    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    P = _summed(A, B / scale[:, None], dt)
+    Q = _summed(A.T, (C * scale).T, dt)
+    return scale[:, None] * P * scale, Q / scale / scale[:, None]
+
+
+def _summed(A: RealArray, B: RealArray, dt: float) -> RealArray:
+    """The sum of A^k B B' (A^k)' over all samples."""
+    unit, n = float(np.abs(B).max(initial=0.0)) or 1.0, len(A)
+    rates = np.abs(np.linalg.eigvals(A))
+    a = float(np.exp(np.mean(np.log(np.maximum(rates, 1e-12 * rates.max())))))
+    if n <= FEW_STATES:
+        return unit**2 * _summed_in_digits(A, B / unit, 0.0 if dt else a)
+    S: Any = A
+    b: Any = B / unit
+    if not dt:
+        away = a * np.eye(n) - A
+        S = np.linalg.solve(away, a * np.eye(n) + A)
+        b = np.linalg.solve(away, math.sqrt(2.0 * a) * b)
+    total = b @ b.T
+    for _ in range(DOUBLINGS):
+        more = S @ total @ S.T
+        total, S = total + more, S @ S
+        if np.abs(more).max() <= np.finfo(float).eps * np.abs(total).max():
+            break
+    found: RealArray = unit**2 * total
+    return found
+
+
+def _summed_in_digits(A: RealArray, B: RealArray, a: float) -> RealArray:
+    """As `_summed`, in SUM_BITS bits; where a > 0, of a continuous system sampled by it."""
+    import flint
+
+    n, m = B.shape
+    with flint.ctx.workprec(SUM_BITS):
+        S = flint.arb_mat(n, n, A.ravel().tolist())
+        b = flint.arb_mat(n, m, B.ravel().tolist())
+        if a:
+            unit = a * flint.arb_mat(np.eye(n).tolist())
+            away, root = unit - S, flint.arb(2.0 * a).sqrt()
+            S, b = away.solve(unit + S).mid(), away.solve(root * b).mid()
+        total = (b * b.transpose()).mid()
+        for _ in range(DOUBLINGS):
+            more = (S * total * S.transpose()).mid()
+            total, S = total + more, (S * S).mid()
+            sizes = [max(float(abs(x)) for x in part.entries()) for part in (more, total)]
+            if sizes[0] <= np.finfo(float).eps ** 2 * sizes[1]:
+                break
+        return np.array([float(x) for x in total.entries()]).reshape(n, n)
+
+
+def summed_hankel_values(A: Any, B: Any, C: Any, dt: float) -> tuple[RealArray, float]:
+    """Hankel singular values from sums over samples, and what rounding does to the largest."""
+    P, Q = summed_gramians(A, B, C, dt)
+    units = np.sqrt(np.sqrt(np.diagonal(Q).clip(1e-300) / np.diagonal(P).clip(1e-300)))
+    P, Q = units[:, None] * P * units, Q / units / units[:, None]
+    sizes, vectors = np.linalg.eigh((P + P.T) / 2)
+    factor = vectors * np.sqrt(sizes.clip(0.0))
+    squares = np.linalg.eigvalsh(factor.T @ ((Q + Q.T) / 2) @ factor).clip(0.0)[::-1]
+    size = float(np.linalg.norm(P) * np.linalg.norm(Q))
+    largest = float(squares.max(initial=0.0)) or 1.0
+    return np.sqrt(squares), math.sqrt(100.0 * len(P) * float(np.finfo(float).eps) * size / largest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -201,3 +202,68 @@ def tried_frequencies(
         found.append(omega * (1 + np.array(NEAR_A_PEAK)))
     every = np.unique(np.concatenate(found))
     return every[(every >= 0) & (every <= top)]
+
+
+POINTS = 12
+"""Points of the plane at which a sum is compared with its parts."""
+
+
+def farthest_sum(system: Any, parts: Sequence[Any]) -> float:
+    """Largest difference of a system and the sum of its parts at points about the poles.
+
+    It is relative to the sum of the sizes of the parts. The points lie off the axis and the unit
+    circle, between sizes of the poles, where responses in doubles are good.
+    """
+    poles = np.linalg.eigvals(np.asarray(system.A, dtype=float)) if system.nstates else np.ones(1)
+    sizes = np.maximum(np.abs(poles), 1e-9 * np.abs(poles).max() or 1.0)
+    radii = np.geomspace(sizes.min() / 3.0, sizes.max() * 3.0, tries(POINTS))
+    angles = np.exp(1j * (0.5 + UNIT_TURN * np.arange(len(radii))))
+    worst = 0.0
+    for s in radii * angles:
+        values = [_at(part, s) for part in (system, *parts)]
+        scale = sum(np.linalg.norm(value) for value in values)
+        apart = np.linalg.norm(values[0] - sum(values[1:]))
+        worst = max(worst, float(apart / scale) if scale else 0.0)
+    return worst
+
+
+UNIT_TURN = 2.399963
+"""Angle [rad] from one point to the next, by which they never meet (the golden angle)."""
+
+
+def _at(system: Any, s: complex) -> ComplexArray:
+    """The transfer matrix at one point."""
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    if not len(A):
+        return D.astype(complex)
+    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    inner = np.linalg.solve(s * np.eye(len(A)) - A, (B / scale[:, None]).astype(complex))
+    found: ComplexArray = D + (C * scale) @ inner
+    return found
+
+
+def farthest_apart(
+    system: Any, other: Any, error: float, leaving: Any = None, entering: Any = None
+) -> float:
+    """By how much two systems differ beyond an error on the boundary of stability, relative.
+
+    The difference is multiplied by weights of the outputs and of the inputs; None is 1.
+
+    At points between the sizes of the poles of the first, or spread over the unit circle.
+    """
+    if system.dt:
+        points = np.exp(1j * np.linspace(0.01, 3.13, tries(POINTS)))
+    else:
+        poles = np.linalg.eigvals(np.asarray(system.A, dtype=float)) if system.nstates else [1.0]
+        sizes = np.maximum(np.abs(poles), 1e-9 * np.abs(poles).max() or 1.0)
+        points = 1j * np.geomspace(sizes.min() / UNIT_TURN, sizes.max() * 3.0, tries(POINTS))
+    worst = 0.0
+    for s in points:
+        value, its = _at(system, s), _at(other, s)
+        if leaving is not None:
+            value, its = _at(leaving, s) @ value, _at(leaving, s) @ its
+        if entering is not None:
+            value, its = value @ _at(entering, s), its @ _at(entering, s)
+        apart, scale = np.linalg.norm(value - its, 2) - error, np.linalg.norm(value, 2)
+        worst = max(worst, float(apart / scale) if scale else 0.0)
+    return worst

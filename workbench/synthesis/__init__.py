@@ -16,17 +16,19 @@ if TYPE_CHECKING:
     from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
     from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis, hinf
     from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
+    from workbench.synthesis.implementation.approximation import (
+        ApproximatedSystem,
+        approximated,
+        approximations,
+    )
+    from workbench.synthesis.implementation.continuation import continuous_time
     from workbench.synthesis.implementation.discretise import discretised
     from workbench.synthesis.implementation.export import export, load_controller
     from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
     from workbench.synthesis.implementation.implemented import ImplementedController
     from workbench.synthesis.implementation.program import Implementation
     from workbench.synthesis.implementation.reduced import ReducedController, ReducedControllers
-    from workbench.synthesis.implementation.reduction import (
-        approximated,
-        approximations,
-        reduce_order,
-    )
+    from workbench.synthesis.implementation.reduction import reduce_order
     from workbench.synthesis.implementation.sampled_loop import (
         SampledConditions,
         SampledMargins,
@@ -81,6 +83,7 @@ __all__ = [
     "DESIGNS",
     "PID",
     "AnalyticBasis",
+    "ApproximatedSystem",
     "ControlCover",
     "ControllerMode",
     "Decentralised",
@@ -128,6 +131,7 @@ __all__ = [
     "approximated",
     "approximations",
     "closed_transition",
+    "continuous_time",
     "controller_replaced",
     "discretised",
     "equalising_gain",

@@ -22,7 +22,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Conditions, conditions
 from workbench.synthesis import approximations
-from workbench.synthesis.implementation.reduction import ReductionMethod
+from workbench.synthesis.implementation.approximation import ReductionMethod
 from workbench.systems.realisation import realisation
 
 PEAK_TOLERANCE = 1e-3

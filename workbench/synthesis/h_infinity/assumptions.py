@@ -22,7 +22,7 @@ from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.minimal import ZERO_ROUNDING
+from workbench.systems.hidden_states import ZERO_ROUNDING
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 

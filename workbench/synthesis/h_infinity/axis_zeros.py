@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.systems.balancing import balancing
-from workbench.systems.minimal import ZERO_ROUNDING
+from workbench.systems.hidden_states import ZERO_ROUNDING
 
 AXIS_TOLERANCE = 1e-11
 """Smallest singular value, in balanced units, up to which a system matrix counts as singular."""

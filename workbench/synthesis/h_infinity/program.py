@@ -25,8 +25,8 @@ from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
-from workbench.systems.minimal import visible
 from workbench.systems.realisation import in_words, pole_sizes
 from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored

@@ -13,6 +13,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.solvers import slicot_routine
+from workbench.synthesis.implementation.continuation import matched
 from workbench.synthesis.implementation.sampled_loop import (
     need_fitting,
     plant_and_sign,
@@ -25,8 +26,11 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
-DiscretisationMethod = Literal["tustin", "zoh", "foh"]
-"""Discretisation methods: bilinear transform, and holds of order zero and one."""
+ImplementationMethod = Literal["tustin", "zoh", "foh"]
+"""Discretisation methods of any number of inputs: bilinear transform, and holds of order zero and
+one."""
+DiscretisationMethod = Literal["tustin", "zoh", "foh", "matched"]
+"""The same, and matched poles and zeros."""
 SEPARATION_NORM = 1e3
 """Largest norm of a transformation that separates blocks; poles that need more stay together."""
 CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
@@ -55,7 +59,9 @@ def discretised(
         StateSpace or TransferFunction, continuous time.
     method
         ``"tustin"``, the bilinear transform; ``"zoh"``, exact for held inputs; or ``"foh"``, exact
-        for inputs that go straight from sample to sample.
+        for inputs that go straight from sample to sample; or ``"matched"``, of one input and
+        output: poles and zeros exp(s T), all but one of the zeros at infinity at z = -1, and the
+        same gain at zero frequency; its A is a chain of blocks.
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
     plant, sign, delay
@@ -65,9 +71,10 @@ def discretised(
     Raises
     ------
     InputError
-        K is sampled; the time is not positive; a prewarp is given with "zoh" or is not below half
-        the sampling rate; K has a pole at 2 / sample_time; or, with a plant, half the sampling rate
-        is below the loop's bandwidth, or the sampled loop is unstable.
+        K is sampled; the time is not positive; a prewarp is given with another method or is not
+        below half the sampling rate; "matched" is asked of several inputs or outputs; K has a pole
+        at 2 / sample_time; or, with a plant, half the sampling rate is below the loop's bandwidth,
+        or the sampled loop is unstable.
 
     Examples
     --------
@@ -94,6 +101,8 @@ def discretised(
         A, B = hold(A, B, sample_time)
     elif method == "foh":
         A, B, D = _straight(A, B, C, D, sample_time)
+    elif method == "matched":
+        A, B, C, D = matched(K, sample_time)
     else:
         half = _half_step(sample_time, prewarp)
         shifted = np.eye(len(A)) - half * A

@@ -9,11 +9,11 @@ from workbench.errors import WorkbenchError
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.implementation.discretise import DiscretisationMethod
+from workbench.synthesis.implementation.discretise import ImplementationMethod
 from workbench.synthesis.implementation.program import Implementation
 
 
-def _of(program: Implementation, way: DiscretisationMethod) -> Claim:
+def _of(program: Implementation, way: ImplementationMethod) -> Claim:
     return program.implemented(way), Outcome.SOLVED, f"discretised by {way}"
 
 
@@ -39,7 +39,7 @@ def _foh(program: Implementation, context: Context) -> Claim:
 def _best(program: Implementation, context: Context) -> Claim:
     """The best of all ways of discretisation, by the certified peak."""
     found, said = [], []
-    for way in get_args(DiscretisationMethod):
+    for way in get_args(ImplementationMethod):
         try:
             made = program.implemented(way)
         except WorkbenchError as error:

@@ -31,9 +31,10 @@ from workbench.second_opinion.implemented.sampled_plants import (
 )
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
+from workbench.synthesis.implementation.approximation import approximated
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.c_code.export_c import Limits, limit_tables
-from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
+from workbench.synthesis.implementation.discretise import ImplementationMethod, discretised
 from workbench.synthesis.implementation.fixed_point import FixedPoint, fixed_point, need_bits
 from workbench.synthesis.implementation.implementation_checks import (
     follows,
@@ -45,7 +46,6 @@ from workbench.synthesis.implementation.implemented import (
     ImplementedController,
     Precision,
 )
-from workbench.synthesis.implementation.reduction import approximated
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
     sampled_conditions,
@@ -188,14 +188,14 @@ class Implementation(Program):
             return approximated(self.K, self.order, "weighted", self.plant)
         return approximated(self.K, self.order, "balanced")
 
-    def implemented(self, way: DiscretisationMethod) -> ImplementedController:
+    def implemented(self, way: ImplementationMethod) -> ImplementedController:
         """The controller of `coefficients` with the bounds of its loop.
 
         Raises InputError where that is unstable.
         """
         return self._judged(self.coefficients(way))
 
-    def coefficients(self, way: DiscretisationMethod) -> ImplementedController:
+    def coefficients(self, way: ImplementationMethod) -> ImplementedController:
         """The controller discretised in one way, with the coefficients of the number format."""
         K = self.reduced
         prewarp = None
@@ -337,7 +337,7 @@ class Implementation(Program):
 
     def _asked_for(self, answer: ImplementedController) -> Check:
         """Check that it is the controller that was given, discretised in the way that it says."""
-        for way in get_args(DiscretisationMethod):
+        for way in get_args(ImplementationMethod):
             if self.K.dt or answer.found == way:  # of a sampled controller, all ways are one
                 return follows(answer.K, self.coefficients(way).K, self.precision)
         statement = "whether nobody knows how it was discretised"

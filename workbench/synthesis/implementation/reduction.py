@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from functools import cache
-from typing import Any, Literal, get_args
-
-import numpy as np
+from typing import Any
 
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import need_positive, need_whole
-from workbench.mu.frequency.peak_bounds import Peak
+from workbench.input_checks import need_positive
 from workbench.mu.robust.conditions import Conditions, conditions
-from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
+from workbench.synthesis.implementation.approximation import (
+    ReductionMethod,
+    approximated,
+    check_order,
+    need_continuous,
+    reducer,
+)
 from workbench.synthesis.implementation.reduced import (
     ReducedChecker,
     ReducedController,
@@ -26,90 +26,8 @@ from workbench.synthesis.implementation.reduced import (
     deciding_peak,
 )
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.reduction import truncation
-from workbench.systems.conversion import as_system, need_plant
+from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import realisation
-
-Reducer = tuple[int, Callable[[int], StateSpace]]
-"""The least order that a method reaches, and a function from an order to the controller."""
-DETOUR = 8
-"""States above the wanted order from which `approximations` starts again at most."""
-ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
-"""Methods of order reduction; see `approximated`."""
-
-
-def approximated(
-    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
-) -> StateSpace:
-    """Approximate a controller by one with at most `order` states.
-
-    The result has fewer states where the minimal part of K has fewer, or where Hankel singular
-    values coincide.
-
-    Parameters
-    ----------
-    K
-        StateSpace or TransferFunction, continuous time.
-    method
-        ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"``,
-        ``"matchdc"`` and ``"hankel"``: balanced truncation, the same with the response at zero
-        frequency kept, and optimal Hankel-norm approximation of the stable part of K alone; the
-        other poles are kept (see `workbench.synthesis.reduction.truncation`).
-    plant
-        Plant of the loop u = K y; for ``"weighted"`` only.
-
-    Raises
-    ------
-    InputError
-        The controller or plant is sampled; the order is below 0, above that of K, or below the
-        number of poles that the method keeps; or the method is "weighted" and there is no plant, or
-        K does not stabilise it.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import approximated
-    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
-    >>> approximated(K, 1, "balanced").poles().real.round(2).tolist()
-    [-1.0]
-    """
-    K = _continuous(K)
-    return _of_order(K, order, method, _reducer(K, method, plant, None))
-
-
-def approximations(
-    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
-) -> Iterator[StateSpace]:
-    """The approximation of `approximated`, then others of the order by way of higher orders.
-
-    Where the direct one does not stabilise the loop, or misses a requirement, another one may meet
-    it. The others start from an approximation with up to `DETOUR` states more, by any method.
-
-    Arguments and errors are those of `approximated`.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import approximations
-    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
-    >>> next(approximations(K, 1, "balanced")).nstates
-    1
-    """
-    K = _continuous(K)
-    yield approximated(K, order, method, plant)
-
-    @cache
-    def reducer(first: ReductionMethod) -> Reducer:
-        return _reducer(K, first, plant, None)
-
-    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
-        for first in get_args(ReductionMethod):
-            try:
-                between = _of_order(K, higher, first, reducer(first))
-                yield approximated(between, order, method, plant)
-            except InputError:  # it does not stabilise the plant, or keeps too many poles
-                continue
 
 
 def reduce_order(
@@ -177,13 +95,14 @@ def reduce_order(
     1
     """
     need_positive(target, "target")
-    K = _continuous(K)
+    K = as_system(K, "K")
+    need_continuous(K)
     found, given = _certified(plant, K)
-    least, of = _reducer(K, method, plant, found)
+    least, of = reducer(K, method, plant, found)
     if order is None:
         orders = list(range(least, K.nstates))
     else:
-        _check_order(order, least, K, method)
+        check_order(order, least, K, method)
         orders = [order] if order < K.nstates else []
     tried: dict[int, StateSpace] = {}
     for k in orders:
@@ -231,41 +150,6 @@ def _best_refined(
     return min(best, _certified(plant, solution.answer.K)[1], key=lambda each: each.upper)
 
 
-def _reducer(
-    K: StateSpace, method: str, plant: GeneralisedPlant | None, found: Conditions | None
-) -> Reducer:
-    """The least order that a method reaches, and a function from an order to the controller."""
-    parts = K.A, K.B, K.C, K.D
-    least = 0
-    if method == "balanced":
-        least, of = truncation.balanced_truncation(parts)
-    elif method == "matchdc":
-        least, of = truncation.matchdc(parts)
-    elif method == "hankel":
-        least, of = truncation.hankel(parts)
-    elif method == "weighted":
-        if plant is None:
-            raise InputError(
-                'the method "weighted" weighs with the closed loop; give the plant, or ask '
-                '"balanced", "matchdc" or "hankel"'
-            )
-        peak = deciding_peak(found) if found is not None else _only_peak(plant, K)
-        loop = plant.close(K)
-        if peak is None:
-            poles = loop.poles()
-            pole = complex(poles[np.argmax(poles.real)])
-            raise InputError(
-                f"the loop with the given controller is unstable, its rightmost pole {pole:.6g}; "
-                '"weighted" needs a controller that stabilises the plant'
-            )
-        closed = loop.A, loop.B, loop.C, loop.D
-        of = truncation.weighted(parts, plant, closed, peak)
-    else:
-        raise InputError(f"method is {method!r}; it must be one of {get_args(ReductionMethod)}")
-    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
-    return least, lambda k: realisation(of(k), 0.0, **labels)
-
-
 def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, ReducedController]:
     """The conditions of a loop, and the controller with its certified peak."""
     found = conditions(plant, K)
@@ -273,37 +157,3 @@ def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, Redu
     stable = peak is not None and bool(stability_of(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
     return found, ReducedController(K, stable, *bounds).checked_by(ReducedChecker(found))
-
-
-def _only_peak(plant: GeneralisedPlant, K: StateSpace) -> Peak | None:
-    """The same peak, without what else `conditions` certifies; None where the loop is unstable."""
-    need_plant(plant)
-    if plant.performance and plant.exogenous:
-        return performance_peak(plant, K)
-    return conditions(plant, K).robust_stability
-
-
-def _continuous(K: Any) -> StateSpace:
-    """K as a StateSpace; raises InputError for a sampled controller."""
-    K = as_system(K, "K")
-    if K.dt:
-        raise InputError(
-            f"K is sampled (dt = {K.dt}); reduce the continuous controller and discretise it then"
-        )
-    return K
-
-
-def _of_order(K: StateSpace, order: int, method: str, reducer: Reducer) -> StateSpace:
-    least, of = reducer
-    _check_order(order, least, K, method)
-    return of(order)
-
-
-def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
-    """Raise InputError unless the order lies between the least one and that of K."""
-    need_whole(order, "order")
-    if not least <= order <= K.nstates:
-        kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""
-        raise InputError(
-            f"order is {order}; it must lie between {least}{kept} and {K.nstates}, that of K"
-        )

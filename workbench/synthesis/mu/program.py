@@ -35,8 +35,8 @@ from workbench.systems.balancing import balanced
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
-from workbench.systems.minimal import visible
 from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.systems.storage import restored, stored
 

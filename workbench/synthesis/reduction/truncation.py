@@ -19,7 +19,7 @@ from workbench.systems.axis_poles import stable_last
 from workbench.systems.balancing import poles_at_zero, speed, state_units
 from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import Matrices
+from workbench.systems.realisation import Matrices, in_series
 
 Reducer = Callable[[int], Matrices]
 """A function that gives the controller with at most a number of states."""
@@ -54,7 +54,15 @@ class Split:
         return A, np.vstack([B1, B2]), np.hstack([C1, C2]), D
 
 
-def balanced_truncation(K: Matrices) -> tuple[int, Reducer]:
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Stable weights of the difference W_o (K - K_r) W_i that is to be small; None is 1."""
+
+    leaving: Matrices | None = None
+    entering: Matrices | None = None
+
+
+def balanced_truncation(K: Matrices, weights: Weights | None = None) -> tuple[int, Reducer]:
     """Balanced truncation of the stable part (B. Moore, IEEE Trans. Automatic Control 26 (1981)).
 
     Returns the least order, which is that of the kept part, and the reducer.
@@ -62,8 +70,7 @@ def balanced_truncation(K: Matrices) -> tuple[int, Reducer]:
     rate, parts = _scaled(K)
     split = _split(parts)
     A, B, C, D = split.stable
-    S, R = gramian_factors(A, B, C)
-    left, right, _ = balancing_projections(S, R)
+    left, right, _ = balancing_projections(*_factors(split.stable, weights, rate))
 
     def of(order: int) -> Matrices:
         T, V = left[: order - split.count], right[:, : order - split.count]
@@ -72,7 +79,7 @@ def balanced_truncation(K: Matrices) -> tuple[int, Reducer]:
     return split.count, of
 
 
-def matchdc(K: Matrices) -> tuple[int, Reducer]:
+def matchdc(K: Matrices, weights: Weights | None = None) -> tuple[int, Reducer]:
     """Balanced truncation whose other states are at rest, of the stable part.
 
     The response at zero frequency stays the same, and fast states leave their gain in the direct
@@ -81,7 +88,7 @@ def matchdc(K: Matrices) -> tuple[int, Reducer]:
     """
     rate, parts = _scaled(K)
     split = _split(parts)
-    A, B, C, D = _balanced(split.stable)[0]
+    A, B, C, D = _balanced(split.stable, *_factors(split.stable, weights, rate))[0]
 
     def of(order: int) -> Matrices:
         k = min(order - split.count, len(A))
@@ -91,6 +98,45 @@ def matchdc(K: Matrices) -> tuple[int, Reducer]:
         return _timed(split.with_stable((*slow, C[:, :k] - C[:, k:] @ A2, D - C[:, k:] @ B2)), rate)
 
     return split.count, of
+
+
+def _factors(G: Matrices, weights: Weights | None, rate: float) -> tuple[RealArray, RealArray]:
+    """Factors of the Gramians of a stable part, weighted as by D. Enns (CDC 1984).
+
+    The controllability Gramian is the block of the part's states in that of G W_i, the
+    observability Gramian their block in that of W_o G.
+    """
+    n = len(G[0])
+    S, R = gramian_factors(*G[:3])
+    if weights is not None and weights.entering is not None and n:
+        A, B, C, units = _balanced_states(in_series(_timed(weights.entering, 1.0 / rate), G))
+        S = gramian_factors(A, B, C)[0][:n] / units[:n, None]
+    if weights is not None and weights.leaving is not None and n:
+        A, B, C, units = _balanced_states(in_series(G, _timed(weights.leaving, 1.0 / rate)))
+        R = gramian_factors(A, B, C)[1][:, len(A) - n :] * units[len(A) - n :]
+    if weights is not None and weights.leaving is not None and weights.entering is not None and n:
+        S, R = _definite(G[0], S), _definite(G[0].T, R.T).T
+    return S, R
+
+
+def _definite(A: RealArray, S: RealArray) -> RealArray:
+    """A factor of a Gramian at least P = S S', whose A P + P A' is negative semidefinite.
+
+    With it truncation keeps stability, which weights on both sides may cost (G. Wang, V. Sreeram,
+    W. Liu, A new frequency-weighted balanced truncation method and an error bound, IEEE Trans.
+    Automatic Control 44 (1999) 1734-1737).
+    """
+    half = A @ S @ S.T
+    values, vectors = np.linalg.eigh(half + half.T)
+    gains = vectors * np.sqrt(np.abs(values))
+    return gramian_factors(A, gains, np.zeros((1, len(A))))[0]
+
+
+def _balanced_states(G: Matrices) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+    """A, B and C with balanced states, and the factors of the states."""
+    A, B, C, _ = G
+    units = state_units(A, B, C)
+    return A * units[:, None] / units, B * units[:, None], C / units, units
 
 
 def hankel(K: Matrices) -> tuple[int, Reducer]:
@@ -106,7 +152,7 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     """
     rate, parts = _scaled(K)
     split = _split(parts)
-    minimal, values = _balanced(split.stable)
+    minimal, values = _balanced(split.stable, *gramian_factors(*split.stable[:3]))
 
     def of(order: int) -> Matrices:
         return _timed(split.with_stable(_glover(minimal, values, order - split.count)), rate)
@@ -114,10 +160,10 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     return split.count, of
 
 
-def _balanced(G: Matrices) -> tuple[Matrices, RealArray]:
+def _balanced(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealArray]:
     """A stable system in balanced coordinates, without negligible states, and singular values."""
     A, B, C, D = G
-    left, right, values = balancing_projections(*gramian_factors(A, B, C))
+    left, right, values = balancing_projections(S, R)
     seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
     left, right = left[:seen], right[:, :seen]
     return (left @ A @ right, left @ B, C @ right, D), values[:seen]

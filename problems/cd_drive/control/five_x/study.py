@@ -46,7 +46,7 @@ from workbench.synthesis import (
     largest_least_mu,
     least_mu,
 )
-from workbench.synthesis.implementation.reduction import ReductionMethod
+from workbench.synthesis.implementation.approximation import ReductionMethod
 from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel

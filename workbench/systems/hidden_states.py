@@ -26,7 +26,7 @@ ZERO_ROUNDING = 100.0
 """Multiple of a matrix's rounding error up to which a value computed from it counts as zero."""
 
 
-def minimal(
+def without_hidden_states(
     A: RealArray, B: RealArray, C: RealArray, dt: float = 0.0
 ) -> tuple[RealArray, RealArray, RealArray]:
     """Remove the uncontrollable and unobservable states of a realisation.
@@ -65,10 +65,10 @@ def minimal(
 def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
     """Remove a plant's hidden unstable copies of states; without any, return the plant unchanged.
 
-    Raises InputError as `minimal` and `standard_plant` do.
+    Raises InputError as `without_hidden_states` and `standard_plant` do.
     """
     given = standard_plant(plant)
-    A, B, C = minimal(*balanced(given.A, given.B, given.C), given.dt)
+    A, B, C = without_hidden_states(*balanced(given.A, given.B, given.C), given.dt)
     if len(_unstable(A, given.dt)) == len(_unstable(given.A, given.dt)):
         return plant
     system = plant.system

@@ -1,0 +1,1 @@
+"""Enclosures of what belongs to a realisation: Gramians, Hankel values, parts of a sum."""

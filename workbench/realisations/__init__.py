@@ -1,0 +1,24 @@
+"""What the states of a system are worth: Gramians, Hankel values, parts, minimal ones; proven."""
+
+from typing import TYPE_CHECKING
+
+from workbench.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from workbench.realisations.gramian_pair import Gramians, gramians
+    from workbench.realisations.hankel import HankelValues, hankel_values
+    from workbench.realisations.minimal_realisation import MinimalRealisation, minimal
+    from workbench.realisations.system_parts import SystemParts, stable_part
+else:
+    __getattr__, __dir__ = on_demand(__name__)
+
+__all__ = [
+    "Gramians",
+    "HankelValues",
+    "MinimalRealisation",
+    "SystemParts",
+    "gramians",
+    "hankel_values",
+    "minimal",
+    "stable_part",
+]

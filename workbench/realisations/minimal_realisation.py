@@ -1,0 +1,271 @@
+"""Minimal realisations: states that count for nothing between input and output left out, proven."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.answer import Answer
+from workbench.arrays import ComplexArray
+from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
+from workbench.certify.realisations.parts import boundary_part_error, gain_apart
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive
+from workbench.realisations.boundary_states import least_boundary_part
+from workbench.realisations.system_parts import (
+    CLAIMED,
+    RESPONSE_ROUNDING,
+    SystemParts,
+    SystemPartsChecker,
+    exact_integrators,
+    stable_part,
+)
+from workbench.second_opinion.responses import farthest_apart
+from workbench.systems.balancing import speed, state_units
+from workbench.systems.conversion import as_system
+from workbench.systems.equations.gramians import balancing_projections, gramian_factors
+from workbench.systems.frequency_response import frequency_response
+from workbench.systems.realisation import Matrices, realisation
+
+MINIMAL_TOLERANCE = 1e-9
+"""Largest change of the gain that states may be left out for, relative to the system's gain."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MinimalRealisation(Answer):
+    """A ``system`` of fewest states, and the poles (k,) that were ``removed``.
+
+    The largest gain of the difference over all frequencies, beside the part with poles on the
+    boundary of stability, is at most ``error``. There the first Markov parameters err by at most
+    the share ``boundary_error``. The answer also stands where a system is wanted. ``sizes`` are the
+    numbers of its states on the boundary, beyond it and within it, in this order.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.realisations import minimal
+    >>> found = minimal(control.tf([1.0, 2.0], [1.0, 3.0, 2.0]))
+    >>> found.system.nstates, found.removed.real.round(6).tolist()
+    (1, [-2.0])
+    """
+
+    system: StateSpace
+    removed: ComplexArray
+    error: float
+    boundary_error: float
+    parts: SystemParts
+    sizes: tuple[int, int, int]
+
+    @property
+    def value(self) -> float:
+        """The proven bound of the gain of the difference."""
+        return self.error
+
+    @property
+    def lti(self) -> StateSpace:
+        """The system."""
+        return self.system
+
+    def said(self) -> str:
+        gone = ", ".join(f"{pole:.6g}" for pole in self.removed) or "none"
+        return (
+            f"MinimalRealisation: {self.system.nstates} states, poles left out: {gone}; gain of "
+            f"the difference at most {self.error:.2g}"
+        )
+
+
+def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalRealisation:
+    """A realisation without the states that count for nothing between input and output.
+
+    Those are states that no input reaches or no output shows, and pairs of poles and zeros that
+    cancel, exactly or nearly. Poles on the boundary of stability go only where they cancel exactly,
+    in fractions of the entries: else the difference would have no bound. Antistable states of a
+    sampled system are kept. A system that is minimal is returned as it is.
+
+    Parameters
+    ----------
+    system
+        As of `gramians`; it need not be stable.
+    tolerance
+        Largest change of the gain, relative to the gain of the system about the poles left out.
+
+    Raises
+    ------
+    InputError
+        As `stable_part`; the tolerance is not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.realisations import minimal
+    >>> found = minimal(control.tf([1.0, 2.0], [1.0, 2.0, 0.0]) * control.tf([1.0], [1.0, 5.0]))
+    >>> found.system.nstates, found.system.poles().real.round(9).tolist()
+    (2, [0.0, -5.0])
+    >>> found.error < 1e-12, found.holds
+    (True, True)
+
+    References
+    ----------
+    K. Glover, All optimal Hankel-norm approximations of linear multivariable systems and their
+    L-infinity-error bounds, Int. J. Control 39 (1984) 1115-1193, for what truncation costs; here
+    the gain of the difference itself is proven.
+    """
+    need_positive(tolerance, "tolerance")
+    found = as_system(system, "system")
+    parts = stable_part(found)
+    checker = MinimalChecker(found)
+    dt = float(found.dt or 0.0)
+    of = [_matrices(one) for one in (parts.boundary, parts.antistable, parts.stable)]
+    boundary = _boundary_reduced(found, of[0])
+    antistable = of[1] if dt else _mirrored(_reduced(_mirrored(of[1]), found, tolerance))
+    stable = _reduced(of[2], found, tolerance)
+    kept = [
+        new if len(new[0]) < len(old[0]) else old
+        for new, old in zip((boundary, antistable, stable), of, strict=True)
+    ]
+    errors = _errors(found, parts, kept)
+    if not math.isfinite(errors[0]):  # an antistable part whose difference nothing proves
+        kept[1] = of[1]
+        errors = _errors(found, parts, kept)
+    if sum(len(part[0]) for part in kept) == found.nstates:
+        none = np.zeros(0, dtype=complex)
+        sizes = len(of[0][0]), len(of[1][0]), len(of[2][0])
+        return MinimalRealisation(found, none, 0.0, 0.0, parts, sizes).checked_by(checker)
+    A, B, C, D = zip(*kept, strict=True)
+    labels = {"inputs": found.input_labels, "outputs": found.output_labels}
+    whole = block_diag(*A), np.vstack(B), np.hstack(C), D[0] + D[1] + D[2]
+    small = realisation(whole, dt, **labels)
+    removed = _unmatched(found.poles(), small.poles())
+    sizes = len(A[0]), len(A[1]), len(A[2])
+    error, relative = CLAIMED * errors[0], CLAIMED * errors[1]
+    return MinimalRealisation(small, removed, error, relative, parts, sizes).checked_by(checker)
+
+
+def _matrices(system: StateSpace) -> Matrices:
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    return A, B, C, D
+
+
+def _errors(system: StateSpace, parts: SystemParts, kept: list[Matrices]) -> tuple[float, float]:
+    """The bound of the gain of the difference, and the share by which the boundary part errs."""
+    dt = float(system.dt or 0.0)
+    gain = parts.error
+    gain += gain_apart(_matrices(parts.stable), kept[2], dt, False)
+    gain += gain_apart(_matrices(parts.antistable), kept[1], dt, True)
+    return gain, boundary_part_error(system, kept[0])
+
+
+def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
+    """A stable part by balanced truncation to the least order within the tolerance."""
+    A, B, C, D = part
+    if not len(A):
+        return part
+    rate = 1.0 if system.dt else speed(A, B, C)
+    a, b = A / rate, B / rate
+    units = state_units(a, b, C)
+    a, b, c = a * units[:, None] / units, b * units[:, None], C / units
+    if system.dt:
+        shifted = np.eye(len(a)) + a
+        back = np.linalg.inv(shifted)
+        S, R = gramian_factors(
+            back @ (a - np.eye(len(a))), math.sqrt(2.0) * back @ b, math.sqrt(2.0) * c @ back
+        )
+    else:
+        S, R = gramian_factors(a, b, c)
+    left, right, values = balancing_projections(S, R)
+    size = max(
+        _size_about(system, np.linalg.eigvals(A).astype(complex)), float(values.max(initial=0.0))
+    )
+    tails = 2.0 * np.append(np.cumsum(values[::-1])[::-1], 0.0)
+    order = int(np.argmax(tails <= tolerance * size))
+    T, V = left[:order], right[:, :order]
+    return rate * (T @ a @ V), rate * (T @ b), c @ V, D
+
+
+def _size_about(system: StateSpace, poles: ComplexArray) -> float:
+    """The largest gain of a system at points of the plane about poles, off the boundary."""
+    turned = np.exp(1.2j)
+    points = 1.0 + np.abs(poles - 1.0) * turned if system.dt else np.abs(poles) * turned
+    A, B, C, D = _matrices(system)
+    with np.errstate(all="ignore"):
+        values = frequency_response(np.block([[A, B], [C, D]]), len(A), points)
+        sizes = np.linalg.norm(values, axis=(-2, -1))
+    return float(sizes[np.isfinite(sizes)].max(initial=0.0))
+
+
+def _mirrored(part: Matrices) -> Matrices:
+    """G(-s) of an antistable part, which is stable; and back."""
+    A, B, C, D = part
+    return -A, -B, C, D
+
+
+def _boundary_reduced(system: StateSpace, part: Matrices) -> Matrices:
+    """The part on the boundary without what is not reached or seen, exactly so."""
+    if not len(part[0]):
+        return part
+    A, B, C, D = least_boundary_part(system)
+    if len(A) == len(part[0]):
+        return part
+    Q, A = exact_integrators(A, 0.0, bool(system.dt))
+    B, C = Q.T @ B, C @ Q
+    units = state_units(A, B, C)
+    return A * units[:, None] / units, B * units[:, None], C / units, D
+
+
+def _unmatched(poles: ComplexArray, kept: ComplexArray) -> ComplexArray:
+    """Poles that are left when each kept one has taken the nearest."""
+    left = list(poles)
+    for pole in kept:
+        left.pop(int(np.argmin(np.abs(np.array(left) - pole))))
+    return np.array(left, dtype=complex)
+
+
+@dataclass(frozen=True, eq=False)
+class MinimalChecker(Checker):
+    """Checks a minimal realisation by the parts of both systems, and by responses at points."""
+
+    system: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return THIS_SYSTEM
+
+    def checks(self, answer: MinimalRealisation, tolerance: float) -> list[Check]:
+        statement = "by which share a claimed error is below the proven one"
+        if answer.system.nstates == self.system.nstates:
+            same = all(
+                np.array_equal(getattr(answer.system, part), getattr(self.system, part))
+                for part in "ABCD"
+            )
+            return [Check("same", "whether the system is not the given one", float(not same), 0.0)]
+        found = SystemPartsChecker(self.system).checks(answer.parts, tolerance)
+        kept, beside = _blocks(answer)
+        error, relative = _errors(self.system, answer.parts, kept)
+        return [
+            *found,
+            Check("blocks", "largest entry beside the blocks", beside, 0.0, proven=True),
+            Check("gain", statement, excess(error, answer.error), 0.0, proven=True),
+            Check("on the boundary", statement, excess(relative, answer.boundary_error), 0.0),
+        ]
+
+    def second_opinion(self, answer: MinimalRealisation) -> list[Check]:
+        apart = farthest_apart(self.system, answer.system, answer.error)
+        statement = "difference of responses at drawn points beyond the error, relative"
+        return [Check("responses", statement, apart, RESPONSE_ROUNDING)]
+
+
+def _blocks(answer: MinimalRealisation) -> tuple[list[Matrices], float]:
+    """The parts of a realisation, and the largest entry of A that belongs to none."""
+    A, B, C, D = _matrices(answer.system)
+    ends = np.cumsum([0, *answer.sizes])
+    rest, found = A.copy(), []
+    for kind, (start, end) in enumerate(pairwise(ends)):
+        own = slice(int(start), int(end))
+        rest[own, own] = 0.0
+        found.append((A[own, own], B[own], C[:, own], float(kind == 2) * D))
+    return found, float(np.abs(rest).max(initial=0.0)) if sum(answer.sizes) == len(A) else 1.0

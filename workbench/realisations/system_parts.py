@@ -1,0 +1,286 @@
+"""A system as the sum of its stable part, its part on the boundary and its antistable part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from flint import ctx, fmpq_mat
+from scipy.linalg import block_diag, schur, solve_sylvester
+
+from workbench.answer import Answer
+from workbench.arrays import RealArray
+from workbench.certificate import THIS_SYSTEM, Check, Checker, excess
+from workbench.certify.realisations.lyapunov import rounded, stability_proof
+from workbench.certify.realisations.parts import (
+    BITS,
+    boundary_projector,
+    nearest_doubles,
+    split_in_balls,
+    sum_errors,
+    unit_of_time,
+)
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.second_opinion.responses import farthest_sum
+from workbench.systems.axis_poles import stable_last
+from workbench.systems.balancing import state_units
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import Matrices, realisation
+
+NEAR = 1e-3
+"""Distance from the unit circle below which a pole may be on it; rounding moves repeated ones."""
+RESPONSE_ROUNDING = 1e-6
+"""Difference of responses in doubles that rounding explains."""
+VANISHING = 2.0**-150
+"""Share of the entries of a system below which an entry of its part on the boundary is 0."""
+CLAIMED = 2.0
+"""Errors that are claimed are this multiple of what is proven, which differs a little from one
+processor to another."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SystemParts(Answer):
+    """Parts of a system, whose sum it is: ``stable``, on the ``boundary``, and ``antistable``.
+
+    The largest gain, over all frequencies, of the difference of the stable and the antistable part
+    to the exact ones is at most ``error``. The first 2 k Markov parameters of the k states on the
+    boundary err by at most the share ``boundary_error``. The states of the system are
+    ``coordinates`` times those on the boundary, the antistable and the stable ones. The direct term
+    belongs to the stable part, for which the answer also stands where a system is wanted.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.realisations import stable_part
+    >>> parts = stable_part(control.tf([1.0], [1.0, 1.0, 0.0]))
+    >>> parts.boundary.poles().tolist(), parts.stable.poles().tolist()
+    ([0j], [(-1+0j)])
+    """
+
+    stable: StateSpace
+    boundary: StateSpace
+    antistable: StateSpace
+    coordinates: RealArray
+    error: float
+    boundary_error: float
+
+    @property
+    def value(self) -> float:
+        """The proven bound of the gain of the difference."""
+        return self.error
+
+    @property
+    def lti(self) -> StateSpace:
+        """The stable part."""
+        return self.stable
+
+    def said(self) -> str:
+        counts = (part.nstates for part in (self.stable, self.boundary, self.antistable))
+        words = ("stable", "on the boundary", "antistable")
+        states = ", ".join(f"{n} {word}" for n, word in zip(counts, words, strict=True))
+        return f"SystemParts: states {states}; gain of the difference at most {self.error:.2g}"
+
+
+def stable_part(system: Any) -> SystemParts:
+    """The stable part of a system, beside its part on the boundary and its antistable part.
+
+    Poles on the imaginary axis (sampled: on the unit circle) are split off first, and kept exactly
+    where they are 0 (sampled: 1). Their sum is the system, up to errors that are proven.
+
+    Parameters
+    ----------
+    system
+        As of `gramians`.
+
+    Raises
+    ------
+    InputError
+        It is improper, or it has poles that rounding cannot tell from the boundary and that are not
+        exactly on it.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.realisations import hankel_values, stable_part
+    >>> lag, integrator = control.tf([1.0], [1.0, 3.0]), control.tf([2.0], [1.0, 0.0])
+    >>> parts = stable_part(lag + integrator + control.tf([1.0], [1.0, -2.0]))
+    >>> [round(part.poles().item().real, 9) for part in (parts.stable, parts.antistable)]
+    [-3.0, 2.0]
+    >>> parts.error < 1e-14, parts.holds
+    (True, True)
+    >>> hankel_values(parts).upper.round(6).tolist()
+    [0.166667]
+
+    References
+    ----------
+    M. G. Safonov, E. A. Jonckheere, M. Verma, D. J. N. Limebeer, Synthesis of positive real
+    multivariable feedback systems, Int. J. Control 45 (1987) 817-842, for the splitting by ordered
+    Schur forms; the proof is that of `workbench.certify.realisations.parts`.
+    """
+    found = as_system(system, "system")
+    return parts_of(found).checked_by(SystemPartsChecker(found))
+
+
+def parts_of(system: StateSpace) -> SystemParts:
+    """The parts with their proven errors, without a checker."""
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    dt = float(system.dt or 0.0)
+    rate = 1.0 if dt else unit_of_time(A, B, C)
+    given = _units(A, B, C, bool(dt))
+    A, B, C = A / rate * given[:, None] / given, B / rate * given[:, None], C / given
+    V, (k, antistable), projector = _coordinates(A, B, C, bool(dt))
+    with ctx.workprec(BITS):
+        found = split_in_balls((A, B, C), V, k, projector)
+    if found is None:
+        raise _undecided()
+    own, rest = ([rounded(part) for part in parts] for parts in found)
+    negligible = VANISHING * float(np.abs(A).max(initial=float(bool(dt))))
+    Q, own[0] = exact_integrators(own[0], negligible, bool(dt))
+    own[1:] = Q.T @ own[1], own[2] @ Q
+    V[:, :k] = V[:, :k] @ Q
+    a, b, c = rest
+    two = [(a[place, place], b[place], c[:, place]) for place in _places(antistable, len(a))]
+    blocks, scales = [], []
+    for (a, b, c), direct in zip((own, *two), (0.0, 0.0, 1.0), strict=True):
+        units = _units(a, b, c, bool(dt))
+        scales.append(units)
+        scaled = a * units[:, None] / units, b * units[:, None], c / units
+        blocks.append((rate * scaled[0], rate * scaled[1], scaled[2], direct * D))
+    coordinates = V / given[:, None] / np.concatenate(scales)
+    error, relative = sum_errors(system, blocks[0], _together(*blocks[1:]), coordinates)
+    if not np.isfinite(error):
+        raise _undecided()
+    labels = {"inputs": system.input_labels, "outputs": system.output_labels}
+    boundary, antistable_part, stable = (realisation(part, dt, **labels) for part in blocks)
+    errors = CLAIMED * error, CLAIMED * relative
+    return SystemParts(stable, boundary, antistable_part, coordinates, *errors)
+
+
+def _units(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> RealArray:
+    """Factors of the states that balance a realisation, its time measured by its own speed."""
+    rate = 1.0 if sampled else unit_of_time(A, B, C)
+    return state_units(A / rate, B / rate, C)
+
+
+def _places(first: int, n: int) -> tuple[slice, slice]:
+    return slice(0, first), slice(first, n)
+
+
+def _undecided() -> InputError:
+    return InputError(
+        "the system has poles that cannot be told from the boundary of stability, and its matrices "
+        "do not say that they are on it: give it as a transfer function, or with integrators that "
+        "are exact"
+    )
+
+
+def exact_integrators(
+    A: RealArray, negligible: float, sampled: bool
+) -> tuple[RealArray, RealArray]:
+    """An orthogonal Q and Q'AQ of the part on the boundary, its poles at 0 (sampled: 1) exact.
+
+    Entries up to ``negligible`` (sampled: of their distance from 1) are rounding of 0.
+    """
+    shift = np.eye(len(A)) if sampled else np.zeros((len(A), len(A)))
+    moved = A - shift
+    moved[np.abs(moved) <= negligible] = 0.0
+    Q, T, _, _ = stable_last(moved)
+    return Q, T + shift
+
+
+def _together(one: Matrices, other: Matrices) -> Matrices:
+    """The sum of two systems."""
+    (A, B, C, D), (A2, B2, C2, D2) = one, other
+    return block_diag(A, A2), np.vstack([B, B2]), np.hstack([C, C2]), D + D2
+
+
+def _coordinates(
+    A: RealArray, B: RealArray, C: RealArray, sampled: bool
+) -> tuple[RealArray, tuple[int, int], fmpq_mat | None]:
+    """V that makes V^-1 A V block diagonal, sizes of its first two blocks, and a projector.
+
+    The blocks have the poles on the boundary, beyond it, and within it; the projector is that on
+    the states of the first.
+    """
+    n = len(A)
+    units = _units(A, B, C, sampled)
+    balanced = A * units[:, None] / units
+    V, k = np.eye(n), 0
+    projector = boundary_projector(A, sampled) if _may_touch(balanced, sampled) else None
+    if projector is not None:
+        V, k = _bases(nearest_doubles(projector) * units[:, None] / units)
+    if k == n:
+        return V / units[:, None], (k, 0), projector
+    rest = np.linalg.solve(V, balanced @ V)[k:, k:]
+    T, Q, beyond = schur(rest if sampled else -rest, sort="ouc" if sampled else "lhp")
+    turn = np.eye(n - k)
+    if 0 < beyond < n - k:
+        turn[:beyond, beyond:] = solve_sylvester(
+            T[:beyond, :beyond], -T[beyond:, beyond:], -T[:beyond, beyond:]
+        )
+    V[:, k:] = V[:, k:] @ Q @ turn
+    return V / units[:, None], (k, beyond), projector
+
+
+def _may_touch(A: RealArray, sampled: bool) -> bool:
+    """Whether rounding may put a pole on the boundary of stability."""
+    n = len(A)
+    if not n:
+        return False
+    if sampled:
+        poles = np.linalg.eigvals(A)
+        return bool((np.abs(np.abs(poles) - 1.0) < NEAR).any())
+    return stable_last(A)[2] + stable_last(-A)[2] > n
+
+
+def _bases(projector: RealArray) -> tuple[RealArray, int]:
+    """Bases of the range of a projector and of that of the rest, side by side; the first's size."""
+    k = round(float(np.trace(projector)))
+    own = np.linalg.svd(projector)[0][:, :k]
+    rest = np.linalg.svd(np.eye(len(projector)) - projector)[0][:, : len(projector) - k]
+    return np.hstack([own, rest]), k
+
+
+@dataclass(frozen=True, eq=False)
+class SystemPartsChecker(Checker):
+    """Checks a sum of parts in balls and fractions, and by responses at drawn points."""
+
+    system: StateSpace
+
+    @property
+    def quantifier(self) -> str:
+        return THIS_SYSTEM
+
+    def checks(self, answer: SystemParts, tolerance: float) -> list[Check]:
+        stable, boundary, antistable = (
+            (one.A, one.B, one.C, one.D)
+            for one in (answer.stable, answer.boundary, answer.antistable)
+        )
+        rest = _together(antistable, stable)
+        error, relative = sum_errors(self.system, boundary, rest, answer.coordinates)
+        statement = "by which share a claimed error is below the proven one"
+        within = stability_proof(answer.stable)
+        beyond = replace(stability_proof(_mirrored(answer.antistable)), name="antistable")
+        return [
+            within,
+            replace(beyond, proven=beyond.proven and not self.system.dt),  # of a rounded inverse
+            Check("sum", statement, excess(error, answer.error), 0.0, proven=True),
+            Check("boundary", statement, excess(relative, answer.boundary_error), 0.0, proven=True),
+        ]
+
+    def second_opinion(self, answer: SystemParts) -> list[Check]:
+        parts = [answer.stable, answer.boundary, answer.antistable]
+        apart = farthest_sum(self.system, parts)
+        statement = "difference of responses at drawn points, relative to the sizes of the parts"
+        return [Check("responses", statement, apart, RESPONSE_ROUNDING)]
+
+
+def _mirrored(system: StateSpace) -> StateSpace:
+    """A system whose poles are stable where those of the antistable one are so, mirrored."""
+    A = np.asarray(system.A, dtype=float)
+    n = len(A)
+    mirrored = np.linalg.inv(A) if system.dt and n else -A
+    no_gain = np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1))
+    return realisation((mirrored, *no_gain), float(system.dt or 0.0))

@@ -1,0 +1,375 @@
+"""Approximation of plants and controllers by systems of fewer states, with a proven error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any, Literal, get_args
+
+import control
+import numpy as np
+
+from workbench.answer import Answer
+from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive, need_whole
+from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.robust.conditions import Conditions, conditions
+from workbench.mu.robust.performance import performance_peak
+from workbench.realisations.difference import difference_bound, matrices_of
+from workbench.second_opinion.responses import farthest_apart
+from workbench.synthesis.implementation.reduced import deciding_peak
+from workbench.synthesis.reduction import truncation
+from workbench.synthesis.reduction.truncation import Weights
+from workbench.systems.bilinear import to_continuous, to_sampled
+from workbench.systems.conversion import as_system, as_weight, need_plant
+from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.realisation import Matrices, pole_sizes, realisation
+
+Reducer = tuple[int, Callable[[int], StateSpace]]
+"""The least order that a method reaches, and a function from an order to the system."""
+DETOUR = 8
+"""States above the wanted order from which `approximations` starts again at most."""
+ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
+"""Methods of order reduction; see `approximated`."""
+REPEATED_BOUND = 1e-6
+"""Share by which a bound of the gain may differ on another processor."""
+DIFFERENCE_ROUNDING = 1e-6
+"""Share of a response by which rounding may move a difference of responses."""
+SCREENED = 60
+"""Frequencies at which a difference is looked at before its bound is proven."""
+
+
+@dataclass(frozen=True, eq=False)
+class DifferenceChecker(Checker):
+    """Checks the largest weighted gain of the difference to a system, in balls and by responses."""
+
+    system: StateSpace
+    output_weight: StateSpace | None = None
+    input_weight: StateSpace | None = None
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_FREQUENCY
+
+    def bound(self, other: StateSpace) -> float:
+        """The proven bound of another system."""
+        return difference_bound(self.system, other, self.output_weight, self.input_weight)
+
+    def checks(self, answer: ApproximatedSystem, tolerance: float) -> list[Check]:
+        statement = "by which share the claimed error is below the proven one"
+        found = excess(self.bound(answer), answer.error)
+        return [Check("error", statement, found, 0.0, proven=True)]
+
+    def second_opinion(self, answer: ApproximatedSystem) -> list[Check]:
+        apart = farthest_apart(
+            self.system, answer, answer.error, self.output_weight, self.input_weight
+        )
+        statement = "difference of responses at drawn points beyond the error, relative"
+        return [Check("responses", statement, apart, DIFFERENCE_ROUNDING)]
+
+
+class ApproximatedSystem(Answer, control.StateSpace):
+    """A StateSpace that approximates another one, with the proven error of the approximation.
+
+    What is computed from it is a StateSpace. The error is proven when it is first asked for.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import approximated
+    >>> G = control.tf([1.0], [1.0, 1.0]) + control.tf([1.0], [1.0, 100.0])
+    >>> small = approximated(G, 1, "balanced")
+    >>> bool(0.004 < small.error < 0.01), small.holds, type(small + small).__name__
+    (True, True, 'StateSpace')
+    """
+
+    __repr__ = control.StateSpace.__repr__
+    plot = Answer.plot
+
+    @classmethod
+    def of(cls, system: StateSpace, checker: DifferenceChecker) -> ApproximatedSystem:
+        """The system as an approximation of the one that the checker knows."""
+        labels = {"inputs": system.input_labels, "outputs": system.output_labels}
+        parts = system.A, system.B, system.C, system.D, system.dt
+        made: Any = cls(*parts, remove_useless_states=False, **labels)
+        return made.checked_by(checker)
+
+    @cached_property
+    def error(self) -> float:
+        """Bound of the largest gain of the difference at every frequency, with the weights.
+
+        The parts with poles on the boundary of stability agree up to rounding, and are left out.
+        It is infinite where they do not, or where nothing proves a bound.
+        """
+        checker = self._checked_by[0] if self._checked_by else None
+        if not isinstance(checker, DifferenceChecker):
+            return math.nan
+        return checker.bound(self) * (1.0 + REPEATED_BOUND)
+
+    @property
+    def value(self) -> float:
+        """The proven error."""
+        return self.error
+
+
+def approximated(
+    K: Any,
+    order: int | None,
+    method: ReductionMethod = "weighted",
+    plant: GeneralisedPlant | None = None,
+    *,
+    error: float | None = None,
+    output_weight: Any = None,
+    input_weight: Any = None,
+) -> ApproximatedSystem:
+    """Approximate a plant or a controller by a system with at most `order` states.
+
+    The result has fewer states where the minimal part of K has fewer, or where Hankel singular
+    values coincide. Poles on the boundary of stability and beyond it are kept, those on it exactly.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction, stable or not, continuous or sampled.
+    order
+        Largest number of states; None where an error is wanted instead.
+    method
+        ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"``,
+        ``"matchdc"`` and ``"hankel"``: balanced truncation, the same with the response at zero
+        frequency kept, and optimal Hankel-norm approximation of the stable part of K alone; the
+        other poles are kept (see `workbench.synthesis.reduction.truncation`).
+    plant
+        Plant of the loop u = K y; for ``"weighted"`` only.
+    error
+        Largest gain of the difference, times the weights, that is allowed. The least order that is
+        proven to reach it is taken.
+    output_weight, input_weight
+        Stable W_o and W_i of the difference W_o (K - K_r) W_i that is to be small, for "balanced"
+        and "matchdc"; a weight of one signal counts for each.
+
+    Raises
+    ------
+    InputError
+        Neither an order nor an error is given, or both; the order is below 0, above that of K, or
+        below the number of poles that the method keeps; no order up to that of K reaches the error;
+        a weight is not stable, has another sampling time or belongs to another method; the method
+        is "weighted" and there is no plant, or it or K is sampled, or K does not stabilise it;
+        sampled: K has a pole at z = -1.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import approximated
+    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
+    >>> approximated(K, 1, "balanced").poles().real.round(2).tolist()
+    [-1.0]
+    >>> small = approximated(K, None, "balanced", error=1e-3)
+    >>> small.nstates, bool(small.error <= 1e-3)
+    (1, True)
+
+    References
+    ----------
+    D. Enns, Model reduction with balanced realizations, CDC 1984, for a weight; G. Wang, V.
+    Sreeram, W. Liu, IEEE Trans. Automatic Control 44 (1999) 1734-1737, for weights on both sides.
+    """
+    K = as_system(K, "K")
+    weights = _weights(K, method, output_weight, input_weight)
+    checker = DifferenceChecker(K, *weights)
+    least, of = reducer(K, method, plant, None, weights)
+    if (order is None) == (error is None):
+        raise InputError(f"order is {order} and error is {error}; give one of them")
+    if order is not None:
+        return ApproximatedSystem.of(of_order(K, order, method, (least, of)), checker)
+    assert error is not None
+    need_positive(error, "error")
+    for k in range(least, K.nstates + 1):
+        small = ApproximatedSystem.of(K if k == K.nstates else of(k), checker)
+        if _seen_apart(checker, small) <= error and small.error <= error:
+            return small
+    raise InputError(
+        f"error is {error:.6g}; no order up to {K.nstates}, that of K, is proven to reach it: K's "
+        "own states are known no better"
+    )
+
+
+def _seen_apart(checker: DifferenceChecker, small: StateSpace) -> float:
+    """The largest weighted gain of the difference at some frequencies: none is proven below it."""
+    sizes = pole_sizes(checker.system)
+    sizes = sizes[sizes > 0.0]
+    if not sizes.size:
+        return 0.0
+    omega = np.geomspace(sizes.min() / 10.0, sizes.max() * 10.0, SCREENED)
+    if small.dt:
+        omega = omega[omega < np.pi / float(small.dt)]
+    apart = response(checker.system, omega) - response(small, omega)
+    if checker.output_weight is not None:
+        apart = response(checker.output_weight, omega) @ apart
+    if checker.input_weight is not None:
+        apart = apart @ response(checker.input_weight, omega)
+    return float(np.linalg.norm(apart, 2, axis=(-2, -1)).max(initial=0.0)) * (1.0 - 1e-6)
+
+
+def _weights(
+    K: StateSpace, method: str, leaving: Any, entering: Any
+) -> tuple[StateSpace | None, StateSpace | None]:
+    """Both weights as systems, checked; None where there is none."""
+    found: list[StateSpace | None] = []
+    for name, weight, size in (
+        ("output_weight", leaving, K.noutputs),
+        ("input_weight", entering, K.ninputs),
+    ):
+        if weight is None:
+            found.append(None)
+            continue
+        if method not in ("balanced", "matchdc"):
+            raise InputError(f'{name} belongs to the methods "balanced" and "matchdc"')
+        system = as_weight(weight, size, name)
+        if name == "input_weight" and system.noutputs != size:
+            raise InputError(f"{name} has {system.noutputs} outputs; it must have {size}")
+        if (system.nstates and bool(system.dt) != bool(K.dt)) or (
+            system.nstates and system.dt and K.dt and float(system.dt) != float(K.dt)
+        ):
+            raise InputError(f"{name} has dt = {system.dt}, and K has dt = {K.dt}; give one dt")
+        if not stability_of(system).holds:
+            raise InputError(f"{name} is not stable; a weight of an error must be")
+        parts = matrices_of(system)
+        found.append(realisation(parts, float(K.dt or 0.0)))
+    return found[0], found[1]
+
+
+def approximations(
+    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
+) -> Iterator[StateSpace]:
+    """The approximation of `approximated`, then others of the order by way of higher orders.
+
+    Where the direct one does not stabilise the loop, or misses a requirement, another one may meet
+    it. The others start from an approximation with up to `DETOUR` states more, by any method.
+
+    Arguments and errors are those of `approximated`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import approximations
+    >>> K = control.ss([[-1.0, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
+    >>> next(approximations(K, 1, "balanced")).nstates
+    1
+    """
+    K = as_system(K, "K")
+    yield approximated(K, order, method, plant)
+
+    @cache
+    def by(first: ReductionMethod) -> Reducer:
+        return reducer(K, first, plant, None)
+
+    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
+        for first in get_args(ReductionMethod):
+            try:
+                between = of_order(K, higher, first, by(first))
+                yield approximated(between, order, method, plant)
+            except InputError:  # it does not stabilise the plant, or keeps too many poles
+                continue
+
+
+def reducer(
+    K: StateSpace,
+    method: str,
+    plant: GeneralisedPlant | None,
+    found: Conditions | None,
+    weights: tuple[StateSpace | None, StateSpace | None] = (None, None),
+) -> Reducer:
+    """The least order that a method reaches, and a function from an order to the system."""
+    if method == "weighted":
+        of_states = weighted_by_loop(K, plant, found)
+        least = 0
+    elif method in ("balanced", "matchdc", "hankel"):
+        parts, leaving, entering = (
+            None if one is None else _in_continuous_time(one) for one in (K, *weights)
+        )
+        assert parts is not None
+        if method == "hankel":
+            least, of_states = truncation.hankel(parts)
+        else:
+            by = truncation.matchdc if method == "matchdc" else truncation.balanced_truncation
+            least, of_states = by(parts, Weights(leaving, entering))
+    else:
+        raise InputError(f"method is {method!r}; it must be one of {get_args(ReductionMethod)}")
+    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
+    dt = float(K.dt or 0.0)
+
+    def of(order: int) -> StateSpace:
+        small = of_states(order)
+        return realisation(to_sampled(small) if dt else small, dt, **labels)
+
+    return least, of
+
+
+def _in_continuous_time(system: StateSpace) -> Matrices:
+    """Its states, of a sampled system by the bilinear transformation, which keeps norms."""
+    parts = matrices_of(system)
+    return to_continuous(parts) if system.dt else parts
+
+
+def weighted_by_loop(
+    K: StateSpace, plant: GeneralisedPlant | None, found: Conditions | None
+) -> truncation.Reducer:
+    """The method "weighted"; ``found`` are the conditions of the loop where they are known."""
+    need_continuous(K)
+    if plant is None:
+        raise InputError(
+            'the method "weighted" weighs with the closed loop; give the plant, or ask '
+            '"balanced", "matchdc" or "hankel"'
+        )
+    peak = deciding_peak(found) if found is not None else _only_peak(plant, K)
+    loop = plant.close(K)
+    if peak is None:
+        poles = loop.poles()
+        pole = complex(poles[np.argmax(poles.real)])
+        raise InputError(
+            f"the loop with the given controller is unstable, its rightmost pole {pole:.6g}; "
+            '"weighted" needs a controller that stabilises the plant'
+        )
+    return truncation.weighted(matrices_of(K), plant, matrices_of(loop), peak)
+
+
+def _only_peak(plant: GeneralisedPlant, K: StateSpace) -> Peak | None:
+    """The same peak, without what else `conditions` certifies; None where the loop is unstable."""
+    need_plant(plant)
+    if plant.performance and plant.exogenous:
+        return performance_peak(plant, K)
+    return conditions(plant, K).robust_stability
+
+
+def need_continuous(K: StateSpace) -> None:
+    """Raise InputError for a sampled controller."""
+    if K.dt:
+        raise InputError(
+            f"K is sampled (dt = {K.dt}), and the closed loop that weighs is continuous; reduce "
+            'the continuous controller and discretise it then, or ask "balanced", "matchdc" or '
+            '"hankel"'
+        )
+
+
+def of_order(K: StateSpace, order: int, method: str, reducer: Reducer) -> StateSpace:
+    """The approximation of an order by a method.
+
+    Raises InputError as `check_order`.
+    """
+    least, of = reducer
+    check_order(order, least, K, method)
+    return of(order)
+
+
+def check_order(order: int, least: int, K: StateSpace, method: str) -> None:
+    """Raise InputError unless the order lies between the least one and that of K."""
+    need_whole(order, "order")
+    if not least <= order <= K.nstates:
+        kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""
+        raise InputError(
+            f"order is {order}; it must lie between {least}{kept} and {K.nstates}, that of K"
+        )
