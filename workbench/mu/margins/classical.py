@@ -15,10 +15,14 @@ import numpy as np
 from workbench.answer import Answer
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.mu.margins.classical_checks import ClassicalChecker
-from workbench.mu.margins.crossings import exact_loop
+from workbench.mu.margins.classical_checks import ClassicalChecker, DelayedChecker
+from workbench.mu.margins.crossings import ExactLoop, exact_loop
+from workbench.mu.margins.delayed_loop import DelayedLoop
 from workbench.systems.conversion import as_system
-from workbench.systems.joints import system_of
+from workbench.systems.joints import part_of, system_of
+from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.rational_delays import rational_part
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,22 +81,81 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     Parameters
     ----------
     loop
-        L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one.
+        L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one. Known
+        dead time (`workbench.uncertainty.delay`) in series counts exactly as it is.
 
     Raises
     ------
     InputError
-        L has several inputs or outputs, or is sampled with a sampling time that is not given.
+        L has several inputs or outputs, or is sampled with a sampling time that is not given; or
+        its dead time is not in series with all of the rest, or |L| with it is 1 or more at
+        infinity.
+
+    Examples
+    --------
+    >>> from workbench.mu import classical_margins
+    >>> from workbench.uncertainty import delay, tf
+    >>> found = classical_margins(tf([1], [1, 0]) * delay("tau", 1.0, 1.0))
+    >>> round(found.gain[1], 6), round(found.phase, 4)  # pi / 2, 90 degrees - 1 rad
+    (1.570796, 32.7042)
     """
-    L = as_system(loop, "loop")
-    if not L.issiso():
+    late = _late(loop)
+    if late is None:
+        L = as_system(loop, "loop")
+        _need_single(L)
+        if L.dt is True:
+            raise InputError(
+                "the loop is sampled, but its sampling time is not given: set its dt [s]"
+            )
+        exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
+        return margins_of(exact).checked_by(ClassicalChecker(L, exact))
+    delayed = delayed_loop(late)
+    return margins_of(delayed).checked_by(DelayedChecker(delayed.rational.system, delayed))
+
+
+def _late(loop: Any) -> UncertainSystem | None:
+    """The loop where it has known dead time."""
+    part = part_of(loop, "loop")
+    return part if isinstance(part, UncertainSystem) and dead_times(part.elements) else None
+
+
+def _need_single(L: Any) -> None:
+    if (L.noutputs, L.ninputs) != (1, 1):
         raise InputError(
             f"loop has {L.noutputs} outputs and {L.ninputs} inputs; one of each is needed: "
             "`loop_margins` takes plants and controllers of several channels"
         )
-    if L.dt is True:
-        raise InputError("the loop is sampled, but its sampling time is not given: set its dt [s]")
-    exact = exact_loop(system_of(loop, "loop"), L)
+
+
+def delayed_loop(loop: UncertainSystem) -> DelayedLoop:
+    """The loop of one channel with known dead time, all else nominal.
+
+    Raises
+    ------
+    InputError
+        Its dead time is not in series with all of the rest, or |L| is 1 or more at infinity.
+    """
+    _need_single(loop)
+    late = dead_times(loop.elements)
+    names = ", ".join(late)
+    delayed, rational = rational_part(loop)
+    if delayed is None:
+        raise InputError(
+            f"the dead time {names} is not in series with the rest of the loop: some path goes "
+            "round it, or leads back to it. Exact margins are known of L = R exp(-s T) only; "
+            "`without_dead_time(loop)` has a Pade approximation with a bound of its error"
+        )
+    R = rational.nominal
+    if abs(R.D[0, 0]) >= 1.0:
+        raise InputError(
+            f"|L| is {abs(R.D[0, 0]):.6g} at infinity: with the dead time {names} the closed loop "
+            "has endlessly many unstable poles, or is on their border; below 1 is needed"
+        )
+    return DelayedLoop(exact_loop(R, R), delayed)
+
+
+def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
+    """The margins of a loop whose crossings are known."""
     real, unit = exact.real_crossings(), exact.unit_crossings()
     negative = [one for one in real if one.value.real < 0]
     gains = np.array([[-1.0 / one.value.real, one.omega] for one in negative]).reshape(-1, 2)
@@ -102,5 +165,4 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / omega, omega])
     stable = exact.stable()
     modulus = exact.modulus() if stable else 0.0
-    found = ClassicalMargins(gains, phases, delays, modulus, stable)
-    return found.checked_by(ClassicalChecker(L, exact))
+    return ClassicalMargins(gains, phases, delays, modulus, stable)

@@ -14,6 +14,8 @@ from workbench.heavy_types import Figure, StateSpace
 from workbench.mu.margins.disk import DiskMargin
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
+from workbench.uncertainty.algebra.rational_delays import rational_part
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 POINTS = 400
 """Points of a curve."""
@@ -24,7 +26,7 @@ MOST_DB = 40.0
 
 
 def figure_of(
-    loops: Mapping[str, StateSpace],
+    loops: Mapping[str, StateSpace | UncertainSystem],
     disks: Mapping[str, DiskMargin],
     together: DiskMargin | None,
     members: Sequence[StateSpace],
@@ -63,16 +65,17 @@ def figure_of(
     return figure
 
 
-def _curve(loop: StateSpace) -> ComplexArray:
+def _curve(loop: StateSpace | UncertainSystem) -> ComplexArray:
     """The response over frequency, without what lies far outside the figure."""
-    omega = frequencies_of(loop)
+    late = loop if isinstance(loop, UncertainSystem) else None
+    omega = frequencies_of(rational_part(late)[1].nominal if late else loop)
     omega = omega[(omega > 0) & np.isfinite(omega)]
     low, high = (omega[0] / 10, omega[-1] * 10) if omega.size else (1e-3, 1e3)
     if loop.dt:
         high = math.pi / loop.dt
     omega = np.union1d(omega[omega <= high], np.geomspace(low, high, 4 * POINTS))
     with np.errstate(all="ignore"):
-        values = response(loop, omega)[:, 0, 0]
+        values = (late.response(omega) if late else response(loop, omega))[:, 0, 0]
     return np.where(np.abs(values) < 1e3 * SHOWN, values, np.nan)
 
 

@@ -20,7 +20,9 @@ from workbench.mu.margins.disk import DiskMargin, disk_of
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
+from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.functions import append, feedback
+from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 MEMBERS = 20
@@ -38,7 +40,7 @@ class LoopMargins(Answer):
     ``members`` are the loops of random plants, of a plant of one channel.
     """
 
-    loops: Mapping[str, StateSpace]
+    loops: Mapping[str, StateSpace | UncertainSystem]
     classical: Mapping[str, ClassicalMargins]
     disks: Mapping[str, DiskMargin]
     together: Mapping[str, DiskMargin]
@@ -107,7 +109,8 @@ def loop_margins(
     """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
 
     Of an uncertain plant the disks hold for all of its set, the others for the nominal; what gain
-    and phase alone every plant bears, `set_margins` says.
+    and phase alone every plant bears, `set_margins` says. Known dead time in a loop of one channel
+    counts as it is; only its disks are those of a set that contains it, `without_dead_time`.
 
     Parameters
     ----------
@@ -125,12 +128,22 @@ def loop_margins(
     ------
     InputError
         Plant and controller do not fit each other, the loop is singular, or unstable at the
-        nominal.
+        nominal; or its dead time is not as `classical_margins` needs it.
+
+    Examples
+    --------
+    >>> from workbench.mu import loop_margins
+    >>> from workbench.uncertainty import delay, tf
+    >>> found = loop_margins(tf([1], [1, 0]) * delay("tau", 1.0, 1.0))
+    >>> round(found.classical["loop"].delay, 6)  # pi / 2 - 1 s
+    0.570796
     """
     need_tolerance(tolerance)
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")
     G, K = _matched(plant, controller)
+    if dead_times({**G.elements, **K.elements}):
+        return _with_dead_time(G, K, skew, tolerance)
     returned, channels = matched_loop(G, K)
     nominal = uncertain(returned.nominal)
     m, p = G.ninputs, G.noutputs
@@ -162,6 +175,32 @@ def loop_margins(
         scalar.sample(MEMBERS) if scalar is not None and scalar.elements else [],
         float(skew),
     ).checked_by(LoopChecker())
+
+
+def _with_dead_time(
+    G: UncertainSystem, K: UncertainSystem, skew: float, tolerance: float
+) -> LoopMargins:
+    """The margins of a loop of one channel with known dead time; the rest as of `loop_margins`."""
+    late = ", ".join(dead_times({**G.elements, **K.elements}))
+    if G.noutputs != 1 or G.ninputs != 1:
+        raise InputError(
+            f"plant has {G.noutputs} outputs and {G.ninputs} inputs and the dead time {late}; "
+            "exact margins are known of one channel: give `without_dead_time(plant)`, of which "
+            "disks hold with the dead time itself"
+        )
+    L = G * K
+    classical = classical_margins(L)
+    if not classical.stable:
+        raise InputError(
+            f"the closed loop is unstable at the nominal with its dead time {late}; the loop is "
+            "closed with negative feedback, u = -K y; `classical_margins` tells its crossings"
+        )
+    rational = without_dead_time(L)
+    returned, channels = matched_loop(rational, uncertain(1.0))
+    disks = {name: disk_of(returned, {k: name}, skew, tolerance) for k, name in channels.items()}
+    loops = dict.fromkeys(channels.values(), L)
+    every = dict.fromkeys(channels.values(), classical)
+    return LoopMargins(loops, every, disks, {}, {}, [], float(skew)).checked_by(LoopChecker())
 
 
 def matched_loop(plant: Any, controller: Any) -> tuple[UncertainSystem, dict[int, str]]:

@@ -1,0 +1,173 @@
+"""Margins of loops with known dead time, against closed forms and 50 digits."""
+
+import math
+from dataclasses import replace
+
+import control
+import mpmath
+import numpy as np
+import pytest
+from delayed_loops import DIGITS, crossings, is_stable, loop_of
+
+from workbench.errors import InputError
+from workbench.mu import classical_margins, loop_margins
+from workbench.mu.margins.classical import delayed_loop
+from workbench.second_opinion.dead_times import turns
+from workbench.uncertainty import delay, feedback, real, tf, without_dead_time
+
+
+def late(T, name="tau"):
+    return delay(name, T, T)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_an_integrator_with_dead_time(unit):
+    k, T = 0.7 / unit, 0.9 * unit
+    found = classical_margins(tf([k], [1, 0]) * late(T))
+    assert found.stable
+    assert found.gain == (0.0, pytest.approx(math.pi / 2 / (k * T), rel=1e-13))
+    assert found.phase == pytest.approx(90 - math.degrees(k * T), rel=1e-13)
+    assert found.delay == pytest.approx((math.pi / 2 - k * T) / k, rel=1e-13)
+    assert found.holds, found.certificate.failures
+
+
+@pytest.mark.parametrize(("gain", "T", "stable"), [(5, 0.3617, True), (5, 0.3618, False)])
+def test_a_lag_is_lost_at_its_delay(gain, T, stable):
+    """The border is (pi - atan(omega)) / omega with omega = sqrt(24): 0.361741 s."""
+    found = classical_margins(tf([gain], [1, 1]) * late(T))
+    assert found.stable is stable
+    assert found.holds, found.certificate.failures
+
+
+def test_a_loop_may_be_stable_again_with_more_delay():
+    """Of s^2 + 0.1 s + 2 + exp(-s T) pairs of poles cross the axis to and fro."""
+    states = [
+        classical_margins(tf([1], [1, 0.1, 2]) * late(T)).stable
+        for T in (0.05, 1.0, 3.7, 5.5, 60.0)
+    ]
+    rates = [_rightmost(T) < 0 for T in (0.05, 1.0, 3.7, 5.5, 60.0)]
+    assert states == rates and len(set(states)) == 2
+
+
+def _rightmost(T):
+    """By Chebyshev collocation of x'' + 0.1 x' + 2 x + x(t - T) = 0 (Breda, Maset, Vermiglio)."""
+    n = max(40, int(8 * T))
+    points = np.cos(np.pi * np.arange(n + 1) / n)
+    c = np.r_[2, np.ones(n - 1), 2] * (-1) ** np.arange(n + 1)
+    away = points[:, None] - points[None] + np.eye(n + 1)
+    D = np.outer(c, 1 / c) / away
+    D = (D - np.diag(D.sum(axis=1))) * 2 / T
+    A0, A1 = np.array([[0, 1], [-2, -0.1]]), np.array([[0, 0], [-1, 0]])
+    whole = np.kron(D, np.eye(2))
+    whole[:2] = 0
+    whole[:2, :2], whole[:2, -2:] = A0, A1
+    return np.linalg.eigvals(whole).real.max()
+
+
+@pytest.mark.parametrize("seed", range(128))
+def test_random_loops_in_50_digits(seed):
+    loop = loop_of(seed)
+    found = classical_margins(loop.system)
+    unit, real_ones = crossings(loop)
+    assert found.stable == is_stable(loop)
+    np.testing.assert_allclose(found.phases[:, 1], [float(w) for w in unit], rtol=1e-12)
+    with mpmath.workdps(DIGITS):
+        phases = [float(mpmath.degrees(mpmath.arg(-loop(w)))) for w in unit]
+        factors = [float(-1 / mpmath.re(loop(w))) for w in real_ones]
+    np.testing.assert_allclose(found.phases[:, 0], phases, rtol=1e-11, atol=1e-11)
+    limit = abs(loop.num[0] / loop.den[0]) if len(loop.num) == len(loop.den) else 0.0
+    start = loop.num[-1] / loop.den[-1] if loop.den[-1] else 0.0
+    factors += [-1 / one for one in (start, -limit) if one < 0]
+    assert found.gain[0] == pytest.approx(max([f for f in factors if f < 1], default=0.0), 1e-11)
+    assert found.gain[1] == pytest.approx(min(f for f in factors if f > 1), 1e-11)
+    if found.stable:
+        sizes = [found.phases[:, 1].max(initial=1 / loop.T), *found.gains[:-1, 1]]
+        omega = np.linspace(0, 2 * max(sizes), 400_001)[1:]
+        nearest = np.abs(1 + loop.values(omega)).min()
+        assert nearest * (1 - 2e-3) <= found.modulus <= min(nearest, 1 - limit) * (1 + 1e-9)
+    assert found.holds, found.certificate.failures
+
+
+def test_dead_times_in_series_add_up():
+    one = classical_margins(tf([2], [1, 1]) * late(0.75))
+    two = classical_margins(late(0.5, "a") * control.tf([2], [1, 1]) * late(0.25, "b"))
+    np.testing.assert_allclose(two.gains, one.gains, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("loop", "words"),
+    [
+        (tf([1], [1, 1]) * late(1) + 1, "tau is not in series"),
+        (feedback(tf([0.5], [1, 1]) * late(1)), "tau is not in series"),
+        (tf([5, 1], [1, 1]) * late(1), r"\|L\| is 5 at infinity"),
+    ],
+)
+def test_what_has_no_exact_margins_is_refused_by_name(loop, words):
+    with pytest.raises(InputError, match=words):
+        classical_margins(loop)
+
+
+def test_a_loop_of_several_channels_is_told_what_to_do():
+    two = np.eye(2) * (tf([1], [1, 1]) * late(0.1))
+    with pytest.raises(InputError, match="without_dead_time"):
+        loop_margins(two, 1.0)
+    found = loop_margins(without_dead_time(two), 1.0)
+    assert found.first.lower > 0.9
+
+
+def test_an_unstable_loop_is_refused_first():
+    with pytest.raises(InputError, match="unstable at the nominal with its dead time tau"):
+        loop_margins(tf([5], [1, 1]) * late(0.4))
+
+
+@pytest.mark.parametrize("T", [0.05, 0.5])
+def test_disks_hold_with_the_dead_time_itself(T):
+    P, C = tf([2], [3, 1]) * late(T), control.tf([1, 0.5], [1, 0])
+    found = loop_margins(P, C)
+    omega = np.geomspace(1e-3, 1e3, 100_001)
+    L = (P * C).response(omega)[:, 0, 0]
+    truth = 1 / np.abs(1 / (1 + L) - 0.5).max()
+    assert found.disks["loop"].lower == pytest.approx(truth, rel=1e-3)
+    assert found.disks["loop"].lower <= truth
+    assert found.holds, found.certificate.failures
+    assert found.plot()
+
+
+def test_disks_of_a_set_hold_with_dead_time():
+    plant = tf([real("k", 2, percent=20)], [3, 1]) * late(0.5)
+    found = loop_margins(plant, control.tf([1, 0.5], [1, 0]))
+    nominal = loop_margins(tf([2], [3, 1]) * late(0.5), control.tf([1, 0.5], [1, 0]))
+    assert found.first.lower < nominal.first.lower
+    assert found.classical["loop"].phase == pytest.approx(nominal.classical["loop"].phase)
+
+
+@pytest.mark.parametrize("field", ["gains", "phases", "delays", "modulus", "stable"])
+def test_a_claim_that_is_too_good_fails(field):
+    found = classical_margins(tf([5], [1, 1]) * late(0.3))
+    value = getattr(found, field)
+    wrong = (not value) if field == "stable" else value * 1.001
+    claimed = replace(found, **{field: wrong}).checked_by(found._checked_by[0])
+    assert not claimed.holds
+
+
+def test_a_crossing_that_is_left_out_is_missed():
+    found = classical_margins(tf([5], [1, 1]) * late(0.3))
+    claimed = replace(found, phases=found.phases[:0], delays=found.delays[:0])
+    assert not claimed.checked_by(found._checked_by[0]).holds
+
+
+def test_a_nearest_gain_that_is_left_out_is_found_by_encirclements():
+    found = classical_margins(tf([5], [1, 1]) * late(0.3))
+    claimed = replace(found, gains=found.gains[1:]).checked_by(found._checked_by[0])
+    assert "encirclements" in " ".join(claimed.certificate.failures)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.3, 4.0, 12.0])
+def test_poles_are_counted_as_they_are(gain):
+    """Pairs of 1 + 5 gain exp(-0.3 s) / (s + 1) to the right: one more with each crossing."""
+    loop = delayed_loop(tf([5], [1, 1]) * late(0.3))
+    factors = [1.178, 5.2651, 9.441, 13.6248]
+    right = 2 * sum(gain > one for one in factors)
+    assert turns(loop.rational.system, 0.3, gain) == right
+    again = delayed_loop(tf([5 * gain], [1, 1]) * late(0.3))
+    assert again._unstable_poles() == right
