@@ -78,10 +78,10 @@ def crossings(loop):
 
 
 def _roots(function, values, omega):
-    found = []
-    for k in np.flatnonzero(np.diff(np.sign(values))):
-        found.append(mpmath.findroot(function, (omega[k], omega[k + 1]), solver="anderson"))
-    return found
+    return [
+        mpmath.findroot(function, (omega[k], omega[k + 1]), solver="anderson")
+        for k in np.flatnonzero(np.diff(np.sign(values)))
+    ]
 
 
 def is_stable(loop):

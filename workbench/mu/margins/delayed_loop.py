@@ -239,7 +239,7 @@ class DelayedLoop:
                 turn = (-R).arg().mid() / (2 * arb.pi())  # at a delay of 0
                 turn = turn + 1 if turn < -BORDER else turn
                 passed = omega * arb(self._exact_delay) / (2 * arb.pi()) - turn
-                whole = int(math.floor(_rational(passed)))
+                whole = _floor(passed)
                 if min(abs(passed - whole), abs(passed - whole - 1)) < BORDER:
                     return None
                 pairs = max(whole + 1, 0)
@@ -269,6 +269,11 @@ def _signs_between(polynomial: fmpq_poly, roots: list[arb]) -> list[int]:
     middles = [(low + high) / 2 for low, high in pairwise(ends)]
     values = [polynomial(_rational(one)) for one in [*middles, 2 * ends[-1] + 1]]
     return [(value > 0) - (value < 0) for value in values]
+
+
+def _floor(value: arb) -> int:
+    whole: Any = math.floor(_rational(value))  # a fmpz, whose type says nothing
+    return int(whole)
 
 
 def _rational(value: arb) -> fmpq:

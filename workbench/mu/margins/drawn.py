@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Figure, StateSpace
 from workbench.mu.margins.disk import DiskMargin
 from workbench.systems.frequency_grid import frequencies_of
@@ -61,6 +61,27 @@ def figure_of(
     plane.set_aspect("equal")
     figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "L, and disks it avoids")
     figures.label(region, "phase [deg]", "gain [dB]", "what a channel bears")
+    figures.legend_below(figure, plane)
+    return figure
+
+
+def measured_figure(values: ComplexArray, radius: RealArray | None) -> Figure:
+    """Nyquist curve of measured responses (F,), with discs of these radii (F,) about them."""
+    figure, (plane,) = figures.axes(1, 1)
+    angles = np.linspace(0.0, 2 * math.pi, POINTS)
+    plane.plot(np.cos(angles), np.sin(angles), ":", color="0.5", label="unit circle")
+    (line,) = plane.plot(values.real, values.imag, ".-", label="data")
+    for number, (value, size) in enumerate(
+        zip(values, radius if radius is not None else (), strict=False)
+    ):
+        disc = value + size * np.exp(1j * angles)
+        words = "95 % of the noise" if number == 0 else None
+        plane.plot(disc.real, disc.imag, color=line.get_color(), linewidth=0.5, label=words)
+    plane.plot([-1.0], [0.0], "+", color=figures.BLACK)
+    plane.set_xlim(-SHOWN, SHOWN)
+    plane.set_ylim(-SHOWN, SHOWN)
+    plane.set_aspect("equal")
+    figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "measured L")
     figures.legend_below(figure, plane)
     return figure
 

@@ -6,17 +6,24 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from workbench.answer import Answer, PartsChecker
 from workbench.errors import InputError
 from workbench.heavy_types import Figure, StateSpace
+from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import is_real, need_tolerance
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_of
+from workbench.mu.margins.measured import (
+    MeasuredMargins,
+    is_measured,
+    loops_of,
+    measured_margins,
+)
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
@@ -24,6 +31,7 @@ from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.functions import append, feedback
 from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.responses.plants import Responses
 
 MEMBERS = 20
 """Random plants of a set whose loops are drawn."""
@@ -103,19 +111,42 @@ class LoopChecker(PartsChecker):
         return {"margins": drawn.figure_of(answer.loops, answer.disks, together, answer.members)}
 
 
+@overload
+def loop_margins(
+    plant: Responses, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> dict[str, MeasuredMargins]: ...
+
+
+@overload
+def loop_margins(
+    plant: ResponseEstimate, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> MeasuredMargins: ...
+
+
+@overload
 def loop_margins(
     plant: Any, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
-) -> LoopMargins:
+) -> LoopMargins: ...
+
+
+def loop_margins(
+    plant: Any, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> LoopMargins | MeasuredMargins | dict[str, MeasuredMargins]:
     """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
 
     Of an uncertain plant the disks hold for all of its set, the others for the nominal; what gain
     and phase alone every plant bears, `set_margins` says. Known dead time in a loop of one channel
-    counts as it is; only its disks are those of a set that contains it, `without_dead_time`.
+    counts as it is; only its disks are those of a set that contains it, `without_dead_time`. Of
+    measured responses the answer is `MeasuredMargins`, of the data at their frequencies only, with
+    ranges from variances.
 
     Parameters
     ----------
     plant
-        A system, or an uncertain one; of any number of channels, in continuous or sampled time.
+        A system, or an uncertain one; of any number of channels, in continuous or sampled time. Or
+        a measured response of one channel: python-control's FrequencyResponseData, a
+        `ResponseEstimate` with its variances, or `Responses` of several plants, whose margins are
+        told by plant.
     controller
         K of u = -K y; for a loop L alone, 1.
     skew
@@ -138,6 +169,10 @@ def loop_margins(
     >>> round(found.classical["loop"].delay, 6)  # pi / 2 - 1 s
     0.570796
     """
+    if is_measured(plant):
+        data, dt = loops_of(plant, controller)
+        found = {name: measured_margins(one, dt) for name, one in data.items()}
+        return found if isinstance(plant, Responses) else found["loop"]
     need_tolerance(tolerance)
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")

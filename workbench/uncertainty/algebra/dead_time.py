@@ -22,8 +22,9 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Block
@@ -92,6 +93,16 @@ def closed_with(pulled: LFT, parts: Sequence[LFT]) -> LFT:
     enters, leaves = np.zeros((d + m + d, m)), np.zeros((p, d + p + d))
     enters[d : d + m], leaves[:, d : d + p] = np.eye(m), np.eye(p)
     return linked(whole, links, enters, leaves)
+
+
+def closed_response(found: Array, delays: Sequence[float], omega: ArrayLike) -> Array:
+    """Responses (F, p, m) of (F, d + p, d + m) whose first d channels return after delays [s]."""
+    d = len(delays)
+    turns = np.exp(-1j * np.multiply.outer(np.atleast_1d(np.asarray(omega, dtype=float)), delays))
+    loop = np.eye(d) - turns[:, :, None] * found[:, :d, :d]
+    back = np.linalg.solve(loop, turns[:, :, None] * found[:, :d, d:])
+    whole: Array = found[:, d:, d:] + found[:, d:, :d] @ back
+    return whole
 
 
 def total_delay(lft: LFT, times: Mapping[str, float]) -> Fraction | None:

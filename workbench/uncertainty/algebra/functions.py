@@ -148,9 +148,10 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
 
     An uncertain delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that
     covers |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every
-    delay from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of that
-    delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which delays
-    are borne. ``at(tau=...)`` and ``sample`` have the delays themselves (Pade approximations).
+    delay from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of
+    that delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which
+    delays are borne. ``at(tau=...)`` and ``sample`` have the delays themselves, by Pade
+    approximations.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 
-def without_dead_time(system: Any, order: int = 6) -> UncertainSystem:
+def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
     """The system with known dead time as a Pade approximation and an uncertain bound of its error.
 
     exp(-s T) = P (1 + W delta), where P is the diagonal Pade approximation and the dynamics delta,

@@ -264,16 +264,8 @@ class UncertainSystem(Algebraic):
             return response(self.nominal, omega)
         value, names = dead_time.pulled_out(self.value, list(late))
         others = {name: one for name, one in self.elements.items() if name not in late}
-        rational = UncertainSystem(value, others, self.dt)
-        delays = np.array([late[name].delay for name in names])
-        found = rational.response(omega)
-        turns = np.exp(-1j * np.multiply.outer(np.atleast_1d(omega).astype(float), delays))
-        d = len(names)
-        inner, enter = found[:, :d, :d], found[:, :d, d:]
-        loop = np.eye(d) - turns[:, :, None] * inner
-        back = np.linalg.solve(loop, turns[:, :, None] * enter)
-        whole: Array = found[:, d:, d:] + found[:, d:, :d] @ back
-        return whole
+        found = UncertainSystem(value, others, self.dt).response(omega)
+        return dead_time.closed_response(found, [late[name].delay for name in names], omega)
 
     def plot(self, samples: int = 30, seed: int = 0) -> Figure:
         """Gain over frequency (of several channels the largest) of random members and the nominal.
