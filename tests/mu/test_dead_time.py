@@ -8,12 +8,15 @@ import mpmath
 import numpy as np
 import pytest
 from delayed_loops import DIGITS, crossings, is_stable, loop_of
+from flint import acb_poly, arb, ctx
 
 from workbench.errors import InputError
-from workbench.mu import classical_margins, loop_margins
+from workbench.mu import classical_margins, loop_margins, robust_stability, worst_case_gain
 from workbench.mu.margins.classical import delayed_loop
-from workbench.second_opinion.dead_times import turns
+from workbench.mu.margins.delayed_modulus import _Bands
+from workbench.second_opinion.margins.dead_times import counted_poles
 from workbench.uncertainty import delay, feedback, real, tf, without_dead_time
+from workbench.uncertainty.algebra.dead_time import pade, pade_corner, pade_error
 
 
 def late(T, name="tau"):
@@ -168,6 +171,74 @@ def test_poles_are_counted_as_they_are(gain):
     loop = delayed_loop(tf([5], [1, 1]) * late(0.3))
     factors = [1.178, 5.2651, 9.441, 13.6248]
     right = 2 * sum(gain > one for one in factors)
-    assert turns(loop.rational.system, 0.3, gain) == right
+    assert counted_poles(loop.rational.system, 0.3, gain) == right
     again = delayed_loop(tf([5 * gain], [1, 1]) * late(0.3))
     assert again._unstable_poles() == right
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 6, 8, 10])
+def test_the_bound_of_a_pade_approximation_holds_at_all_frequencies(order):
+    """Against 50 digits, as the error is far below what doubles tell at low frequencies."""
+    delay_ = 2.0
+    P, W = pade(delay_, order), pade_error(delay_, order)
+    omega = np.geomspace(1e-3, 1e4, 2000)
+    assert np.abs(np.abs(P(1j * omega)) - 1).max() < 1e-9
+    n = order
+    with mpmath.workdps(DIGITS):
+        q = [
+            mpmath.binomial(n, k) * mpmath.fac(2 * n - k) / mpmath.fac(2 * n) for k in range(n + 1)
+        ]
+        for w in omega:
+            s = mpmath.mpc(0, mpmath.mpf(w) * delay_)
+            exact = mpmath.polyval(q[::-1], -s) / mpmath.polyval(q[::-1], s)
+            error = abs(mpmath.exp(-s) / exact - 1)
+            y = mpmath.mpf(w) * delay_ / mpmath.mpf(pade_corner(n))
+            bound = 2 * mpmath.sqrt(2) * y**n / mpmath.sqrt(1 + y ** (2 * n))
+            assert error <= bound
+            if bound > 1e-6:
+                assert abs(W(1j * w)) == pytest.approx(float(bound), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_lower_bound_of_a_band_holds_on_all_of_it(seed):
+    loop = loop_of(seed)
+    exact = delayed_loop(loop.system)
+    with ctx.workprec(128):
+        T = arb(loop.T)
+        bands = _Bands(acb_poly(exact._numerator), acb_poly(exact._denominator), T)
+        for low in np.geomspace(0.01, 10, 25) / loop.T:
+            for width in (0.5, 0.05, 0.002):
+                high = low * (1 + width)
+                inside = np.abs(1 + loop.values(np.linspace(low, high, 500))).min()
+                assert bands.below(low, high) <= inside * (1 + 1e-12)
+
+
+def test_what_needs_states_refuses_dead_time_by_name():
+    closed = feedback(tf([real("k", 2, percent=20)], [1, 1]) * late(0.2))
+    for call in (robust_stability, worst_case_gain, lambda one: one.nominal, lambda o: o.sample(2)):
+        with pytest.raises(InputError, match=r"dead time tau of 0\.2 s"):
+            call(closed)
+    assert "DeadTime(name='tau', delay=0.2)" in repr(closed)
+
+
+@pytest.mark.parametrize("ends", [(0, 0), (2, 1), (-1, 1), (1, math.inf), (math.nan, 1)])
+def test_delays_that_are_none_are_refused(ends):
+    with pytest.raises(InputError, match=r"tau|number"):
+        delay("tau", *ends)
+
+
+def test_responses_take_dead_time_as_it_is_inside_loops_too():
+    """A Smith predictor: its own loop has the dead time inside."""
+    G, C = tf([2], [3, 1]), tf([1, 0.5], [1, 0])
+    predictor = feedback(C, G * (1 - late(4.0)))
+    omega = np.geomspace(0.01, 10, 50)
+    s = 1j * omega
+    g, c, e = 2 / (3 * s + 1), (s + 0.5) / s, np.exp(-4 * s)
+    found = feedback(G * late(4.0), predictor).response(omega)[:, 0, 0]
+    K = c / (1 + c * g * (1 - e))
+    np.testing.assert_allclose(found, g * e / (1 + g * e * K), rtol=1e-12)
+
+
+def test_a_sampled_system_has_no_dead_time_in_seconds():
+    with pytest.raises(InputError, match="sampling times"):
+        tf([1], [1, -0.5], 0.1) * late(1)

@@ -29,9 +29,9 @@ def estimate(seed=0, degrees=np.inf, values=EXACT):
 def test_data_of_a_loop_have_nearly_its_margins():
     truth, found = classical_margins(LOOP), loop_margins(control.frd(EXACT, OMEGA))
     assert found.gain == (0.0, pytest.approx(truth.gain[1], rel=5e-3))
-    assert found.phase == pytest.approx(truth.phase, abs=0.2)
+    assert found.phase_deg == pytest.approx(truth.phase, abs=0.2)
     assert found.delay == pytest.approx(truth.delay, rel=1e-2)
-    assert np.isnan(found.phases[:, 2:]).all()
+    assert np.isnan(found.phases_deg[:, 2:]).all()
     assert found.holds, found.certificate.failures
     assert all("frequencies of the data only" in one.over for one in found.certificate.checks)
 
@@ -40,7 +40,7 @@ def test_data_of_a_loop_have_nearly_its_margins():
 def test_an_integrator_is_told_exactly_whatever_the_grid(count):
     omega = np.geomspace(0.1, 10, count)
     found = loop_margins(control.frd(2.0 / (1j * omega), omega))
-    np.testing.assert_allclose(found.phases[:, :2], [[90.0, 2.0]], rtol=1e-12)
+    np.testing.assert_allclose(found.phases_deg[:, :2], [[90.0, 2.0]], rtol=1e-12)
     np.testing.assert_allclose(found.delays[:, 0], np.pi / 4, rtol=1e-12)
     assert found.holds, found.certificate.failures
 
@@ -49,9 +49,9 @@ def test_ranges_hold_the_truth_as_often_as_they_say():
     truth, held = classical_margins(LOOP), []
     for seed in range(300):
         found = loop_margins(estimate(seed))
-        at = int(np.abs(found.phases[:, 1] - truth.phases[0, 1]).argmin())
+        at = int(np.abs(found.phases_deg[:, 1] - truth.phases[0, 1]).argmin())
         pairs = (
-            (found.phases[at], truth.phase),
+            (found.phases_deg[at], truth.phase),
             (found.delays[at], truth.delay),
             (found.gains[0], truth.gain[1]),
         )
@@ -62,7 +62,7 @@ def test_ranges_hold_the_truth_as_often_as_they_say():
 
 def test_few_degrees_of_freedom_widen_the_ranges():
     wide, narrow = (loop_margins(estimate(0, degrees)) for degrees in (4, np.inf))
-    half = [np.diff(one.phases[0, 2:])[0] for one in (wide, narrow)]
+    half = [np.diff(one.phases_deg[0, 2:])[0] for one in (wide, narrow)]
     assert half[0] / half[1] == pytest.approx(2.776 / 1.960, rel=1e-3)
     assert wide.holds and narrow.holds
     assert wide.plot()
@@ -78,7 +78,7 @@ def test_a_controller_multiplies_data_and_noise():
         variance=measured.variance * np.abs(shown[:, None, None]) ** 2,
     )
     one, other = loop_margins(measured, K), loop_margins(loop)
-    np.testing.assert_allclose(one.phases, other.phases, rtol=1e-9)
+    np.testing.assert_allclose(one.phases_deg, other.phases_deg, rtol=1e-9)
     np.testing.assert_allclose(one.gains, other.gains, rtol=1e-9)
 
 
@@ -88,7 +88,7 @@ def test_several_plants_are_told_by_name():
     found = loop_margins(plants)
     assert list(found) == ["a", "b"]
     assert found["a"].gain[1] == pytest.approx(1.5 * found["b"].gain[1])
-    assert np.isfinite(found["a"].phases).all()
+    assert np.isfinite(found["a"].phases_deg).all()
 
 
 def test_a_plant_that_was_not_measured_everywhere_keeps_its_own_frequencies():
@@ -112,7 +112,7 @@ def test_a_sampled_loop_is_told_in_samples():
 
 def test_the_sign_of_a_phase_margin_is_kept():
     found = loop_margins(control.frd(EXACT * 4 / (1j * OMEGA), OMEGA))
-    assert found.phase < 0
+    assert found.phase_deg < 0
     assert "phase -" in repr(found) and "do not tell whether the closed loop is stable" in repr(
         found
     )
@@ -142,7 +142,7 @@ def test_what_has_no_margins_is_refused(data, controller, words):
         loop_margins(data, controller)
 
 
-@pytest.mark.parametrize("field", ["gains", "phases", "delays", "modulus"])
+@pytest.mark.parametrize("field", ["gains", "phases_deg", "delays", "modulus"])
 def test_margins_that_the_data_do_not_have_fail(field):
     found = loop_margins(estimate(0))
     wrong = replace(found, **{field: getattr(found, field) * 1.01})
@@ -152,12 +152,12 @@ def test_margins_that_the_data_do_not_have_fail(field):
 def test_a_second_opinion_alone_notices_what_is_missing_or_too_narrow():
     found = loop_margins(estimate(0))
     checker = found._checked_by[0]
-    narrow = found.phases.copy()
+    narrow = found.phases_deg.copy()
     narrow[:, 2:] = narrow[:, :1] + (narrow[:, 2:] - narrow[:, :1]) / 2
     for wrong in (
         replace(found, gains=found.gains[:0]),
-        replace(found, phases=narrow),
-        replace(found, phases=found.phases * [1, 1.5, 1, 1]),
+        replace(found, phases_deg=narrow),
+        replace(found, phases_deg=found.phases_deg * [1, 1.5, 1, 1]),
     ):
         assert not all(check.holds for check in checker.second_opinion(wrong))
     assert all(check.holds for check in checker.second_opinion(found))

@@ -13,7 +13,7 @@ from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.heavy_types import StateSpace
 from workbench.mu.margins.crossings import ExactLoop
 from workbench.mu.margins.delayed_loop import DelayedLoop
-from workbench.second_opinion.dead_times import least_distance, turns
+from workbench.second_opinion.margins.dead_times import counted_poles, tried_distance
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.systems.realisation import realisation
@@ -157,10 +157,10 @@ class DelayedChecker(ClassicalChecker):
         claimed = "number of closed-loop poles right of the axis, by the argument principle"
         if not answer.stable:
             return found
-        count = max(abs(turns(self.loop, T, gain)) for gain in self._tried(*answer.gain))
+        count = max(abs(counted_poles(self.loop, T, gain)) for gain in self._tried(*answer.gain))
         over = f"for {GAINS} gains between the nearest factors"
         found.append(Check("encirclements", claimed, float(count), 0.0, over=over))
-        nearest = least_distance(self.loop, T)
+        nearest = tried_distance(self.loop, T)
         excess = answer.modulus / nearest - 1.0 if nearest else math.inf
         statement = "share by which |1 + L| is smaller than claimed where it is tried"
         found.append(Check("distance", statement, excess, CROSSING_ROUNDING))

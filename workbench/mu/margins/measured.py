@@ -22,7 +22,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
-from workbench.second_opinion.measured_margins import (
+from workbench.second_opinion.margins.measured import (
     chords_that_cross,
     lies_on_chord,
     redrawn_spread,
@@ -65,17 +65,27 @@ class MeasuredLoop:
 class MeasuredMargins(Answer):
     """Margins of a measured loop that is closed with negative feedback, as far as data tell.
 
-    ``gains`` (K, 4): factors on the gain at which L passes -1, the frequencies [rad/s], and the
-    lower and upper ends of the ranges of the factors. ``phases`` (K, 4), the phase margins [deg],
-    and ``delays`` (K, 4), the delay margins [s] of each crossing of |L| = 1, likewise. ``modulus``
-    (3,) is the least distance from -1 at the data, and its range. Ranges have a probability of 95 %
-    each, from the variances of the data to first order; without variances they are NaN. ``band`` is
-    the lowest and the highest frequency [rad/s] of the data: outside there may be more crossings,
-    and whether the closed loop is stable data do not tell.
+    Each crossing is a row (K, 4): the margin, its frequency [rad/s], the lower and the upper end of
+    its range. ``gains`` are factors on the gain at which L passes -1; ``phases_deg`` [deg] and
+    ``delays`` [s] are the margins at |L| = 1. ``modulus`` (3,) is the least distance from -1 at the
+    data, and its range. Ranges have a probability of 95 % each, from the variances of the data to
+    first order; without variances they are NaN. ``band`` [rad/s] has the lowest and the highest
+    frequency of the data: outside there may be more crossings, and whether the closed loop is
+    stable data do not tell. ``dt`` [s] is the sampling time, 0 in continuous time.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import MeasuredMargins, loop_margins
+    >>> omega = np.geomspace(0.1, 10.0, 30)
+    >>> found = loop_margins(control.frd(2.0 / (1j * omega), omega))
+    >>> isinstance(found, MeasuredMargins), round(found.phase_deg, 6)
+    (True, 90.0)
     """
 
     gains: RealArray
-    phases: RealArray
+    phases_deg: RealArray
     delays: RealArray
     modulus: RealArray
     band: tuple[float, float]
@@ -89,9 +99,9 @@ class MeasuredMargins(Answer):
         return float(low), float(factors[factors > 1].min(initial=math.inf))
 
     @property
-    def phase(self) -> float:
+    def phase_deg(self) -> float:
         """The least phase margin [deg], negative against lead; infinite without a crossing."""
-        return float(min(self.phases[:, 0], key=abs, default=math.inf))
+        return float(min(self.phases_deg[:, 0], key=abs, default=math.inf))
 
     @property
     def delay(self) -> float:
@@ -105,7 +115,7 @@ class MeasuredMargins(Answer):
         lines = [
             f"MeasuredMargins of the data from {_both(low)} to {_both(high)}",
             f"  gain from {ends[0]} to {ends[1]}",
-            f"  phase {self.phase:.4g} degrees{_told(self.phases, self.phase)}",
+            f"  phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
             f"  delay {self.delay:.4g} s{samples}{_told(self.delays, self.delay)}",
             f"  modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
             "  the data do not tell whether the closed loop is stable",
@@ -136,15 +146,15 @@ class MeasuredChecker(Checker):
         """Chords between the data cross nearby, and redrawn data spread as the ranges say."""
         omega, L = self.data.omega, self.data.values
         statement = "distance of a crossing from the chord of its neighbours, in chords"
-        circle = [lies_on_chord(omega, L, w, on_circle=True) for w in answer.phases[:, 1]]
+        circle = [lies_on_chord(omega, L, w, on_circle=True) for w in answer.phases_deg[:, 1]]
         axis = [lies_on_chord(omega, L, w, on_circle=False) for w in answer.gains[:, 1]]
         found = [Check("chords", statement, max([*circle, *axis], default=0.0), CHORD)]
-        counts = np.subtract(chords_that_cross(L), (len(answer.phases), len(answer.gains)))
+        counts = np.subtract(chords_that_cross(L), (len(answer.phases_deg), len(answer.gains)))
         statement = "difference of the numbers of chords that cross and of crossings"
         found.append(Check("crossings", statement, float(np.abs(counts).max()), 0.0))
-        if self.data.variance is not None and len(answer.phases):
-            half = np.diff(answer.phases[:, 2:])[:, 0] / 2 / self.data.width
-            spread = redrawn_spread(omega, L, self.data.variance, answer.phases[:, 1])
+        if self.data.variance is not None and len(answer.phases_deg):
+            half = np.diff(answer.phases_deg[:, 2:])[:, 0] / 2 / self.data.width
+            spread = redrawn_spread(omega, L, self.data.variance, answer.phases_deg[:, 1])
             ratio = float(np.nanmax(np.maximum(spread / half, half / spread), initial=1.0))
             statement = "factor between the spread of redrawn phase margins and their range"
             found.append(Check("redrawn", statement, ratio, SPREAD))
@@ -158,7 +168,7 @@ class MeasuredChecker(Checker):
         return {"margins": drawn.measured_figure(data.values, radius)}
 
 
-TABLES = ("gains", "phases", "delays", "modulus")
+TABLES = ("gains", "phases_deg", "delays", "modulus")
 """What is told of a measured loop."""
 
 
@@ -203,7 +213,7 @@ def margins_of_data(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
     tables = [np.array(rows).reshape(-1, 4) for rows in (gains, phases, delays)]
     return MeasuredMargins(
         gains=tables[0],
-        phases=tables[1],
+        phases_deg=tables[1],
         delays=tables[2],
         modulus=np.array([away.min(), least, (away + noise).min()]),
         band=(float(omega[0]), float(omega[-1])),

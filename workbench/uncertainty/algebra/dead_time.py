@@ -70,7 +70,7 @@ def dead_times(elements: Mapping[str, Element]) -> dict[str, DeadTime]:
     return {name: one for name, one in elements.items() if isinstance(one, DeadTime)}
 
 
-def pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str, ...]]:
+def channels_pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str, ...]]:
     """Channels of these names as the first outputs and inputs; and the name of each of them."""
     out = [k for k, name in enumerate(lft.names) if name in names]
     kept = [k for k in range(len(lft.names)) if k not in out]

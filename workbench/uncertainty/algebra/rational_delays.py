@@ -51,7 +51,7 @@ def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
     late = dead_time.dead_times(given.elements)
     if not late:
         return given
-    pulled, names = dead_time.pulled_out(given.value, list(late))
+    pulled, names = dead_time.channels_pulled_out(given.value, list(late))
     parts = {name: _covered(one, order) for name, one in late.items()}
     value = dead_time.closed_with(pulled, [parts[name].value for name in names])
     known = {name: part.elements[name] for name, part in parts.items()}
@@ -63,13 +63,13 @@ def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSy
     late = dead_time.dead_times(system.elements)
     others = [name for name in system.elements if name not in late]
     channels = [one for name in others for one in system.elements[name].channels]
-    certain, names = dead_time.pulled_out(system.value, channels)
+    certain, names = dead_time.channels_pulled_out(system.value, channels)
     d = len(names)
     M = np.delete(certain.M, np.s_[len(certain.names) : len(certain.names) + d], axis=0)
     M = np.delete(M, np.s_[len(certain.names) : len(certain.names) + d], axis=1)
     nominal = LFT(M, certain.names)
     total = dead_time.total_delay(nominal, {name: one.delay for name, one in late.items()})
-    pulled, names = dead_time.pulled_out(nominal, list(late))
+    pulled, names = dead_time.channels_pulled_out(nominal, list(late))
     value = dead_time.closed_with(pulled, [LFT(np.eye(1))] * len(names))
     return total, UncertainSystem(value, {}, system.dt)
 

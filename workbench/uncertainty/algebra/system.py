@@ -262,7 +262,7 @@ class UncertainSystem(Algebraic):
         if not late:
             warn_far_frequencies(omega, self.nominal)
             return response(self.nominal, omega)
-        value, names = dead_time.pulled_out(self.value, list(late))
+        value, names = dead_time.channels_pulled_out(self.value, list(late))
         others = {name: one for name, one in self.elements.items() if name not in late}
         found = UncertainSystem(value, others, self.dt).response(omega)
         return dead_time.closed_response(found, [late[name].delay for name in names], omega)

@@ -24,7 +24,7 @@ DECADES = 6
 """Decades of frequency below and above the poles in which a loop is looked at."""
 
 
-def turns(system: Any, delay: float, gain: float = 1.0) -> int:
+def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
     """Closed-loop poles right of the axis of 1 + gain R exp(-s delay), R a StateSpace."""
     rho = _speed(system)
     omega = _frequencies(rho, delay)
@@ -43,7 +43,7 @@ def turns(system: Any, delay: float, gain: float = 1.0) -> int:
     return round(-turned / math.pi)
 
 
-def least_distance(system: Any, delay: float) -> float:
+def tried_distance(system: Any, delay: float) -> float:
     """The least |1 + R exp(-s delay)| at frequencies that are tried."""
     rho = _speed(system)
     omega = _frequencies(rho, delay)[1:]
