@@ -34,6 +34,7 @@ class ClassicalMargins(Answer):
     negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] with which the
     closed loop has a pole at each of these. ``modulus`` is the distance of L from -1, a proven
     lower bound; 0 where the loop is not ``stable``, or where rounding of its entries decides that.
+    ``dt`` [s] is the sampling time, 0 in continuous time.
     """
 
     gains: RealArray
@@ -41,6 +42,7 @@ class ClassicalMargins(Answer):
     delays: RealArray
     modulus: float
     stable: bool
+    dt: float = 0.0
 
     @property
     def gain(self) -> tuple[float, float]:
@@ -58,8 +60,8 @@ class ClassicalMargins(Answer):
 
     @property
     def phase(self) -> float:
-        """The least phase margin, of lag or lead [deg]; infinite without a crossing."""
-        return float(np.abs(self.phases[:, 0]).min(initial=math.inf))
+        """The least phase margin [deg], negative against lead; infinite without a crossing."""
+        return float(min(self.phases[:, 0], key=abs, default=math.inf))
 
     @property
     def delay(self) -> float:
@@ -67,12 +69,27 @@ class ClassicalMargins(Answer):
         return float(self.delays[:, 0].min(initial=math.inf))
 
     def said(self) -> str:
-        low, high = self.gain
         state = "" if self.stable else "the closed loop is UNSTABLE; "
-        return (
-            f"ClassicalMargins: {state}gain from {low:.4g} to {high:.4g}, phase {self.phase:.4g} "
-            f"degrees, delay {self.delay:.4g} s, modulus {self.modulus:.4g}"
-        )
+        low, high = (f"{factor:.4g}{_at(self.gains, factor)}" for factor in self.gain)
+        samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
+        lines = [
+            f"ClassicalMargins: {state}gain from {low} to {high}",
+            f"  phase {self.phase:.4g} degrees{_at(self.phases, self.phase)}",
+            f"  delay {self.delay:.4g} s{samples}{_at(self.delays, self.delay)}",
+            f"  modulus {self.modulus:.4g}",
+        ]
+        return "\n".join(lines)
+
+
+def in_both_units(omega: float) -> str:
+    """A frequency [rad/s] in words, in Hz too."""
+    return f"{omega:.4g} rad/s ({omega / (2 * math.pi):.4g} Hz)"
+
+
+def _at(rows: RealArray, value: float) -> str:
+    """Where a margin of a table is met."""
+    omega = rows[rows[:, 0] == value, 1]
+    return f" at {in_both_units(float(omega[0]))}" if omega.size else ""
 
 
 def classical_margins(loop: Any) -> ClassicalMargins:
@@ -165,4 +182,5 @@ def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / omega, omega])
     stable = exact.stable()
     modulus = exact.modulus() if stable else 0.0
-    return ClassicalMargins(gains, phases, delays, modulus, stable)
+    dt = exact.period if isinstance(exact, ExactLoop) else 0.0
+    return ClassicalMargins(gains, phases, delays, modulus, stable, dt)

@@ -22,6 +22,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
+from workbench.mu.margins.classical import in_both_units
 from workbench.second_opinion.margins.measured import (
     chords_that_cross,
     lies_on_chord,
@@ -113,7 +114,7 @@ class MeasuredMargins(Answer):
         samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
         ends = [f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain]
         lines = [
-            f"MeasuredMargins of the data from {_both(low)} to {_both(high)}",
+            f"MeasuredMargins of the data from {in_both_units(low)} to {in_both_units(high)}",
             f"  gain from {ends[0]} to {ends[1]}",
             f"  phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
             f"  delay {self.delay:.4g} s{samples}{_told(self.delays, self.delay)}",
@@ -236,14 +237,10 @@ def _difference(one: RealArray, other: RealArray) -> float:
     return float(np.nanmax(np.abs(one - other) / size, initial=0.0))
 
 
-def _both(omega: float) -> str:
-    return f"{omega:.4g} rad/s ({omega / (2 * math.pi):.4g} Hz)"
-
-
 def _told(rows: RealArray, value: float) -> str:
     """Range and frequency of a margin of a table."""
     found = rows[rows[:, 0] == value]
-    return f"{_range(found[0, 2:])} at {_both(found[0, 1])}" if len(found) else ""
+    return f"{_range(found[0, 2:])} at {in_both_units(found[0, 1])}" if len(found) else ""
 
 
 def _range(ends: RealArray) -> str:
