@@ -7,7 +7,7 @@ import control
 import mpmath
 import numpy as np
 import pytest
-from delayed_loops import DIGITS, crossings, is_stable, loop_of
+from delayed_loops import DIGITS, DelayedLoop, crossings, is_stable, loop_of
 from flint import acb_poly, arb, ctx
 
 from workbench.errors import InputError
@@ -88,6 +88,22 @@ def test_random_loops_in_50_digits(seed):
         omega = np.linspace(0, 2 * max(sizes), 400_001)[1:]
         nearest = np.abs(1 + loop.values(omega)).min()
         assert nearest * (1 - 2e-3) <= found.modulus <= min(nearest, 1 - limit) * (1 + 1e-9)
+    assert found.holds, found.certificate.failures
+
+
+@pytest.mark.parametrize(
+    ("den", "T", "stable"),
+    [
+        ([1, 0, 3.0, 0], 1.99, True),  # to first order a pole moves by exp(-j omega T) / 12
+        ([1, 0, 3.0, 0], 0.3, False),
+        ([1, 0, 4.0], 2.3, True),  # and by j exp(-2j T) / 8
+        ([1, 0, 4.0], 1.0, False),
+    ],
+)
+def test_poles_on_the_axis_are_moved_by_the_dead_time(den, T, stable):
+    loop = DelayedLoop((0.5,), tuple(den), T)
+    found = classical_margins(loop.system)
+    assert found.stable is stable is is_stable(loop)
     assert found.holds, found.certificate.failures
 
 

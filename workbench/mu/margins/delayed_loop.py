@@ -45,6 +45,8 @@ HALVINGS = 80
 ENDS = 3
 """Crossings of the negative real axis that are told at either end of a stretch on which gain and
 phase are monotone: there are endlessly many in all."""
+SAME = 2.0**-100
+"""Relative distance of roots of several polynomials, such as poles on the axis, that are one."""
 INSIDE = 2.0**-90
 """Share by which a stretch ends before what bounds it, such as a pole on the axis."""
 BORDER = 2.0**-140
@@ -171,8 +173,9 @@ class DelayedLoop:
         turning = slope - self._exact_delay * square
         crossed = exact_square(N) - exact_square(D)
         parts = (even, odd, square, turning, self._flat(), crossed)
-        every = [x.sqrt().mid() for part in parts for x in positive_roots(part)]
-        return sorted(every, key=lambda one: float(one))
+        every: list[Any] = [x.sqrt().mid() for part in parts for x in positive_roots(part)]
+        every.sort()
+        return [one for k, one in enumerate(every) if not k or one > every[k - 1] * (1 + SAME)]
 
     # --- crossings of the negative real axis ---------------------------------------------------
 
