@@ -91,6 +91,14 @@ def test_random_loops_in_50_digits(seed):
     assert found.holds, found.certificate.failures
 
 
+def test_a_loop_that_turns_thousands_of_times_below_1_keeps_its_distance():
+    """0.9 / (s + 1) with 1e5 s turns 14,000 times where |L| is above 0.9 / sqrt(2)."""
+    found = classical_margins(tf([0.9], [1, 1]) * late(1e5))
+    assert found.modulus == pytest.approx(0.1, rel=1e-4)
+    assert found.gain[1] == pytest.approx(1 / 0.9, rel=1e-6)
+    assert found.holds, found.certificate.failures
+
+
 @pytest.mark.parametrize(
     ("den", "T", "stable"),
     [

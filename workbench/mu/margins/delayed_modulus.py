@@ -74,6 +74,8 @@ class _Bands:
         plain = abs(D + N * late).abs_lower() / size
         R = N / D
         if R.is_finite():
+            for apart in (1 - abs(R).abs_upper(), abs(R).abs_lower() - 1):  # whatever the phase is
+                plain = max(plain, apart.mid() if apart > 0 else arb(0))
             slope = ((self.slopes[0](s) - R * self.slopes[1](s)) / D - self.T * R) * late
             rate = 2 * ((R * late + 1).conjugate() * slope * acb(0, 1)).real
             m = acb(0, (low + high) / 2)
