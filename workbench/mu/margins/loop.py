@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, overload
 
@@ -16,7 +16,7 @@ from workbench.heavy_types import Figure, StateSpace
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import is_real, need_tolerance
 from workbench.mu.margins import drawn
-from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delayed_loop
 from workbench.mu.margins.disk import DiskMargin, disk_of
 from workbench.mu.margins.measured import (
     MeasuredMargins,
@@ -27,12 +27,16 @@ from workbench.mu.margins.measured import (
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
-from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
 from workbench.uncertainty.algebra.functions import append, feedback
 from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 from workbench.uncertainty.responses.plants import Responses
 
+PADE_ORDERS = (6, 8, 10, 12, 14)
+"""Orders of the approximation of dead time in disks; a higher one loses digits."""
+CORNER = 2.0
+"""Least frequency at which its error may be as large as it is, in highest crossovers."""
 MEMBERS = 20
 """Random plants of a set whose loops are drawn."""
 
@@ -159,7 +163,7 @@ def loop_margins(
     ------
     InputError
         Plant and controller do not fit each other, the loop is singular, or unstable at the
-        nominal; or its dead time is not as `classical_margins` needs it.
+        nominal; or its dead time is not as `classical_margins` needs it, or turns the loop too far.
 
     Examples
     --------
@@ -230,12 +234,24 @@ def _with_dead_time(
             f"the closed loop is unstable at the nominal with its dead time {late}; the loop is "
             "closed with negative feedback, u = -K y; `classical_margins` tells its crossings"
         )
-    rational = without_dead_time(L)
-    returned, channels = matched_loop(rational, uncertain(1.0))
-    disks = {name: disk_of(returned, {k: name}, skew, tolerance) for k, name in channels.items()}
-    loops = dict.fromkeys(channels.values(), L)
-    every = dict.fromkeys(channels.values(), classical)
-    return LoopMargins(loops, every, disks, {}, {}, [], float(skew)).checked_by(LoopChecker())
+    turn = float(delayed_loop(L).delay) * float(classical.phases[:, 1].max(initial=0.0))
+    order = next((n for n in PADE_ORDERS if pade_corner(n) >= CORNER * turn), None)
+    if order is None:
+        raise InputError(
+            f"the dead time {late} turns the loop by {turn:.4g} rad at its highest crossover, too "
+            "far for the disks' Pade approximation; `classical_margins` of plant times controller "
+            "takes it exactly"
+        )
+    rational = [without_dead_time(one, order=order) for one in (G, K)]
+    found = loop_margins(*rational, skew=skew, tolerance=tolerance)
+    exact = replace(
+        found,
+        loops=dict.fromkeys(found.loops, L),
+        classical=dict.fromkeys(found.classical, classical),
+        nominal={},
+        members=[],
+    )
+    return exact.checked_by(LoopChecker())
 
 
 def matched_loop(plant: Any, controller: Any) -> tuple[UncertainSystem, dict[int, str]]:
