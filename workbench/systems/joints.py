@@ -99,8 +99,8 @@ def _hint(part: Any) -> str:
     """What to do with something else that people give."""
     if hasattr(part, "frdata") or type(part).__name__ == "Responses":
         return (
-            "; a measured response has no poles: `loop_margins` takes it, all else a model or a "
-            "cover that is fitted to it first"
+            "; a measured response has no poles: fit a model or a cover to it first; of its own it "
+            "has margins, by `loop_margins`"
         )
     if isinstance(part, type):
         return f"; {part.__name__} is a class, give one of its objects"

@@ -7,7 +7,7 @@ made of rounding (see `workbench.mu.margins.crossings`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,7 @@ class ClassicalMargins(Answer):
     delays: RealArray
     modulus: float
     stable: bool
-    dt: float = 0.0
+    dt: float = field(default=0.0, kw_only=True)
 
     @property
     def gain(self) -> tuple[float, float]:
@@ -183,4 +183,4 @@ def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
     stable = exact.stable()
     modulus = exact.modulus() if stable else 0.0
     dt = exact.period if isinstance(exact, ExactLoop) else 0.0
-    return ClassicalMargins(gains, phases, delays, modulus, stable, dt)
+    return ClassicalMargins(gains, phases, delays, modulus, stable, dt=dt)
