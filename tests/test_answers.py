@@ -20,6 +20,7 @@ from workbench.uncertainty import (
     UncertaintyModel,
     contains,
     cover_of_estimate,
+    delay,
     dynamics,
     feedback,
     generalised_plant,
@@ -81,6 +82,14 @@ def estimate():
     return identification.fit_rational_model(measured, orders=1, excess=1)
 
 
+def measured_loop():
+    """Responses of an integrator and a lag with their variances."""
+    frequency = np.geomspace(0.01, 5, 40)
+    s = 2j * np.pi * frequency
+    exact = (2.0 / (s * (s + 1.0)))[:, None, None]
+    return identification.ResponseEstimate(frequency, exact, 1e-4 * np.abs(exact) ** 2, np.inf)
+
+
 def parameters():
     frequency = np.geomspace(0.1, 10, 20)
     exact = 3.0 / (2j * np.pi * frequency + 2.0)
@@ -129,6 +138,10 @@ ANSWERS = {
     ),
     "classical_margins, sampled": lambda: mu.classical_margins(OSCILLATOR.sample(0.1)),
     "classical_margins, unstable": lambda: mu.classical_margins(control.tf([5], [1, 1, 1, 1])),
+    "classical_margins with dead time": lambda: mu.classical_margins(
+        tf([5], [1, 1]) * delay("late", 0.3, 0.3)
+    ),
+    "loop_margins of data": lambda: mu.loop_margins(measured_loop()),
     "set_margins": lambda: mu.set_margins(PARAMETRIC, LEAD, tolerance=0.1)["input"],
     "nu_gap": lambda: mu.nu_gap(LAG, FAST),
     "coprime_margin": lambda: mu.coprime_margin(LAG, GAIN),
@@ -198,7 +211,8 @@ EAGER = {"hinf", "fit_response", "fit_rational_model", "fit_parameters"}
 WITHOUT_NUMBER = {
     *("conditions", "conditions, unstable", "gain_room", "loop_margins", "set_margins"),
     *("classical_margins", "classical_margins, sampled", "classical_margins, unstable"),
-    "classical_margins with a direct term",
+    *("classical_margins with a direct term", "classical_margins with dead time"),
+    "loop_margins of data",
     *("reduce_order", "sampled_conditions", "gramians"),
 }
 """Answers of several numbers with names of their own."""

@@ -86,7 +86,7 @@ CALLS = {
     "delay": (
         delay,
         {"name": "tau", "low": 0.0, "high": 1.0},
-        {"name": NOT_A_NAME, "low": (*NOT_A_NUMBER, -1.0, 1.0), "high": (*NOT_A_NUMBER, 0.0)},
+        {"name": NOT_A_NAME, "low": (*NOT_A_NUMBER, -1.0, 2.0), "high": (*NOT_A_NUMBER, 0.0)},
     ),
     "tf": (
         tf,

@@ -15,9 +15,14 @@ def definitions():
     for file in sorted(ROOT.rglob("*.py")):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             named = isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-            if named and not node.name.startswith("_"):
+            if named and not node.name.startswith("_") and not _is_signature(node):
                 found[node.name].append(file.relative_to(ROOT).as_posix())
     return found
+
+
+def _is_signature(node):
+    """Whether it is one of several signatures of a function, and defines nothing."""
+    return any(isinstance(one, ast.Name) and one.id == "overload" for one in node.decorator_list)
 
 
 def test_a_public_class_or_function_is_defined_once():

@@ -177,7 +177,7 @@ class Truth:
 
     @property
     def phase(self):
-        return np.abs(self.phases[:, 0]).min(initial=np.inf)
+        return min(self.phases[:, 0], key=abs, default=np.inf)
 
     @property
     def delay(self):
@@ -295,7 +295,7 @@ NUMBERS = ("gain down", "1 / gain up", "1 / phase", "1 / delay", "modulus")
 
 def _numbers(margins):
     low, high = margins.gain
-    inverse = [1.0 / max(x, 1e-300) for x in (margins.phase, margins.delay)]
+    inverse = [1.0 / max(x, 1e-300) for x in (abs(margins.phase), margins.delay)]
     return [low, 1.0 / high, *inverse, margins.modulus if margins.stable else 0.0]
 
 

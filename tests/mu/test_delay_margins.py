@@ -25,6 +25,7 @@ def test_a_delay_is_told_in_seconds(gain, lag, high):
     assert 0.85 * truth < borne < truth
     assert lost == pytest.approx(truth, rel=1e-4) and lost > borne
     assert f"any delay up to {borne:.5g} s, unstable with {lost:.5g} s" in repr(margin)
+    assert "none of seconds" in repr(margin)
     assert margin.holds, margin.certificate.failures
 
 
@@ -75,4 +76,5 @@ def test_a_claim_that_is_too_good_fails(place):
 
 def test_systems_without_delays_have_none():
     closed = feedback(tf([18], [1, 1.8, real("k", 10, percent=40)]) * control.tf([1], [1]), 1)
-    assert robust_stability(closed).delays == {}
+    margin = robust_stability(closed)
+    assert margin.delays == {} and "seconds" not in repr(margin)

@@ -83,10 +83,10 @@ def test_a_loop_bears_less_than_its_delay_margin():
 @pytest.mark.parametrize(
     ("low", "high", "words"),
     [
-        (0, 0, "0 <= low < high"),
+        (0, 0, "0 <= low <= high"),
         (-1, 1, "delays from -1 to 1"),
-        (2, 1, "0 <= low < high"),
-        (0, np.inf, "0 <= low < high"),
+        (2, 1, "0 <= low <= high"),
+        (0, np.inf, "0 <= low <= high"),
         ("0", 1, "low"),
         (0, None, "high"),
     ],

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
     from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
     from workbench.mu.margins.loop import LoopMargins, loop_margins
+    from workbench.mu.margins.measured import MeasuredMargins
     from workbench.mu.margins.of_sets import SetMargins, set_margins
     from workbench.mu.members.bundle import bundle_plot
     from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
@@ -54,6 +55,7 @@ __all__ = [
     "LoopMargins",
     "LowerBound",
     "MarginSensitivity",
+    "MeasuredMargins",
     "MonteCarlo",
     "MuLowerBound",
     "MuUpperBound",

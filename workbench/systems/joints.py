@@ -98,7 +98,10 @@ def _gain(value: Any, name: str) -> StateSpace:
 def _hint(part: Any) -> str:
     """What to do with something else that people give."""
     if hasattr(part, "frdata") or type(part).__name__ == "Responses":
-        return "; a measured response has no poles: fit a model or a cover to it first"
+        return (
+            "; a measured response has no poles: fit a model or a cover to it first; of its own it "
+            "has margins, by `loop_margins`"
+        )
     if isinstance(part, type):
         return f"; {part.__name__} is a class, give one of its objects"
     if hasattr(part, "checks"):

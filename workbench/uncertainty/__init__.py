@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     )
     from workbench.uncertainty.algebra.interconnect import interconnect
     from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
+    from workbench.uncertainty.algebra.rational_delays import without_dead_time
     from workbench.uncertainty.algebra.system import UncertainSystem
     from workbench.uncertainty.covers.circle_cover import CircleCover
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
@@ -98,4 +99,5 @@ __all__ = [
     "tf",
     "vertices",
     "widened",
+    "without_dead_time",
 ]

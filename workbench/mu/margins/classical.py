@@ -7,7 +7,7 @@ made of rounding (see `workbench.mu.margins.crossings`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,14 @@ import numpy as np
 from workbench.answer import Answer
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.mu.margins.classical_checks import ClassicalChecker
-from workbench.mu.margins.crossings import exact_loop
+from workbench.mu.margins.classical_checks import ClassicalChecker, DelayedChecker
+from workbench.mu.margins.crossings import ExactLoop, exact_loop
+from workbench.mu.margins.delayed_loop import DelayedLoop
 from workbench.systems.conversion import as_system
-from workbench.systems.joints import system_of
+from workbench.systems.joints import part_of, system_of
+from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.rational_delays import rational_part
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,6 +34,7 @@ class ClassicalMargins(Answer):
     negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] with which the
     closed loop has a pole at each of these. ``modulus`` is the distance of L from -1, a proven
     lower bound; 0 where the loop is not ``stable``, or where rounding of its entries decides that.
+    ``dt`` [s] is the sampling time, 0 in continuous time.
     """
 
     gains: RealArray
@@ -37,6 +42,7 @@ class ClassicalMargins(Answer):
     delays: RealArray
     modulus: float
     stable: bool
+    dt: float = field(default=0.0, kw_only=True)
 
     @property
     def gain(self) -> tuple[float, float]:
@@ -54,8 +60,8 @@ class ClassicalMargins(Answer):
 
     @property
     def phase(self) -> float:
-        """The least phase margin, of lag or lead [deg]; infinite without a crossing."""
-        return float(np.abs(self.phases[:, 0]).min(initial=math.inf))
+        """The least phase margin [deg], negative against lead; infinite without a crossing."""
+        return float(min(self.phases[:, 0], key=abs, default=math.inf))
 
     @property
     def delay(self) -> float:
@@ -63,12 +69,27 @@ class ClassicalMargins(Answer):
         return float(self.delays[:, 0].min(initial=math.inf))
 
     def said(self) -> str:
-        low, high = self.gain
         state = "" if self.stable else "the closed loop is UNSTABLE; "
-        return (
-            f"ClassicalMargins: {state}gain from {low:.4g} to {high:.4g}, phase {self.phase:.4g} "
-            f"degrees, delay {self.delay:.4g} s, modulus {self.modulus:.4g}"
-        )
+        low, high = (f"{factor:.4g}{_at(self.gains, factor)}" for factor in self.gain)
+        samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
+        lines = [
+            f"ClassicalMargins: {state}gain from {low} to {high}",
+            f"  phase {self.phase:.4g} degrees{_at(self.phases, self.phase)}",
+            f"  delay {self.delay:.4g} s{samples}{_at(self.delays, self.delay)}",
+            f"  modulus {self.modulus:.4g}",
+        ]
+        return "\n".join(lines)
+
+
+def in_both_units(omega: float) -> str:
+    """A frequency [rad/s] in words, in Hz too."""
+    return f"{omega:.4g} rad/s ({omega / (2 * math.pi):.4g} Hz)"
+
+
+def _at(rows: RealArray, value: float) -> str:
+    """Where a margin of a table is met."""
+    omega = rows[rows[:, 0] == value, 1]
+    return f" at {in_both_units(float(omega[0]))}" if omega.size else ""
 
 
 def classical_margins(loop: Any) -> ClassicalMargins:
@@ -77,22 +98,81 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     Parameters
     ----------
     loop
-        L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one.
+        L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one. Known
+        dead time (`workbench.uncertainty.delay`) in series counts exactly as it is.
 
     Raises
     ------
     InputError
-        L has several inputs or outputs, or is sampled with a sampling time that is not given.
+        L has several inputs or outputs, or is sampled with a sampling time that is not given; or
+        its dead time is not in series with all of the rest, or |L| with it is 1 or more at
+        infinity.
+
+    Examples
+    --------
+    >>> from workbench.mu import classical_margins
+    >>> from workbench.uncertainty import delay, tf
+    >>> found = classical_margins(tf([1], [1, 0]) * delay("tau", 1.0, 1.0))
+    >>> round(found.gain[1], 6), round(found.phase, 4)  # pi / 2, 90 degrees - 1 rad
+    (1.570796, 32.7042)
     """
-    L = as_system(loop, "loop")
-    if not L.issiso():
+    late = _late(loop)
+    if late is None:
+        L = as_system(loop, "loop")
+        _need_single(L)
+        if L.dt is True:
+            raise InputError(
+                "the loop is sampled, but its sampling time is not given: set its dt [s]"
+            )
+        exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
+        return margins_of(exact).checked_by(ClassicalChecker(L, exact))
+    delayed = delayed_loop(late)
+    return margins_of(delayed).checked_by(DelayedChecker(delayed.rational.system, delayed))
+
+
+def _late(loop: Any) -> UncertainSystem | None:
+    """The loop where it has known dead time."""
+    part = part_of(loop, "loop")
+    return part if isinstance(part, UncertainSystem) and dead_times(part.elements) else None
+
+
+def _need_single(L: Any) -> None:
+    if (L.noutputs, L.ninputs) != (1, 1):
         raise InputError(
             f"loop has {L.noutputs} outputs and {L.ninputs} inputs; one of each is needed: "
             "`loop_margins` takes plants and controllers of several channels"
         )
-    if L.dt is True:
-        raise InputError("the loop is sampled, but its sampling time is not given: set its dt [s]")
-    exact = exact_loop(system_of(loop, "loop"), L)
+
+
+def delayed_loop(loop: UncertainSystem) -> DelayedLoop:
+    """The loop of one channel with known dead time, all else nominal.
+
+    Raises
+    ------
+    InputError
+        Its dead time is not in series with all of the rest, or |L| is 1 or more at infinity.
+    """
+    _need_single(loop)
+    late = dead_times(loop.elements)
+    names = ", ".join(late)
+    delayed, rational = rational_part(loop)
+    if delayed is None:
+        raise InputError(
+            f"the dead time {names} is not in series with the rest of the loop: some path goes "
+            "round it, or leads back to it. Exact margins are known of L = R exp(-s T) only; "
+            "`without_dead_time(loop)` has a Pade approximation with a bound of its error"
+        )
+    R = rational.nominal
+    if abs(R.D[0, 0]) >= 1.0:
+        raise InputError(
+            f"|L| is {abs(R.D[0, 0]):.6g} at infinity: with the dead time {names} the closed loop "
+            "has endlessly many unstable poles, or is on their border; below 1 is needed"
+        )
+    return DelayedLoop(exact_loop(R, R), delayed)
+
+
+def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
+    """The margins of a loop whose crossings are known."""
     real, unit = exact.real_crossings(), exact.unit_crossings()
     negative = [one for one in real if one.value.real < 0]
     gains = np.array([[-1.0 / one.value.real, one.omega] for one in negative]).reshape(-1, 2)
@@ -102,5 +182,5 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / omega, omega])
     stable = exact.stable()
     modulus = exact.modulus() if stable else 0.0
-    found = ClassicalMargins(gains, phases, delays, modulus, stable)
-    return found.checked_by(ClassicalChecker(L, exact))
+    dt = exact.period if isinstance(exact, ExactLoop) else 0.0
+    return ClassicalMargins(gains, phases, delays, modulus, stable, dt=dt)

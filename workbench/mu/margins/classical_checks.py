@@ -12,6 +12,8 @@ from workbench.arrays import EPS, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.heavy_types import StateSpace
 from workbench.mu.margins.crossings import ExactLoop
+from workbench.mu.margins.delayed_loop import DelayedLoop
+from workbench.second_opinion.margins.dead_times import counted_poles, tried_distance
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.systems.realisation import realisation
@@ -42,7 +44,7 @@ class ClassicalChecker(Checker):
     """Checks the `ClassicalMargins` of a loop of one channel."""
 
     loop: StateSpace
-    exact: ExactLoop
+    exact: ExactLoop | DelayedLoop
 
     @property
     def quantifier(self) -> str:
@@ -141,6 +143,36 @@ class ClassicalChecker(Checker):
         poles = np.linalg.eigvals(loop.A)
         omega = np.abs(np.angle(poles) / float(loop.dt) if loop.dt else poles.imag)
         return any(self.exact.may_be_unstable(float(w), gain) for w in omega)
+
+
+@dataclass(frozen=True, eq=False)
+class DelayedChecker(ClassicalChecker):
+    """Checks the `ClassicalMargins` of a loop with dead time; ``loop`` is its rational part."""
+
+    def second_opinion(self, answer: Any) -> list[Check]:
+        """Crossings of |L| are those of |R|; poles of the closed loop are counted by turns."""
+        assert isinstance(self.exact, DelayedLoop)
+        T = float(self.exact.delay)
+        found = [self._missed(answer.phases[:, 1])]
+        claimed = "number of closed-loop poles right of the axis, by the argument principle"
+        if not answer.stable:
+            return found
+        count = max(abs(counted_poles(self.loop, T, gain)) for gain in self._tried(*answer.gain))
+        over = f"for {GAINS} gains between the nearest factors"
+        found.append(Check("encirclements", claimed, float(count), 0.0, over=over))
+        nearest = tried_distance(self.loop, T)
+        excess = answer.modulus / nearest - 1.0 if nearest else math.inf
+        statement = "share by which |1 + L| is smaller than claimed where it is tried"
+        found.append(Check("distance", statement, excess, CROSSING_ROUNDING))
+        return found
+
+    @staticmethod
+    def _tried(low: float, high: float) -> RealArray:
+        """Gains between two factors, 1 among them."""
+        ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
+        room = WITHIN * (ends[1] - ends[0])
+        gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS))
+        return np.append(gains, 1.0)
 
 
 def _crossing(name: str, statement: str, distance: RealArray) -> Check:

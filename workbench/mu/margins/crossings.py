@@ -91,7 +91,7 @@ class ExactLoop:
         """
         above, below = self._squares()
         with ctx.workprec(PRECISION):
-            flat = _positive_roots(above.derivative() * below - above * below.derivative())
+            flat = positive_roots(above.derivative() * below - above * below.derivative())
             every = [acb_poly(above)(acb(x)) / acb_poly(below)(acb(x)) for x in flat]
             sizes = [arb(value.real).sqrt() for value in every if value.is_finite()]
         ends = [abs(1.0 + end.value) for end in (self._at_zero(), self._at_infinity()) if end]
@@ -124,7 +124,7 @@ class ExactLoop:
 
     def _at_roots(self, polynomial: fmpq_poly) -> list[Crossing]:
         with ctx.workprec(PRECISION):
-            found = [(x, self._angular(x)) for x in _positive_roots(polynomial)]
+            found = [(x, self._angular(x)) for x in positive_roots(polynomial)]
             values = [complex(self._value(acb(0, x.sqrt()))) for x, _ in found]
             pairs = zip(found, values, strict=True)
             every = [Crossing(omega, value) for (_, omega), value in pairs]
@@ -226,7 +226,7 @@ def _bilinear(polynomial: fmpq_poly, order: int) -> fmpq_poly:
     return total
 
 
-def _positive_roots(polynomial: fmpq_poly) -> list[arb]:
+def positive_roots(polynomial: fmpq_poly) -> list[arb]:
     """Positive roots, each once, and positive parts of those that are as good as real."""
     if polynomial.degree() < 1:
         return []

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from workbench import figures
-from workbench.arrays import ComplexArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Figure, StateSpace
 from workbench.mu.margins.disk import DiskMargin
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
+from workbench.uncertainty.algebra.rational_delays import rational_part
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 POINTS = 400
 """Points of a curve."""
@@ -24,7 +26,7 @@ MOST_DB = 40.0
 
 
 def figure_of(
-    loops: Mapping[str, StateSpace],
+    loops: Mapping[str, StateSpace | UncertainSystem],
     disks: Mapping[str, DiskMargin],
     together: DiskMargin | None,
     members: Sequence[StateSpace],
@@ -63,16 +65,38 @@ def figure_of(
     return figure
 
 
-def _curve(loop: StateSpace) -> ComplexArray:
+def measured_figure(values: ComplexArray, radius: RealArray | None) -> Figure:
+    """Nyquist curve of measured responses (F,), with discs of these radii (F,) about them."""
+    figure, (plane,) = figures.axes(1, 1)
+    angles = np.linspace(0.0, 2 * math.pi, POINTS)
+    plane.plot(np.cos(angles), np.sin(angles), ":", color="0.5", label="unit circle")
+    (line,) = plane.plot(values.real, values.imag, ".-", label="data")
+    for number, (value, size) in enumerate(
+        zip(values, radius if radius is not None else (), strict=False)
+    ):
+        disc = value + size * np.exp(1j * angles)
+        words = "95 % of the noise" if number == 0 else None
+        plane.plot(disc.real, disc.imag, color=line.get_color(), linewidth=0.5, label=words)
+    plane.plot([-1.0], [0.0], "+", color=figures.BLACK)
+    plane.set_xlim(-SHOWN, SHOWN)
+    plane.set_ylim(-SHOWN, SHOWN)
+    plane.set_aspect("equal")
+    figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "measured L")
+    figures.legend_below(figure, plane)
+    return figure
+
+
+def _curve(loop: StateSpace | UncertainSystem) -> ComplexArray:
     """The response over frequency, without what lies far outside the figure."""
-    omega = frequencies_of(loop)
+    late = loop if isinstance(loop, UncertainSystem) else None
+    omega = frequencies_of(rational_part(late)[1].nominal if late else loop)
     omega = omega[(omega > 0) & np.isfinite(omega)]
     low, high = (omega[0] / 10, omega[-1] * 10) if omega.size else (1e-3, 1e3)
     if loop.dt:
         high = math.pi / loop.dt
     omega = np.union1d(omega[omega <= high], np.geomspace(low, high, 4 * POINTS))
     with np.errstate(all="ignore"):
-        values = response(loop, omega)[:, 0, 0]
+        values = (late.response(omega) if late else response(loop, omega))[:, 0, 0]
     return np.where(np.abs(values) < 1e3 * SHOWN, values, np.nan)
 
 

@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from workbench.answer import Answer, PartsChecker
 from workbench.errors import InputError
 from workbench.heavy_types import Figure, StateSpace
+from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import is_real, need_tolerance
 from workbench.mu.margins import drawn
-from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delayed_loop
 from workbench.mu.margins.disk import DiskMargin, disk_of
+from workbench.mu.margins.measured import (
+    MeasuredMargins,
+    is_measured,
+    loops_of,
+    measured_margins,
+)
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
+from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
 from workbench.uncertainty.algebra.functions import append, feedback
+from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.responses.plants import Responses
 
+PADE_ORDERS = (6, 8, 10, 12, 14)
+"""Orders of the approximation of dead time in disks; a higher one loses digits."""
+CORNER = 2.0
+"""Least frequency at which its error may be as large as it is, in highest crossovers."""
 MEMBERS = 20
 """Random plants of a set whose loops are drawn."""
 
@@ -38,7 +52,7 @@ class LoopMargins(Answer):
     ``members`` are the loops of random plants, of a plant of one channel.
     """
 
-    loops: Mapping[str, StateSpace]
+    loops: Mapping[str, StateSpace | UncertainSystem]
     classical: Mapping[str, ClassicalMargins]
     disks: Mapping[str, DiskMargin]
     together: Mapping[str, DiskMargin]
@@ -101,18 +115,42 @@ class LoopChecker(PartsChecker):
         return {"margins": drawn.figure_of(answer.loops, answer.disks, together, answer.members)}
 
 
+@overload
+def loop_margins(
+    plant: Responses, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> dict[str, MeasuredMargins]: ...
+
+
+@overload
+def loop_margins(
+    plant: ResponseEstimate, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> MeasuredMargins: ...
+
+
+@overload
 def loop_margins(
     plant: Any, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
-) -> LoopMargins:
+) -> LoopMargins: ...
+
+
+def loop_margins(
+    plant: Any, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> LoopMargins | MeasuredMargins | dict[str, MeasuredMargins]:
     """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
 
     Of an uncertain plant the disks hold for all of its set, the others for the nominal; what gain
-    and phase alone every plant bears, `set_margins` says.
+    and phase alone every plant bears, `set_margins` says. Known dead time in a loop of one channel
+    counts as it is; only its disks are those of a set that contains it, `without_dead_time`. Of
+    measured responses the answer is `MeasuredMargins`, of the data at their frequencies only, with
+    ranges from variances.
 
     Parameters
     ----------
     plant
-        A system, or an uncertain one; of any number of channels, in continuous or sampled time.
+        A system, or an uncertain one; of any number of channels, in continuous or sampled time. Or
+        a measured response of one channel: python-control's FrequencyResponseData, a
+        `ResponseEstimate` with its variances, or `Responses` of several plants, whose margins are
+        told by plant.
     controller
         K of u = -K y; for a loop L alone, 1.
     skew
@@ -125,12 +163,26 @@ def loop_margins(
     ------
     InputError
         Plant and controller do not fit each other, the loop is singular, or unstable at the
-        nominal.
+        nominal; or its dead time is not as `classical_margins` needs it, or turns the loop too far.
+
+    Examples
+    --------
+    >>> from workbench.mu import loop_margins
+    >>> from workbench.uncertainty import delay, tf
+    >>> found = loop_margins(tf([1], [1, 0]) * delay("tau", 1.0, 1.0))
+    >>> round(found.classical["loop"].delay, 6)  # pi / 2 - 1 s
+    0.570796
     """
+    if is_measured(plant):
+        data, dt = loops_of(plant, controller)
+        found = {name: measured_margins(one, dt) for name, one in data.items()}
+        return found if isinstance(plant, Responses) else found["loop"]
     need_tolerance(tolerance)
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")
     G, K = _matched(plant, controller)
+    if dead_times({**G.elements, **K.elements}):
+        return _with_dead_time(G, K, skew, tolerance)
     returned, channels = matched_loop(G, K)
     nominal = uncertain(returned.nominal)
     m, p = G.ninputs, G.noutputs
@@ -162,6 +214,44 @@ def loop_margins(
         scalar.sample(MEMBERS) if scalar is not None and scalar.elements else [],
         float(skew),
     ).checked_by(LoopChecker())
+
+
+def _with_dead_time(
+    G: UncertainSystem, K: UncertainSystem, skew: float, tolerance: float
+) -> LoopMargins:
+    """The margins of a loop of one channel with known dead time; the rest as of `loop_margins`."""
+    late = ", ".join(dead_times({**G.elements, **K.elements}))
+    if G.noutputs != 1 or G.ninputs != 1:
+        raise InputError(
+            f"plant has {G.noutputs} outputs and {G.ninputs} inputs and the dead time {late}; "
+            "exact margins are known of one channel: give `without_dead_time(plant)`, of which "
+            "disks hold with the dead time itself"
+        )
+    L = G * K
+    classical = classical_margins(L)
+    if not classical.stable:
+        raise InputError(
+            f"the closed loop is unstable at the nominal with its dead time {late}; the loop is "
+            "closed with negative feedback, u = -K y; `classical_margins` tells its crossings"
+        )
+    turn = float(delayed_loop(L).delay) * float(classical.phases[:, 1].max(initial=0.0))
+    order = next((n for n in PADE_ORDERS if pade_corner(n) >= CORNER * turn), None)
+    if order is None:
+        raise InputError(
+            f"the dead time {late} turns the loop by {turn:.4g} rad at its highest crossover, too "
+            "far for the disks' Pade approximation; `classical_margins` of plant times controller "
+            "takes it exactly"
+        )
+    rational = [without_dead_time(one, order=order) for one in (G, K)]
+    found = loop_margins(*rational, skew=skew, tolerance=tolerance)
+    exact = replace(
+        found,
+        loops=dict.fromkeys(found.loops, L),
+        classical=dict.fromkeys(found.classical, classical),
+        nominal={},
+        members=[],
+    )
+    return exact.checked_by(LoopChecker())
 
 
 def matched_loop(plant: Any, controller: Any) -> tuple[UncertainSystem, dict[int, str]]:

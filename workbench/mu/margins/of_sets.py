@@ -201,7 +201,7 @@ class SetChecker(Checker):
         members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN))]
         low = max(one.gain[0] for one in members)
         high = min(one.gain[1] for one in members)
-        phase = min(one.phase for one in members)
+        phase = min(abs(one.phase) for one in members)
         delay = min(one.delay for one in members)
         kept = (
             ("least gain", low, answer.gain[0]),
@@ -228,7 +228,7 @@ class SetChecker(Checker):
             more = {
                 "rise": (own.gain[1], answer.gain_lost[1]),
                 "fall": (answer.gain_lost[0], own.gain[0]),
-                "phase": (own.phase, answer.phase_lost),
+                "phase": (abs(own.phase), answer.phase_lost),
                 "delay": (own.delay, answer.delay_lost),
             }[kind]
             value, over = excess(*more) if own.stable else 0.0, "for this one plant"

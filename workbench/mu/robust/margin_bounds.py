@@ -70,6 +70,8 @@ class StabilityMargin(Answer):
             order = getattr(value, "nstates", None)
             shown = f"{value:.6g}" if order is None else f"a system of order {order}"
             lines.append(f"  worst {name}: {shown}")
+        if self.delays:
+            lines.append("  the factor is one of disks that contain the delays, none of seconds:")
         for name, (borne, lost) in self.delays.items():
             until = f"unstable with {lost:.5g} s" if math.isfinite(lost) else "no longer one found"
             lines.append(f"  {name}: any delay up to {borne:.5g} s, {until}")

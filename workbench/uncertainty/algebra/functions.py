@@ -13,6 +13,7 @@ from scipy.linalg import block_diag as block_diagonal
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_positive
 from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.dead_time import DeadTime
 from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.elements import (
     ComplexElement,
@@ -139,13 +140,18 @@ def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> Uncertai
 
 
 def delay(name: str, low: float, high: float) -> UncertainSystem:
-    """An uncertain delay exp(-s tau), tau from low to high [s], in continuous time.
+    """A delay exp(-s tau), tau from low to high [s], in continuous time.
 
-    A delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that covers
-    |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every delay
-    from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of that
-    delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which delays
-    are borne. ``at(tau=...)`` and ``sample`` have the delays themselves (Pade approximations).
+    With low equal to high it is known dead time: `workbench.mu.loop_margins` and ``response`` take
+    it exactly as it is, whatever needs states refuses it by name, and `without_dead_time` replaces
+    it by a Pade approximation and a bound of its error.
+
+    An uncertain delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that
+    covers |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every
+    delay from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of
+    that delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which
+    delays are borne. ``at(tau=...)`` and ``sample`` have the delays themselves, by Pade
+    approximations.
 
     Raises
     ------
@@ -158,10 +164,18 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
     >>> late = tf([1], [1, 1]) * delay("tau", 0.0, 0.1)
     >>> [block.name for block in late.structure]
     ['tau']
+    >>> known = tf([1], [1, 1]) * delay("tau", 0.1, 0.1)
+    >>> known.response([0.0]).item()
+    (1+0j)
     """
     need_numbers(low=low, high=high)
-    if not 0.0 <= low < high < math.inf:
-        raise InputError(f"{name}: delays from {low!r} to {high!r}; 0 <= low < high is needed")
+    if not 0.0 <= low <= high < math.inf or not high > 0.0:
+        raise InputError(
+            f"{name}: delays from {low!r} to {high!r} s; 0 <= low <= high and high > 0 are needed"
+        )
+    if low == high:
+        known = DeadTime(name, float(high))
+        return UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: known}, 0.0)
     element = DelayElement(name, float(low), float(high))
     delta = UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: element})
     return 1.0 + element.cover * delta

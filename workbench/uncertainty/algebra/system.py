@@ -25,6 +25,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.uncertainty.algebra import dead_time
 from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
@@ -118,10 +119,10 @@ class UncertainSystem(Algebraic):
         return self.value.names.count(INTEGRATOR)
 
     def __repr__(self) -> str:
-        lines = [
-            f"UncertainSystem: {self.noutputs} outputs, {self.ninputs} inputs, nominal of "
-            f"{in_words(self.nominal)}"
-        ]
+        size = f"UncertainSystem: {self.noutputs} outputs, {self.ninputs} inputs"
+        late = dead_time.dead_times(self.elements)
+        inside = f"{self.nstates} states" if late else f"nominal of {in_words(self.nominal)}"
+        lines = [f"{size}, {inside}"]
         counts = self.value.repetitions()
         for element in self.elements.values():
             times = counts[element.channels[0]]
@@ -204,6 +205,8 @@ class UncertainSystem(Algebraic):
         for name in values:
             if name not in self.elements:
                 raise UnknownNameError("uncertain element", name, list(self.elements))
+        for late in dead_time.dead_times(self.elements).values():
+            raise InputError(late.refusal)
         n, lft = self.nstates, self._grouped
         r = len(lft.names) - n
         M = lft.M
@@ -251,9 +254,18 @@ class UncertainSystem(Algebraic):
         ]
 
     def response(self, omega: ArrayLike) -> Array:
-        """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,)."""
-        warn_far_frequencies(omega, self.nominal)
-        return response(self.nominal, omega)
+        """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,).
+
+        Known dead time counts as it is, exp(-j omega T).
+        """
+        late = dead_time.dead_times(self.elements)
+        if not late:
+            warn_far_frequencies(omega, self.nominal)
+            return response(self.nominal, omega)
+        value, names = dead_time.channels_pulled_out(self.value, list(late))
+        others = {name: one for name, one in self.elements.items() if name not in late}
+        found = UncertainSystem(value, others, self.dt).response(omega)
+        return dead_time.closed_response(found, [late[name].delay for name in names], omega)
 
     def plot(self, samples: int = 30, seed: int = 0) -> Figure:
         """Gain over frequency (of several channels the largest) of random members and the nominal.
@@ -266,7 +278,8 @@ class UncertainSystem(Algebraic):
         """The same system with fewer repetitions of its elements, and with all its states."""
         kept = [INTEGRATOR]
         for one in self.elements.values():
-            kept += one.channels if len(one.channels) > 1 else ()
+            exact = len(one.channels) > 1 or isinstance(one, dead_time.DeadTime)
+            kept += one.channels if exact else ()
         return replace(self, value=reduced(self._grouped, keep=kept))._used()
 
     def __getitem__(self, key: Any) -> UncertainSystem:

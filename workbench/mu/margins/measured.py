@@ -1,0 +1,317 @@
+"""Margins of measured loops: where the data cross, and how well their variances tell it.
+
+Between neighbouring frequencies ln |L| and the unwrapped phase are taken as linear in ln omega,
+which an integrator's and a lag's are. Ranges follow from the variances to first order: the errors
+of the two neighbours are independent and circular, so that ln |L| and the phase of each have the
+variance E|error|^2 / (2 |L|^2), and both move the crossing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from workbench.answer import Answer
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check, Checker
+from workbench.errors import InputError
+from workbench.heavy_types import Figure
+from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.mu.margins import drawn
+from workbench.mu.margins.classical import in_both_units
+from workbench.second_opinion.margins.measured import (
+    chords_that_cross,
+    lies_on_chord,
+    redrawn_spread,
+)
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import response
+from workbench.uncertainty.responses.plants import Responses
+
+CONFIDENCE = 0.95
+"""Probability of the ranges."""
+REPEATED = 1e-9
+"""Share by which margins of data may differ from those computed again on another processor."""
+CHORD = 1.0
+"""Distance of a crossing from where the chord of its two data crosses, as a share of the chord: it
+crosses between the same data."""
+SPREAD = 1.5
+"""Factor between a range and the spread of margins of redrawn data: both are to first order."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLoop:
+    """Responses L (F,) of one loop at rising frequencies [rad/s] (F,).
+
+    ``variance`` is E|error|^2 (F,), None where it is not known, with so many real degrees of
+    freedom.
+    """
+
+    omega: RealArray
+    values: ComplexArray
+    variance: RealArray | None
+    degrees: float
+
+    @property
+    def width(self) -> float:
+        """Half-widths of the ranges, in standard deviations."""
+        return float(stats.t.ppf((1 + CONFIDENCE) / 2, self.degrees))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredMargins(Answer):
+    """Margins of a measured loop that is closed with negative feedback, as far as data tell.
+
+    Each crossing is a row (K, 4): the margin, its frequency [rad/s], the lower and the upper end of
+    its range. ``gains`` are factors on the gain at which L passes -1; ``phases_deg`` [deg] and
+    ``delays`` [s] are the margins at |L| = 1. ``modulus`` (3,) is the least distance from -1 at the
+    data, and its range. Ranges have a probability of 95 % each, from the variances of the data to
+    first order; without variances they are NaN. ``band`` [rad/s] has the lowest and the highest
+    frequency of the data: outside there may be more crossings, and whether the closed loop is
+    stable data do not tell. ``dt`` [s] is the sampling time, 0 in continuous time.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.mu import MeasuredMargins, loop_margins
+    >>> omega = np.geomspace(0.1, 10.0, 30)
+    >>> found = loop_margins(control.frd(2.0 / (1j * omega), omega))
+    >>> isinstance(found, MeasuredMargins), round(found.phase_deg, 6)
+    (True, 90.0)
+    """
+
+    gains: RealArray
+    phases_deg: RealArray
+    delays: RealArray
+    modulus: RealArray
+    band: tuple[float, float]
+    dt: float
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        """The nearest factors below and above 1; 0 and infinity where there is none."""
+        factors = self.gains[:, 0]
+        low = factors[factors < 1].max(initial=0.0)
+        return float(low), float(factors[factors > 1].min(initial=math.inf))
+
+    @property
+    def phase_deg(self) -> float:
+        """The least phase margin [deg], negative against lead; infinite without a crossing."""
+        return float(min(self.phases_deg[:, 0], key=abs, default=math.inf))
+
+    @property
+    def delay(self) -> float:
+        """The least delay margin [s]; infinite without a crossing."""
+        return float(self.delays[:, 0].min(initial=math.inf))
+
+    def said(self) -> str:
+        low, high = self.band
+        samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
+        ends = [f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain]
+        lines = [
+            f"MeasuredMargins of the data from {in_both_units(low)} to {in_both_units(high)}",
+            f"  gain from {ends[0]} to {ends[1]}",
+            f"  phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
+            f"  delay {self.delay:.4g} s{samples}{_told(self.delays, self.delay)}",
+            f"  modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
+            "  the data do not tell whether the closed loop is stable",
+        ]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredChecker(Checker):
+    """Checks `MeasuredMargins` against the data."""
+
+    data: MeasuredLoop
+
+    @property
+    def quantifier(self) -> str:
+        noise = "" if self.data.variance is None else f", ranges of {100 * CONFIDENCE:g} % each"
+        return f"at the {self.data.omega.size} frequencies of the data only{noise}"
+
+    def checks(self, answer: MeasuredMargins, tolerance: float) -> list[Check]:
+        again = margins_of_data(self.data)
+        statement = "largest relative difference to what the data give again"
+        pairs = {name: (getattr(answer, name), getattr(again, name)) for name in TABLES}
+        return [
+            Check(name, statement, _difference(*pair), REPEATED) for name, pair in pairs.items()
+        ]
+
+    def second_opinion(self, answer: MeasuredMargins) -> list[Check]:
+        """Chords between the data cross nearby, and redrawn data spread as the ranges say."""
+        omega, L = self.data.omega, self.data.values
+        statement = "distance of a crossing from the chord of its neighbours, in chords"
+        circle = [lies_on_chord(omega, L, w, on_circle=True) for w in answer.phases_deg[:, 1]]
+        axis = [lies_on_chord(omega, L, w, on_circle=False) for w in answer.gains[:, 1]]
+        found = [Check("chords", statement, max([*circle, *axis], default=0.0), CHORD)]
+        counts = np.subtract(chords_that_cross(L), (len(answer.phases_deg), len(answer.gains)))
+        statement = "difference of the numbers of chords that cross and of crossings"
+        found.append(Check("crossings", statement, float(np.abs(counts).max()), 0.0))
+        if self.data.variance is not None and len(answer.phases_deg):
+            half = np.diff(answer.phases_deg[:, 2:])[:, 0] / 2 / self.data.width
+            spread = redrawn_spread(omega, L, self.data.variance, answer.phases_deg[:, 1])
+            ratio = float(np.nanmax(np.maximum(spread / half, half / spread), initial=1.0))
+            statement = "factor between the spread of redrawn phase margins and their range"
+            found.append(Check("redrawn", statement, ratio, SPREAD))
+        return found
+
+    def figures(self, answer: MeasuredMargins) -> dict[str, Figure]:
+        """The Nyquist curve of the data, with discs that hold 95 % of the noise."""
+        data, radius = self.data, None
+        if data.variance is not None:
+            radius = np.sqrt(data.variance * stats.f.ppf(CONFIDENCE, 2, data.degrees))
+        return {"margins": drawn.measured_figure(data.values, radius)}
+
+
+TABLES = ("gains", "phases_deg", "delays", "modulus")
+"""What is told of a measured loop."""
+
+
+def measured_margins(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
+    """The margins of one measured loop, with who checks them."""
+    return margins_of_data(data, dt).checked_by(MeasuredChecker(data))
+
+
+def margins_of_data(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
+    """The margins of one measured loop."""
+    omega, size = data.omega, np.log(np.abs(data.values))
+    phase, u = np.unwrap(np.angle(data.values)), np.log(data.omega)
+    spread = np.full(omega.size, math.nan)
+    if data.variance is not None:
+        spread = np.sqrt(data.variance / 2) / np.abs(data.values)
+    gains, phases, delays = [], [], []
+    for k in np.flatnonzero(np.diff(np.floor((phase - math.pi) / (2 * math.pi)))):
+        d_size, d_phase = np.diff(size[k : k + 2])[0], np.diff(phase[k : k + 2])[0]
+        turn = max(phase[k : k + 2]) - math.pi
+        passed = math.floor(turn / (2 * math.pi)) * 2 * math.pi + math.pi
+        t = (passed - phase[k]) / d_phase
+        factor = math.exp(-(size[k] + t * d_size))
+        sigma = _mixed(spread[k : k + 2], t) * math.hypot(1.0, d_size / d_phase) * data.width
+        gains.append([factor, math.exp(u[k] + t * (u[k + 1] - u[k])),
+                      factor * math.exp(-sigma), factor * math.exp(sigma)])  # fmt: skip
+    for k in np.flatnonzero(np.diff(size >= 0)):
+        d_size, d_phase = np.diff(size[k : k + 2])[0], np.diff(phase[k : k + 2])[0]
+        t = -size[k] / d_size
+        at = math.exp(u[k] + t * (u[k + 1] - u[k]))
+        angle = phase[k] + t * d_phase + math.pi
+        angle -= 2 * math.pi * math.ceil(angle / (2 * math.pi) - 0.5)  # in (-pi, pi]
+        mixed = _mixed(spread[k : k + 2], t) * data.width
+        reach = math.degrees(mixed * math.hypot(1.0, d_phase / d_size))
+        degrees = math.degrees(angle)
+        phases.append([degrees, at, degrees - reach, degrees + reach])
+        late = angle % (2 * math.pi)
+        slope = (d_phase - late * (u[k + 1] - u[k])) / d_size
+        room = mixed * math.hypot(1.0, slope) / at
+        delays.append([late / at, at, late / at - room, late / at + room])
+    away, noise = np.abs(1.0 + data.values), spread * np.abs(data.values) * data.width
+    least = max(float((away - noise).min()), 0.0) if data.variance is not None else math.nan
+    tables = [np.array(rows).reshape(-1, 4) for rows in (gains, phases, delays)]
+    return MeasuredMargins(
+        gains=tables[0],
+        phases_deg=tables[1],
+        delays=tables[2],
+        modulus=np.array([away.min(), least, (away + noise).min()]),
+        band=(float(omega[0]), float(omega[-1])),
+        dt=dt,
+    )
+
+
+def _mixed(spread: RealArray, t: float) -> float:
+    """Standard deviation of what lies between two independent errors."""
+    return math.hypot((1 - t) * spread[0], t * spread[1])
+
+
+def _difference(one: RealArray, other: RealArray) -> float:
+    """The largest relative difference; infinite for tables of other sizes."""
+    if one.shape != other.shape:
+        return math.inf
+    if not np.array_equal(np.isfinite(one), np.isfinite(other)):
+        return math.inf
+    size = np.maximum(np.abs(other), 1e-300)
+    return float(np.nanmax(np.abs(one - other) / size, initial=0.0))
+
+
+def _told(rows: RealArray, value: float) -> str:
+    """Range and frequency of a margin of a table."""
+    found = rows[rows[:, 0] == value]
+    return f"{_range(found[0, 2:])} at {in_both_units(found[0, 1])}" if len(found) else ""
+
+
+def _range(ends: RealArray) -> str:
+    return "" if math.isnan(ends[0]) else f" ({ends[0]:.4g} to {ends[1]:.4g})"
+
+
+# --- loops of what is measured -----------------------------------------------------------------
+
+
+def is_measured(given: Any) -> bool:
+    """Whether something is a measured response: python-control's, `Responses`, or an estimate."""
+    return hasattr(given, "frdata") or isinstance(given, Responses | ResponseEstimate)
+
+
+def loops_of(plant: Any, controller: Any) -> tuple[dict[str, MeasuredLoop], float]:
+    """The loops of measured plants and a controller, by the plants' names, and the sampling time.
+
+    Raises InputError where the plants have several channels, or times do not fit.
+    """
+    dt = float(getattr(plant, "dt", 0.0) or 0.0)
+    variances: dict[str, RealArray] = {}
+    degrees: dict[str, float] = {}
+    present: dict[str, Any] = {}
+    if hasattr(plant, "frdata"):
+        _need_one(plant.frdata.shape[:2])
+        values = {"loop": np.asarray(plant.frdata, dtype=complex)[0, 0]}
+    elif isinstance(plant, ResponseEstimate):
+        _need_one(plant.response.shape[1:])
+        values = {"loop": plant.response[:, 0, 0]}
+        variances = {"loop": np.asarray(plant.variance)[:, 0, 0]}
+        degrees = {"loop": float(plant.degrees)}
+    else:
+        values = dict(zip(plant.plants, plant.values.T, strict=True))
+        present = dict(zip(plant.plants, plant.present.T, strict=True))
+        degrees = dict(zip(plant.plants, np.broadcast_to(plant.degrees, len(values)), strict=True))
+        if plant.variance is not None:
+            variances = dict(zip(plant.plants, plant.variance.T, strict=True))
+    omega = np.asarray(plant.omega, dtype=float)
+    found = {}
+    for name, column in values.items():
+        kept = np.flatnonzero(present.get(name, np.ones(omega.size, bool)) & (omega > 0))
+        kept = kept[np.argsort(omega[kept])]
+        K = _controller(controller, omega[kept], dt)
+        L = column[kept] * K
+        if kept.size < 2 or not np.isfinite(L).all() or not L.all():
+            raise InputError(
+                f"{name}: two or more responses at positive frequencies are needed, finite and not "
+                "zero, those of the controller too"
+            )
+        variance = variances[name][kept] * np.abs(K) ** 2 if name in variances else None
+        found[name] = MeasuredLoop(omega[kept], L, variance, float(degrees.get(name, math.inf)))
+    return found, dt
+
+
+def _need_one(shape: tuple[int, ...]) -> None:
+    if tuple(shape) != (1, 1):
+        raise InputError(
+            f"the measured response has {shape[0]} outputs and {shape[1]} inputs; its margins are "
+            "told of one of each: take a channel"
+        )
+
+
+def _controller(controller: Any, omega: RealArray, dt: float) -> ComplexArray:
+    """Responses of the controller (F,)."""
+    K = as_system(controller, "controller")
+    if not K.issiso():
+        raise InputError(f"controller has {K.noutputs} outputs and {K.ninputs} inputs, not one")
+    if K.nstates and float(K.dt or 0.0) != dt:
+        raise InputError(
+            f"the data are of sampling time {dt:g} s and the controller of {K.dt!r} s (0 is "
+            "continuous time); they must be the same"
+        )
+    values: ComplexArray = response(K, omega)[:, 0, 0]
+    return values

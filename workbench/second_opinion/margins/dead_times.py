@@ -1,0 +1,91 @@
+"""Loops with dead time, by their responses alone: poles are counted by turns about 0.
+
+f(s) = det(s I - A + k B C exp(-s T) / (1 + k D exp(-s T))) (1 + k D exp(-s T)) is entire, and its
+zeros are the closed loop's poles. Over (s + rho)^n it has no pole right of the axis, and tends to
+1 + k D exp(-s T), so that the turns that it makes along the axis count the poles to the right.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+
+POINTS = 2000
+"""Frequencies of the first grid, on a logarithmic scale."""
+TURN = 0.3
+"""Largest turn [rad] between neighbouring frequencies."""
+REFINEMENTS = 12
+"""Most times that a grid is refined where neighbours are farther apart."""
+DECADES = 6
+"""Decades of frequency below and above the poles in which a loop is looked at."""
+
+
+def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
+    """Closed-loop poles right of the axis of 1 + gain R exp(-s delay), R a StateSpace."""
+    rho = _speed(system)
+    omega = _frequencies(rho, delay)
+    values = _closed(system, omega, delay, gain, rho)
+    for _ in range(REFINEMENTS):
+        steps = np.abs(np.angle(values[1:] / values[:-1]))
+        wide = np.flatnonzero((steps > TURN) | (np.abs(np.diff(np.log(np.abs(values)))) > 1.0))
+        if not wide.size:
+            break
+        middle = (omega[wide] + omega[wide + 1]) / 2
+        omega, order = np.unique(np.append(omega, middle), return_index=True)
+        more = np.append(values, _closed(system, middle, delay, gain, rho))
+        values = more[order]
+    # From 0 upwards is half of the axis, and it is run through from above to have the right inside.
+    turned = float(np.angle(values[1:] / values[:-1]).sum()) + float(np.angle(1.0 / values[-1]))
+    return round(-turned / math.pi)
+
+
+def tried_distance(system: Any, delay: float) -> float:
+    """The least |1 + R exp(-s delay)| at frequencies that are tried."""
+    rho = _speed(system)
+    omega = _frequencies(rho, delay)[1:]
+    for _ in range(4):
+        s = 1j * omega
+        distance = np.abs(1.0 + _response(system, s) * np.exp(-s * delay))
+        k = int(np.argmin(distance))
+        low, high = omega[max(k - 1, 0)], omega[min(k + 1, omega.size - 1)]
+        omega = np.linspace(low, high, 100)
+    return float(min(distance.min(), 1.0 + abs(system.D[0, 0])))
+
+
+def _speed(system: Any) -> float:
+    sizes = np.abs(np.linalg.eigvals(system.A)) if system.nstates else np.zeros(0)
+    loop = np.linalg.norm(system.B) * np.linalg.norm(system.C) if system.nstates else 0.0
+    return float(max(sizes.max(initial=0.0), loop)) or 1.0
+
+
+def _frequencies(rho: float, delay: float) -> RealArray:
+    """From 0 on, close enough to see the turns of the dead time while the loop has any size."""
+    points = np.geomspace(rho * 10.0**-DECADES, rho * 10.0**DECADES, POINTS)
+    return np.concatenate([[0.0], points])
+
+
+def _response(system: Any, s: Any) -> ComplexArray:
+    n = system.nstates
+    found: ComplexArray = np.full(s.shape, complex(system.D[0, 0]))
+    if n:
+        solved = np.linalg.solve(s[:, None, None] * np.eye(n) - system.A, system.B[None] + 0j)
+        found = found + (system.C @ solved)[:, 0, 0]
+    return found
+
+
+def _closed(system: Any, omega: RealArray, delay: float, gain: float, rho: float) -> ComplexArray:
+    """f(s) / (s + rho)^n at s = j omega."""
+    s = 1j * omega
+    late = gain * np.exp(-s * delay)
+    n = system.nstates
+    M = np.zeros((omega.size, n + 1, n + 1), complex)
+    M[:, :n, :n] = (s[:, None, None] * np.eye(n) - system.A) / (s + rho)[:, None, None]
+    M[:, :n, n] = -system.B[:, 0] / np.sqrt(s + rho)[:, None]
+    M[:, n, :n] = late[:, None] * system.C[0] / np.sqrt(s + rho)[:, None]
+    M[:, n, n] = 1.0 + late * system.D[0, 0]
+    found: ComplexArray = np.linalg.det(M)
+    return found

@@ -1,0 +1,178 @@
+"""Known dead time in a system's LFT: its channels pulled out, closed, and summed up in series.
+
+A dead time T is a channel whose scalar is exp(-s T) exactly. Its rational approximation is
+all-pass: exp(-s T) = P(s) (1 + e(s)) with the diagonal Pade approximation P of order n, where
+|e(j w)| = 2 |sin(theta / 2)| and theta is the difference of the two phases. With P = Q(-s) / Q(s)
+and x = w T the slope of theta is c^2 x^(2n) / |Q(j x)|^2, c = n! / (2n)! (which follows from
+Q(s) exp(s) - Q(-s) = O(s^(2n+1)): the slope is a ratio of even polynomials whose numerator can have
+its top power only). As |Q(j x)| >= Q(0) = 1,
+
+    |e| <= min(2, c^2 x^(2n+1) / (2n+1)) <= 2 min(1, (x / a)^k) <= |W(j x)|,   k <= 2n + 1,
+    W = 2 sqrt(2) (s/a)^k / B(s/a),   a = (2 (2n+1) / c^2)^(1 / (2n+1)),
+
+with the Butterworth polynomial B of order k, |B(j y)|^2 = 1 + y^(2k), at all frequencies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, RealArray
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.structure import Block
+from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.elements import Element
+from workbench.uncertainty.algebra.lft import LFT, diagonal, linked
+
+
+@dataclass(frozen=True)
+class DeadTime(Element):
+    """A known delay [s], exp(-s delay): nothing about it is uncertain."""
+
+    delay: float
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    def block(self, occurrences: int) -> Block:
+        raise InputError(self.refusal)
+
+    def delta(self, value: Any) -> Any:
+        raise InputError(f"{self.name} is a known dead time of {self.delay:g} s; it has no values")
+
+    def value(self, delta: Any) -> Any:
+        return delta
+
+    def sample(self, rng: np.random.Generator, speed: float) -> float:
+        return self.delay
+
+    @property
+    def refusal(self) -> str:
+        """What is told where a system with states is needed."""
+        return (
+            f"the dead time {self.name} of {self.delay:g} s has no state-space system; "
+            "`loop_margins`, `classical_margins` and `response` take it as it is, and "
+            "`without_dead_time` replaces it by a Pade approximation and the bound of its error"
+        )
+
+
+def dead_times(elements: Mapping[str, Element]) -> dict[str, DeadTime]:
+    """Those of the elements that are known delays, by name."""
+    return {name: one for name, one in elements.items() if isinstance(one, DeadTime)}
+
+
+def channels_pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str, ...]]:
+    """Channels of these names as the first outputs and inputs; and the name of each of them."""
+    out = [k for k, name in enumerate(lft.names) if name in names]
+    kept = [k for k in range(len(lft.names)) if k not in out]
+    r = len(lft.names)
+    rows = [*kept, *out, *range(r, lft.M.shape[0])]
+    columns = [*kept, *out, *range(r, lft.M.shape[1])]
+    left = LFT(lft.M[np.ix_(rows, columns)], tuple(lft.names[k] for k in kept))
+    return left, tuple(lft.names[k] for k in out)
+
+
+def closed_with(pulled: LFT, parts: Sequence[LFT]) -> LFT:
+    """An LFT whose first outputs are led back to its first inputs, each through a part."""
+    d = len(parts)
+    p, m = pulled.shape[0] - d, pulled.shape[1] - d
+    whole = diagonal(pulled, *parts)  # outputs (z, y, w), inputs (w, u, z)
+    links = np.zeros((d + m + d, d + p + d))
+    links[:d, d + p :], links[d + m :, :d] = np.eye(d), np.eye(d)
+    if singular(np.eye(len(links)) - links @ whole.blocks[3]):
+        raise InputError("the loop is singular through the direct terms of its parts")
+    enters, leaves = np.zeros((d + m + d, m)), np.zeros((p, d + p + d))
+    enters[d : d + m], leaves[:, d : d + p] = np.eye(m), np.eye(p)
+    return linked(whole, links, enters, leaves)
+
+
+def closed_response(found: Array, delays: Sequence[float], omega: ArrayLike) -> Array:
+    """Responses (F, p, m) of (F, d + p, d + m) whose first d channels return after delays [s]."""
+    d = len(delays)
+    turns = np.exp(-1j * np.multiply.outer(np.atleast_1d(np.asarray(omega, dtype=float)), delays))
+    loop = np.eye(d) - turns[:, :, None] * found[:, :d, :d]
+    back = np.linalg.solve(loop, turns[:, :, None] * found[:, :d, d:])
+    whole: Array = found[:, d:, d:] + found[:, d:, :d] @ back
+    return whole
+
+
+def total_delay(lft: LFT, times: Mapping[str, float]) -> Fraction | None:
+    """The dead time [s] of every path from the inputs to the outputs; None where paths differ.
+
+    Channels of names in ``times`` are delayed; a path that leads back to where it was must not be.
+    """
+    r = len(lft.names)
+    follows = [np.flatnonzero(column) for column in lft.M.T]
+    own = [Fraction(times.get(name, 0.0)) for name in lft.names] + [Fraction(0)] * len(lft.M)
+    arrived: dict[int, Fraction] = {}
+    seen = set(_leading_to_outputs(lft))
+    waiting = [(int(k), Fraction(0)) for u in range(r, lft.M.shape[1]) for k in follows[u]]
+    while waiting:
+        k, late = waiting.pop()
+        k = min(k, r)  # all outputs are one place
+        if k < r and k not in seen:
+            continue
+        if k in arrived:
+            if arrived[k] != late:
+                return None
+            continue
+        arrived[k] = late
+        if k < r:
+            waiting += [(int(j), late + own[k]) for j in follows[k]]
+    return arrived.get(r, Fraction(0))
+
+
+def _leading_to_outputs(lft: LFT) -> list[int]:
+    """Channels from which a path leads to an output."""
+    r = len(lft.names)
+    found = [k for k in range(r) if lft.M[r:, k].any()]
+    for k in found:  # grows as it goes
+        found += [int(j) for j in np.flatnonzero(lft.M[k, :r]) if j not in found]
+    return found
+
+
+def pade(delay: float, order: int) -> StateSpace:
+    """P: all-pass, of so many states; its realisation has entries of like sizes."""
+    import control
+
+    n = order
+    den = np.array([
+        math.comb(n, k) * math.factorial(2 * n - k) / math.factorial(2 * n) for k in range(n + 1)
+    ])  # fmt: skip
+    num = den * (-1.0) ** np.arange(n + 1)
+    return _in_time(control.tf(num[::-1], den[::-1]), delay)
+
+
+def pade_corner(order: int) -> float:
+    """a, the frequency times the delay at which the bound of the error reaches 2."""
+    n = order
+    square = (math.factorial(n) / math.factorial(2 * n)) ** 2
+    return float((2.0 * (2 * n + 1) / square) ** (1.0 / (2 * n + 1)))
+
+
+def pade_error(delay: float, order: int) -> StateSpace:
+    """W: its magnitude is at least the relative error of P, at every frequency."""
+    import control
+
+    poles = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    den: RealArray = np.asarray(np.poly(poles).real, dtype=float)
+    num = np.zeros(order + 1)
+    num[0] = 2.0 * math.sqrt(2.0)
+    return _in_time(control.tf(num, den), delay / pade_corner(order))
+
+
+def _in_time(function: Any, unit: float) -> StateSpace:
+    """A transfer function in units of time as a system in seconds."""
+    import control
+
+    one = control.ss(function)
+    return control.ss(one.A / unit, one.B / unit, one.C, one.D)
