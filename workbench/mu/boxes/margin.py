@@ -9,6 +9,8 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.agreement import need_agreement
+from workbench.executor import Context
+from workbench.mu.boxes.descent import corners_of_poles, drawn_corners, unstable_member
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 
@@ -33,8 +35,12 @@ ONE_UNSTABLE = "one member of the box is unstable"
 """What the bounds rest on."""
 TRIED = 4
 """Unstable members of a part whose least sizes are looked for."""
-COARSE = 1.5
-"""Ratio of the bounds above which a level between them is decided first."""
+CLOSED = 0.75
+"""Share of the bounds' distance, logarithmic, that the next level closes."""
+FIRST_PARTS = 8
+"""Parts that decide whether the first level of all is proven with little work."""
+SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
+"""Shares by which the size of an unstable member is made less, in turn, to look for another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,27 +102,31 @@ class LastGrowing(Growing):
 
 
 def box_margin(
-    given: RealParameters, boxes: Growing, gap: float, parts: int, largest: float = LARGEST
+    given: RealParameters,
+    boxes: Growing,
+    gap: float,
+    parts: int,
+    largest: float = LARGEST,
+    context: Context | None = None,
 ) -> BoxMargin:
-    """Bounds with upper / lower - 1 <= gap, or as close as the number of parts allows.
+    """Bounds with upper / lower - 1 <= gap, or as close as parts and time allow.
 
-    No size above ``largest`` is looked at; the upper bound is infinite where that is reached.
+    No size above ``largest`` is looked at; the upper bound is infinite where that is reached. Each
+    round of the ``context`` has the bounds so far, which hold whenever its time limit ends them.
     """
-    search = _Search(given, boxes, parts, largest)
+    search = _Search(given, boxes, parts, largest, context or Context())
+    search.scan()
+    search.begin(gap)
     undecided = math.inf  # the least size at which the parts did not suffice
-    while search.left > 0:
+    while search.goes_on:
         highest = min(search.upper, undecided)
-        if highest <= (1 + gap) * search.lower:
+        if highest <= (1 + gap) * search.lower or highest < NOTHING:
             break
-        level = highest / (1 + WITHIN * gap)
-        if search.lower > 0 and highest > COARSE * search.lower:
-            level = math.sqrt(search.lower * highest)
-        elif undecided <= search.upper:
-            level = (search.lower + highest) / 2
-        if level < NOTHING:
-            break
+        level = search.lower ** (1 - CLOSED) * highest**CLOSED
+        level = min(level, highest / (1 + WITHIN * gap))
         if not search.decide(level, parts // DECISIONS + 1):
             undecided = level
+        search.tell()
     upper = math.inf if search.values is None else search.upper
     need_agreement(
         (1 - SIZE_ROUNDING) * search.lower, upper, "the margin", PARTS_EXCLUDED, ONE_UNSTABLE
@@ -124,18 +134,82 @@ def box_margin(
     return BoxMargin(search.lower, upper, search.values, parts - search.left)
 
 
+def proven_stable(given: RealParameters, boxes: Growing, size: float, parts: int) -> bool:
+    """Whether so many parts prove that the box of a size holds stable members only."""
+    search = _Search(given, boxes, parts, size, Context())
+    return search.decide(size, parts) and search.lower == size
+
+
 class _Search:
     """The bounds so far."""
 
-    def __init__(self, given: RealParameters, boxes: Growing, budget: int, largest: float) -> None:
-        self.given, self.boxes, self.left = given, boxes, budget
+    def __init__(
+        self,
+        given: RealParameters,
+        boxes: Growing,
+        budget: int,
+        largest: float,
+        context: Context,
+    ) -> None:
+        self.given, self.boxes, self.left, self.budget = given, boxes, budget, budget
         self.lower, self.upper = 0.0, largest
         self.values: RealArray | None = None
-        signs = corner_signs(boxes.count)
-        for size in np.geomspace(largest * SMALLEST, largest, SIZES):
-            self._shrunk(boxes.at(size, signs))
+        self.context = context
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether parts and time are left."""
+        return self.left > 0 and not self.context.late
+
+    def tell(self) -> None:
+        """Tell whoever watches of the bounds."""
+        examined = self.budget - self.left
+        upper = math.inf if self.values is None else self.upper
+        self.context.record({"parts": examined, "lower": self.lower, "upper": upper})
+        self.context.progress("parts of the box", examined, self.budget)
+
+    def scan(self) -> None:
+        """Bound the margin from above by corners, and by descent from there."""
+        unit = self.boxes.box(1.0)
+        poles = corners_of_poles(self.given, unit, np.zeros(self.boxes.count))
+        corners = np.vstack([poles, drawn_corners(unit)])
+        for size in np.geomspace(self.upper * SMALLEST, self.upper, SIZES):
+            self._shrunk(self.boxes.at(size, corners))
             if self.values is not None:
                 break
+        self.tell()
+        self.descend(corners)
+        self.tell()
+
+    def descend(self, corners: RealArray) -> None:
+        """Lower the upper bound from its member, and where that ends from the corners (k, p)."""
+        shrinks = list(SHRINKS)
+        while self.values is not None and shrinks and not self.context.late:
+            if not self._found_below(shrinks[0], self.values):
+                shrinks.pop(0)
+        for corner in corners:
+            if self.values is None or self.context.late:
+                return
+            while self._found_below(SHRINKS[-2], self.boxes.at(self.upper, corner[None])[0]):
+                pass
+
+    def _found_below(self, shrink: float, start: RealArray) -> bool:
+        """Lower the upper bound by a share or more, from a member; False if none is found."""
+        box = self.boxes.box((1 - shrink) * self.upper)
+        found = unstable_member(self.given, box, start)
+        if found is None or not self.boxes.size(found[None])[0] > 0:
+            return False
+        before = self.upper
+        self._bisected(found[None])
+        return self.upper < before
+
+    def begin(self, gap: float) -> None:
+        """Raise the lower bound from 0 to a size for which few parts suffice."""
+        share = 1 / (1 + WITHIN * gap)
+        while not self.lower and self.goes_on and (size := share * self.upper) > NOTHING:
+            if not self.decide(size, FIRST_PARTS):
+                share /= 2
+        self.tell()
 
     def decide(self, size: float, parts: int) -> bool:
         """Raise the lower bound to a size, or lower the upper one to it; False if neither."""
@@ -153,7 +227,8 @@ class _Search:
                 bands, response = about.open_bands(part.bands)
                 part = replace(part, bands=bands)
                 effects = effects_in(response, self.given.structure)
-            if part.bands and (self.left <= last or not partition.cut(part, effects)):
+            spent = self.left <= last or self.context.late
+            if part.bands and (spent or not partition.cut(part, effects)):
                 return False
         self.lower = size
         return True
