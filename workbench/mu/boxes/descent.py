@@ -1,9 +1,9 @@
 """Unstable members of small boxes of real parameters, found by moving poles to the right.
 
-In a box the rightmost pole is driven to the right by steps to corners, to which the slopes of poles
-point, and along single parameters, on whose faces and between them a worst member may lie too. Where
-the determinant is linear in each parameter the worst member is most often a corner (R. de Gaston
-and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE TAC 33 (1988)).
+The rightmost pole is driven to the right by two kinds of steps: to corners of the box, those to
+which the slopes of poles point; and along single parameters, since a worst member may lie on a face
+or inside too. Where the determinant is linear in each parameter it is most often a corner (R. de
+Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE TAC 33 (1988)).
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ def box_margin(
 
 def proven_stable(given: RealParameters, boxes: Growing, size: float, parts: int) -> bool:
     """Whether so many parts prove that the box of a size holds stable members only."""
-    search = _Search(given, boxes, parts, size, Context())
+    search = _Search(given, boxes, parts, math.inf, Context())
     return search.decide(size, parts) and search.lower == size
 
 

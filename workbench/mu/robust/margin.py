@@ -21,7 +21,7 @@ from workbench.input_checks import need_count, need_positive, need_tolerance
 from workbench.mu.boxes.margin import Growing, box_margin, proven_stable
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import Attained, destabilised
-from workbench.mu.frequency.channels import analysed, even_channels
+from workbench.mu.frequency.channels import analysed, even_channels, in_loops
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_margins
@@ -96,13 +96,16 @@ def robust_stability(
     need_count("parts", parts)
     need_tolerance(tolerance)
     given = analysed(system)
-    effective = given.reduced()
-    if not effective.elements:  # such as k - k: whatever they are, the system is its nominal
-        unlimited = StabilityMargin(math.inf, math.inf, math.nan, None, None, 0, given.dt or 0.0)
-        again = partial(robust_stability, given)
-        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", given))
-    if len(effective.elements) < len(given.elements):
-        given = effective
+    whole, given = given, in_loops(given)
+    idle = tuple(name for name in whole.elements if name not in given.elements)
+    if not given.elements:
+        unlimited = StabilityMargin(
+            math.inf, math.inf, math.nan, None, None, 0, whole.dt or 0.0, idle=idle
+        )
+        again = partial(robust_stability, whole)
+        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
+    if not (idle or all(isinstance(block, Real) for block in given.structure)):
+        given = whole
     asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
         asked.append(with_damping(given, damping))
@@ -113,7 +116,9 @@ def robust_stability(
     found = replace(
         first,
         lower=min(one.lower for one in margins),
+        parts=sum(one.parts for one in margins),
         dt=given.dt or 0.0,
+        idle=idle,
         delays=delay_margins(given, tolerance),
     )
     if all(isinstance(block, Real) for block in given.structure):
