@@ -8,6 +8,8 @@ Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IE
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from workbench.arrays import RealArray
@@ -40,13 +42,17 @@ def drawn_corners(box: BoxPart) -> RealArray:
     return np.where(signs > 0, box.high, box.low)
 
 
-def unstable_member(given: RealParameters, box: BoxPart, start: RealArray) -> RealArray | None:
+def unstable_member(
+    given: RealParameters, box: BoxPart, start: RealArray, late: Callable[[], bool]
+) -> RealArray | None:
     """Unstable values (p,) in a box, found from others (p,); None where no move leads further."""
     values = np.clip(start, box.low, box.high)
     furthest = given.abscissae(values[None])[0]
     for _ in range(MOST_MOVES):
         if furthest > 0:
             return values
+        if late():
+            return None
         tried = np.vstack([corners_of_poles(given, box, values)[:POLES], _moved(box, values)])
         found = given.abscissae(tried)
         best = int(np.argmax(found))

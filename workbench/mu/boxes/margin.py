@@ -26,7 +26,7 @@ and how many sizes."""
 NOTHING = 1e-15
 """A size below which nothing is looked for."""
 DECISIONS = 4
-"""Share of the parts that one size may take is one over this."""
+"""Share of the parts at which a size is allowed no more is one over this."""
 SIZE_ROUNDING = 1e-5
 """Share by which the size of an unstable member, found by bisection in doubles, may be off: about
 eps^(1/3), by which rounding moves a triple pole."""
@@ -37,8 +37,8 @@ TRIED = 4
 """Unstable members of a part whose least sizes are looked for."""
 CLOSED = 0.75
 """Share of the bounds' distance, logarithmic, that the next level closes."""
-FIRST_PARTS = 8
-"""Parts that decide whether the first level of all is proven with little work."""
+MORE = 4
+"""Parts that the first size may take, and factor by which they grow when they did not suffice."""
 SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
 """Shares by which the size of an unstable member is made less, in turn, to look for another."""
 
@@ -116,16 +116,19 @@ def box_margin(
     """
     search = _Search(given, boxes, parts, largest, context or Context())
     search.scan()
-    search.begin(gap)
-    undecided = math.inf  # the least size at which the parts did not suffice
-    while search.goes_on:
-        highest = min(search.upper, undecided)
-        if highest <= (1 + gap) * search.lower or highest < NOTHING:
+    allowed, undecided = MORE, math.inf  # parts for a size, and the least size that needs more
+    while search.goes_on and search.upper > (1 + gap) * search.lower:
+        highest, last = min(search.upper, undecided), allowed > parts // DECISIONS
+        if highest < NOTHING:
             break
-        level = search.lower ** (1 - CLOSED) * highest**CLOSED
-        level = min(level, highest / (1 + WITHIN * gap))
-        if not search.decide(level, parts // DECISIONS + 1):
-            undecided = level
+        if highest <= search.near(gap, last):
+            if last:
+                break
+            undecided = math.inf
+            continue
+        level = search.level(gap, highest, first=math.isinf(undecided))
+        if not search.decide(level, allowed):
+            allowed, undecided = MORE * allowed, level
         search.tell()
     upper = math.inf if search.values is None else search.upper
     need_agreement(
@@ -155,11 +158,33 @@ class _Search:
         self.lower, self.upper = 0.0, largest
         self.values: RealArray | None = None
         self.context = context
+        self._begun: dict[float, Partition] = {}  # what is left of the boxes of sizes
 
     @property
     def goes_on(self) -> bool:
         """Whether parts and time are left."""
         return self.left > 0 and not self.context.late
+
+    def level(self, gap: float, highest: float, first: bool) -> float:
+        """The size to decide next: one begun before, or one below the least that needs more parts.
+
+        The first of a round is one that is begun, whose parts are gone on with.
+        """
+        begun = [size for size in self._begun if self.lower < size < self.upper]
+        if first and begun:
+            return min(begun)
+        level = highest / (1 + WITHIN * gap)
+        if self.lower:
+            return min(level, self.lower ** (1 - CLOSED) * highest**CLOSED)
+        return level if first else highest / 2
+
+    def near(self, gap: float, last: bool) -> float:
+        """A size so close above the lower bound that those below it tell little."""
+        wide = 0.0 if last else self.lower**CLOSED * self.upper ** (1 - CLOSED)
+        return max((1 + gap) * self.lower, wide)
+
+    def _is_late(self) -> bool:
+        return self.context.late
 
     def tell(self) -> None:
         """Tell whoever watches of the bounds."""
@@ -196,26 +221,21 @@ class _Search:
     def _found_below(self, shrink: float, start: RealArray) -> bool:
         """Lower the upper bound by a share or more, from a member; False if none is found."""
         box = self.boxes.box((1 - shrink) * self.upper)
-        found = unstable_member(self.given, box, start)
+        found = unstable_member(self.given, box, start, self._is_late)
         if found is None or not self.boxes.size(found[None])[0] > 0:
             return False
         before = self.upper
         self._bisected(found[None])
         return self.upper < before
 
-    def begin(self, gap: float) -> None:
-        """Raise the lower bound from 0 to a size for which few parts suffice."""
-        share = 1 / (1 + WITHIN * gap)
-        while not self.lower and self.goes_on and (size := share * self.upper) > NOTHING:
-            if not self.decide(size, FIRST_PARTS):
-                share /= 2
-        self.tell()
-
     def decide(self, size: float, parts: int) -> bool:
         """Raise the lower bound to a size, or lower the upper one to it; False if neither."""
-        box, last = self.boxes.box(size), max(self.left - parts, 0)
-        partition = Partition(box)
+        partition = self._begun.pop(size, None) or Partition(self.boxes.box(size))
+        last = max(self.left - parts, 0)
         while partition:
+            if self.left <= last or self.context.late:
+                self._begun[size] = partition
+                return False
             part, effects = partition.pop(), np.zeros(self.boxes.count)
             self.left -= 1
             corners = part.centre + corner_signs(self.boxes.count) * part.width
@@ -224,11 +244,10 @@ class _Search:
                 return True
             about = self.given.recentred(part, self.boxes.others(size))
             if about is not None and about.stable:
-                bands, response = about.open_bands(part.bands)
+                bands, response = about.open_bands(part.bands, self._is_late)
                 part = replace(part, bands=bands)
                 effects = effects_in(response, self.given.structure)
-            spent = self.left <= last or self.context.late
-            if part.bands and (spent or not partition.cut(part, effects)):
+            if part.bands and not partition.cut(part, effects):
                 return False
         self.lower = size
         return True

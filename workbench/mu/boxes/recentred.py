@@ -7,6 +7,7 @@ blocks of real scalars and W scales the inputs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.rounding import Enclosure, enclosed_inverse, exact
 from workbench.certify.stable_system import StableSystem, enclosed_system
-from workbench.mu.boxes.bands import Band, open_bands
+from workbench.mu.boxes.bands import Band, never, open_bands
 from workbench.mu.boxes.partition import BoxPart
 from workbench.structure import Real, Structure
 
@@ -32,9 +33,11 @@ class Recentred:
     structure: Structure
     stable: bool
 
-    def open_bands(self, bands: tuple[Band, ...]) -> tuple[tuple[Band, ...], ComplexArray]:
+    def open_bands(
+        self, bands: tuple[Band, ...], late: Callable[[], bool] = never
+    ) -> tuple[tuple[Band, ...], ComplexArray]:
         """As `workbench.mu.boxes.bands.open_bands`."""
-        return open_bands(self.system, self.structure, bands)
+        return open_bands(self.system, self.structure, bands, late)
 
 
 def real_perturbation(structure: Structure, values: RealArray) -> RealArray:
