@@ -32,6 +32,9 @@ ROUNDS = 3
 MOST_GAPS = 12
 """Gaps from which a part is cut rather than covered further."""
 
+AT_ONCE = 32
+"""Frequencies that are bounded before a time limit is looked at."""
+
 
 def never() -> bool:
     """No time limit."""
@@ -52,7 +55,11 @@ def open_bands(
     """
     plain = partial(bounds_at, system, structure.complexified())
     points = _points(starting_grid(system.poles), bands)
-    first = plain(points)
+    first = plain(points[:AT_ONCE])
+    for k in range(AT_ONCE, len(points), AT_ONCE):
+        if late():
+            break
+        first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
     bands = _covered(system, first, bands, late)
     for share in COMPLEX_SHARES:

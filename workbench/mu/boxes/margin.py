@@ -20,9 +20,9 @@ WITHIN = 0.999
 """Share of the wanted gap that a level is set for, so that rounding does not exceed it."""
 LARGEST = 1e6
 """A margin beyond this is looked for no further."""
-SMALLEST, SIZES = 1e-12, 121
+SMALLEST, SIZES, DECADE = 1e-12, 121, 10
 """Least size, as a share of the largest, at which the directions of the corners are tried first,
-and how many sizes."""
+how many sizes, and how many of them a decade has."""
 NOTHING = 1e-15
 """A size below which nothing is looked for."""
 DECISIONS = 4
@@ -35,6 +35,8 @@ ONE_UNSTABLE = "one member of the box is unstable"
 """What the bounds rest on."""
 TRIED = 4
 """Unstable members of a part whose least sizes are looked for."""
+FALL = 1e3
+"""Factor from one size to the next while nothing is known of stability or of instability."""
 CLOSED = 0.75
 """Share of the bounds' distance, logarithmic, that the next level closes."""
 MORE = 4
@@ -176,7 +178,9 @@ class _Search:
         level = highest / (1 + WITHIN * gap)
         if self.lower:
             return min(level, self.lower ** (1 - CLOSED) * highest**CLOSED)
-        return level if first else highest / 2
+        if first:
+            return level
+        return highest / (FALL if self.values is None else 2.0)
 
     def near(self, gap: float, last: bool) -> float:
         """A size so close above the lower bound that those below it tell little."""
@@ -198,9 +202,16 @@ class _Search:
         unit = self.boxes.box(1.0)
         poles = corners_of_poles(self.given, unit, np.zeros(self.boxes.count))
         corners = np.vstack([poles, drawn_corners(unit)])
-        for size in np.geomspace(self.upper * SMALLEST, self.upper, SIZES):
+        sizes = np.geomspace(self.upper * SMALLEST, self.upper, SIZES)
+        for size in sizes:
             self._shrunk(self.boxes.at(size, corners))
             if self.values is not None:
+                break
+        for size in sizes[::DECADE] if self.values is None else ():
+            nominal = np.zeros(self.boxes.count)
+            found = unstable_member(self.given, self.boxes.box(size), nominal, self._is_late)
+            if found is not None:
+                self._bisected(found[None])
                 break
         self.tell()
         self.descend(corners)
