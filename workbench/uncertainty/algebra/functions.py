@@ -197,7 +197,10 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
 
 
 def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSystem:
-    """A transfer function whose coefficients, the highest power first, may be uncertain."""
+    """A transfer function whose coefficients, the highest power first, may be uncertain.
+
+    Each coefficient enters the realisation once, so that bounds of what it does are tight.
+    """
     above = [_number(one, "num") for one in as_list(num, "num")]
     below = [_number(one, "den") for one in as_list(den, "den")]
     while below and _is_zero(below[0]):
