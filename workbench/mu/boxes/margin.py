@@ -40,7 +40,7 @@ FALL = 1e3
 CLOSED = 0.75
 """Share of the bounds' distance, logarithmic, that the next level closes."""
 MORE = 4
-"""Parts that the first size may take, and factor by which they grow when they did not suffice."""
+"""Factor by which the parts that a size may take grow, from 1, when they did not suffice."""
 SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
 """Shares by which the size of an unstable member is made less, in turn, to look for another."""
 
@@ -118,7 +118,7 @@ def box_margin(
     """
     search = _Search(given, boxes, parts, largest, context or Context())
     search.scan()
-    allowed, undecided = MORE, math.inf  # parts for a size, and the least size that needs more
+    allowed, undecided = 1, math.inf  # parts for a size, and the least size that needs more
     while search.goes_on and search.upper > (1 + gap) * search.lower:
         highest, last = min(search.upper, undecided), allowed > parts // DECISIONS
         if highest < NOTHING:
