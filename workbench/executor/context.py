@@ -109,7 +109,7 @@ class Context:
         total = len(items) if isinstance(items, Sized) else 0
         self.progress(description, 0, total)
         for done, item in enumerate(items, start=1):
-            if self._late:
+            if self.late:
                 raise TimeLimitError(
                     f"{description}: {self._limit} reached at {done - 1} of {total}"
                 )
@@ -146,7 +146,7 @@ class Context:
         """
         self.progress(description, first, count)
         for number in range(first, count):
-            if self._late:
+            if self.late:
                 told = len(self.rows)
                 if not told:
                     raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
@@ -163,13 +163,14 @@ class Context:
 
     def seconds_left(self, description: str) -> float:
         """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""
-        if self._late:
+        if self.late:
             raise TimeLimitError(f"{description}: {self._limit} reached")
         limit = self.options.time_limit
         return math.inf if limit is None else limit - (time.perf_counter() - self.started)
 
     @property
-    def _late(self) -> bool:
+    def late(self) -> bool:
+        """Whether the time limit has passed."""
         limit = self.options.time_limit
         return limit is not None and time.perf_counter() - self.started > limit
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -31,29 +32,46 @@ ROUNDS = 3
 MOST_GAPS = 12
 """Gaps from which a part is cut rather than covered further."""
 
+AT_ONCE = 32
+"""Frequencies that are bounded before a time limit is looked at."""
+
+
+def never() -> bool:
+    """No time limit."""
+    return False
+
 
 def open_bands(
-    system: StableSystem, structure: Structure, bands: tuple[Band, ...]
+    system: StableSystem,
+    structure: Structure,
+    bands: tuple[Band, ...],
+    late: Callable[[], bool] = never,
 ) -> tuple[tuple[Band, ...], ComplexArray]:
     """What multipliers leave open of the bands, and the response where the bound is largest.
 
     At all other frequencies I - M Delta is proven to be regular for every Delta of size up to 1.
-    First multipliers without G are tried, since they hold on wide intervals.
+    First multipliers without G are tried, since they hold on wide intervals. No more is tried once
+    it is ``late``.
     """
     plain = partial(bounds_at, system, structure.complexified())
     points = _points(starting_grid(system.poles), bands)
-    first = plain(points)
+    first = plain(points[:AT_ONCE])
+    for k in range(AT_ONCE, len(points), AT_ONCE):
+        if late():
+            break
+        first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
-    bands = _covered(system, first, bands)
+    bands = _covered(system, first, bands, late)
     for share in COMPLEX_SHARES:
         mixed, before = _with_real_blocks(system, structure, share), bands
         for _ in range(ROUNDS):
-            if not bands or len(bands) > MOST_GAPS:
+            if not bands or len(bands) > MOST_GAPS or late():
                 return bands, worst
             last = bands
             for at in (plain, mixed):
-                if bands:
-                    bands = _covered(system, at(np.unique([_middle(*b) for b in bands])), bands)
+                if bands and not late():
+                    found = at(np.unique([_middle(*b) for b in bands]))
+                    bands = _covered(system, found, bands, late)
             if bands == last:
                 break
         if bands != before:
@@ -62,10 +80,15 @@ def open_bands(
 
 
 def _covered(
-    system: StableSystem, found: FrequencyBounds, bands: tuple[Band, ...]
+    system: StableSystem,
+    found: FrequencyBounds,
+    bands: tuple[Band, ...],
+    late: Callable[[], bool],
 ) -> tuple[Band, ...]:
     """What known multipliers leave open, those of the largest bounds below 1 first."""
     for k in np.argsort(-found.upper):
+        if late():
+            break
         omega = float(found.omega[k])
         if found.upper[k] >= PROMISING or not any(low <= omega <= high for low, high in bands):
             continue

@@ -7,6 +7,7 @@ blocks of real scalars and W scales the inputs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.rounding import Enclosure, enclosed_inverse, exact
 from workbench.certify.stable_system import StableSystem, enclosed_system
-from workbench.mu.boxes.bands import Band, open_bands
+from workbench.mu.boxes.bands import Band, never, open_bands
 from workbench.mu.boxes.partition import BoxPart
 from workbench.structure import Real, Structure
 
@@ -32,9 +33,11 @@ class Recentred:
     structure: Structure
     stable: bool
 
-    def open_bands(self, bands: tuple[Band, ...]) -> tuple[tuple[Band, ...], ComplexArray]:
+    def open_bands(
+        self, bands: tuple[Band, ...], late: Callable[[], bool] = never
+    ) -> tuple[tuple[Band, ...], ComplexArray]:
         """As `workbench.mu.boxes.bands.open_bands`."""
-        return open_bands(self.system, self.structure, bands)
+        return open_bands(self.system, self.structure, bands, late)
 
 
 def real_perturbation(structure: Structure, values: RealArray) -> RealArray:
@@ -64,20 +67,55 @@ class RealParameters:
         return real_perturbation(self.structure, values)
 
     def unstable(self, values: RealArray) -> BoolArray:
-        """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles.
+        """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles."""
+        return self.abscissae(values) > 0
 
-        Those with a negative det(I - D Delta) count too: on the way there from the nominal, where
-        it is 1, a pole went through infinity.
+    def abscissae(self, values: RealArray) -> RealArray:
+        """Largest real parts (k,) of the poles [rad/s] at values (k, p), in doubles.
+
+        Infinite where ill-posed, and for a negative det(I - D Delta) too: on the way there from the
+        nominal, where it is 1, a pole went through infinity.
         """
         A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
         Delta = self.perturbation(values)
         loop = np.eye(len(D)) - D @ Delta
-        found: BoolArray = ~((np.linalg.cond(loop) < 1 / EPS) & (np.linalg.det(loop) > 0))
-        Delta, loop = Delta[~found], loop[~found]
+        regular = (np.linalg.cond(loop) < 1 / EPS) & (np.linalg.det(loop) > 0)
+        Delta, loop = Delta[regular], loop[regular]
         closed = np.linalg.solve(loop, np.broadcast_to(C, (len(loop), *C.shape)))
         poles = np.linalg.eigvals(A + B @ Delta @ closed)
-        found[~found] = (poles.real > 0).any(axis=1)
+        found = np.full(len(values), np.inf)
+        found[regular] = poles.real.max(axis=1, initial=-np.inf)
         return found
+
+    def pole_slopes(self, values: RealArray) -> RealArray:
+        """Slopes (k, p) of the real parts of the poles at values (p,), rightmost first, in doubles.
+
+        Each up to a positive factor; those of 1 / det(I - D Delta) come last.
+        """
+        from scipy.linalg import eig
+
+        A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
+        Delta = self.perturbation(values)
+        inward = np.linalg.pinv(np.eye(len(D)) - D @ Delta)
+        outward = B + B @ Delta @ inward @ D
+        poles, left, right = eig(A + B @ Delta @ inward @ C, left=True)
+        seen, driven = inward @ C @ right, left.conj().T @ outward
+        turn = np.exp(-1j * np.angle(np.sum(left.conj() * right, axis=0)))
+        effect = turn[:, None] * driven, seen.T
+        order = np.argsort(-poles.real)
+        through = np.diagonal(inward @ D)
+        slopes = [
+            [*(effect[0][order, into] * effect[1][order, out]).sum(axis=1).real, through[out].sum()]
+            for into, out in self._channels
+        ]
+        return np.array(slopes).T
+
+    @property
+    def _channels(self) -> list[tuple[slice, slice]]:
+        """Inputs and outputs of each parameter."""
+        places = zip(self.structure.row_slices, self.structure.column_slices, strict=True)
+        real = (isinstance(block, Real) for block in self.structure)
+        return [place for place, wanted in zip(places, real, strict=True) if wanted]
 
     def recentred(self, part: BoxPart, others: float = 1.0) -> Recentred | None:
         """N about the centre of a part, the blocks that are no real scalars times `others`.

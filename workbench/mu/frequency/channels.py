@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -16,8 +19,12 @@ from workbench.systems.equations.gramians import balancing_projections, gramian_
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation, worst_pole
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
+SELF_ROUNDING = 1e-13
+"""Gain of a channel to itself, without other loops, that rounding may leave where there is none.
+Such a loop is lost at 1e13 times its uncertainty only."""
 FREQUENCIES = 12
 """Frequencies at which the scalings of the channels are compared."""
 
@@ -62,6 +69,26 @@ def analysed(system: Any) -> UncertainSystem:
     if beyond >= 0:
         raise InputError(f"the system is unstable at its nominal: it has a pole at {worst:.6g}")
     return found
+
+
+def in_loops(found: UncertainSystem) -> UncertainSystem:
+    """The system without repetitions, and without elements that cannot move its poles.
+
+    Such are those that cancel, as k in k - k, and those of which no channel lies in a loop: then
+    det(I - M Delta) has a factor for each loop, and none depends on them.
+    """
+    value = found.reduced().value
+    inner = value.blocks[0]
+    _, loops = connected_components(csr_array(inner != 0), connection="strong")
+    closed = (np.bincount(loops)[loops] > 1) | (np.abs(np.diagonal(inner)) > SELF_ROUNDING)
+    looped = {name for name, there in zip(value.names, closed, strict=True) if there}
+    keep = np.array([name in looped or name == INTEGRATOR for name in value.names], dtype=bool)
+    rows, columns = (np.append(keep, np.ones(size, dtype=bool)) for size in value.shape)
+    names = tuple(name for name, there in zip(value.names, keep, strict=True) if there)
+    elements = {
+        name: one for name, one in found.elements.items() if looped.intersection(one.channels)
+    }
+    return replace(found, value=LFT(value.M[np.ix_(rows, columns)], names), elements=elements)
 
 
 def _powers(plane: StateSpace, structure: Structure) -> tuple[np.ndarray, np.ndarray]:

@@ -9,16 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
-from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
+from workbench.certify.stable_system import angular_frequency, stable_system
+from workbench.executor import Context
+from workbench.executor.live import shown_live
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
-from workbench.mu.boxes.margin import Growing, box_margin
+from workbench.mu.boxes.margin import Growing, box_margin, proven_stable
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import Attained, destabilised
-from workbench.mu.frequency.channels import analysed, even_channels
+from workbench.mu.frequency.channels import analysed, even_channels, in_loops
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_margins
@@ -31,6 +34,7 @@ from workbench.mu.robust.margin_bounds import (
     UnlimitedChecker,
 )
 from workbench.mu.robust.regions import with_damping, with_decay
+from workbench.solvers import Options
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
@@ -40,6 +44,9 @@ PARTS = 4000
 """Most parts of a box of real parameters that are examined."""
 EXCLUDED = "every part of the box of parameters is proven to be stable"
 """What lower margins of systems with real parameters rest on."""
+AGAIN = 4
+"""Parts by which a lower bound may be proven again, over those of the search that found it: on
+another processor a few parts may be cut once more."""
 BISECTIONS = 40
 """Most sizes of uncertainty that are tried for a margin of performance."""
 MOST_GROWTH = 1e6
@@ -53,11 +60,14 @@ def robust_stability(
     decay: float = 0.0,
     damping: float = 0.0,
     parts: int = PARTS,
+    time_limit: float | None = None,
 ) -> StabilityMargin:
     """Certified margin of robust stability of an uncertain system, such as a closed loop.
 
-    Where all elements are real, mu is not continuous over frequency. Then the box of parameters is
-    cut into parts and frequencies into bands until each is excluded, so that the bounds meet.
+    Where all elements are real, mu is not continuous over frequency. Then corners, faces and single
+    parameters are searched for a small unstable member first, and the box of parameters is cut into
+    parts and frequencies into bands until each is excluded, so that the bounds meet. A terminal or
+    a notebook shows them as they tighten, and they hold whenever the search ends.
 
     Parameters
     ----------
@@ -74,6 +84,8 @@ def robust_stability(
         dynamics, too.
     parts
         Where all elements are real, most parts of their box that are examined.
+    time_limit
+        Where all elements are real, seconds after which the bounds so far are returned.
 
     Raises
     ------
@@ -84,34 +96,46 @@ def robust_stability(
     need_count("parts", parts)
     need_tolerance(tolerance)
     given = analysed(system)
-    effective = given.reduced()
-    if not effective.elements:  # such as k - k: whatever they are, the system is its nominal
-        unlimited = StabilityMargin(math.inf, math.inf, math.nan, None, None, 0, given.dt or 0.0)
-        again = partial(robust_stability, given)
-        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", given))
-    if len(effective.elements) < len(given.elements):
-        given = effective
+    whole, given = given, in_loops(given)
+    idle = tuple(name for name in whole.elements if name not in given.elements)
+    if not given.elements:
+        unlimited = StabilityMargin(
+            math.inf, math.inf, math.nan, None, None, 0, whole.dt or 0.0, idle=idle
+        )
+        again = partial(robust_stability, whole)
+        return unlimited.checked_by(UnlimitedChecker(again, "for whatever the elements are", whole))
+    if not (idle or all(isinstance(block, Real) for block in given.structure)):
+        given = whole
     asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
         asked.append(with_damping(given, damping))
-    margins = [_margin(one, tolerance, parts) for one in asked]
+    with shown_live("robust stability") as (progress, watch):
+        context = Context(Options(time_limit=time_limit), progress, watch)
+        margins = [_margin(one, tolerance, parts, context) for one in asked]
     first = min(margins, key=lambda one: one.upper)
     found = replace(
         first,
         lower=min(one.lower for one in margins),
+        parts=sum(one.parts for one in margins),
         dt=given.dt or 0.0,
+        idle=idle,
         delays=delay_margins(given, tolerance),
     )
-    again = partial(robust_stability, given, tolerance, decay=decay, damping=damping, parts=parts)
+    if all(isinstance(block, Real) for block in given.structure):
+        again = partial(_proven_again, tuple(asked), found)
+    else:
+        again = partial(robust_stability, given, tolerance, decay=decay, damping=damping)
     return found.checked_by(StabilityChecker(tuple(asked), again))
 
 
-def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMargin:
+def _margin(
+    found: UncertainSystem, tolerance: float, parts: int, context: Context
+) -> StabilityMargin:
     """The margin of a system whose poles must lie left of the axis, or in the circle."""
     structure = found.structure
-    N, period = even_channels(found.system, structure)
     if all(isinstance(block, Real) for block in structure):
-        return _margin_of_parameters(found, stable_system(N), period, tolerance, parts)
+        return _margin_of_parameters(found, tolerance, parts, context)
+    N, period = even_channels(found.system, structure)
     bounds = peak(N, structure, tolerance)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
     omega = angular_frequency(bounds.omega, period)
@@ -122,27 +146,51 @@ def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMa
     return StabilityMargin(lower, 1 / bounds.lower, omega, worst, bounds)
 
 
+def _parameters(found: UncertainSystem) -> tuple[RealParameters, float]:
+    """A system whose elements are all real, in continuous time, and its period [s]."""
+    N, period = even_channels(found.system, found.structure)
+    return RealParameters(stable_system(N), found.structure), period
+
+
 def _margin_of_parameters(
-    found: UncertainSystem, stable: StableSystem, period: float, tolerance: float, parts: int
+    found: UncertainSystem, tolerance: float, parts: int, context: Context
 ) -> StabilityMargin:
     """As `_margin` where all elements are real."""
     import control
 
-    given = RealParameters(stable, found.structure)
-    box = box_margin(given, Growing(len(given.places)), tolerance, parts)
-    if box.values is None:
-        return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
-    Delta = given.perturbation(box.values)
-    best = destabilised(stable, found.structure, Delta)
-    if not best.value > 0:  # the loop may be singular at infinity, where no pole crosses the axis
-        singular = said(proven_at(stable, found.structure, Delta + 0j, math.inf))
-        best = Attained(singular, math.inf, Delta)
-    if not best.value > 0:
+    given, period = _parameters(found)
+    box = box_margin(given, Growing(len(given.places)), tolerance, parts, context=context)
+    best = None if box.values is None else _singular(given, given.perturbation(box.values))
+    if best is None:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
     need_agreement(best.value, 1 / box.lower if box.lower > 0 else math.inf, upper_claim=EXCLUDED)
     worst = values_of(found, control.ss([], [], [], best.Delta.real))
     omega = angular_frequency(best.omega, period)
     return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
+
+
+def _singular(given: RealParameters, Delta: RealArray) -> Attained | None:
+    """The multiple of a real Delta that is proven to make the loop singular; None: not proven."""
+    best = destabilised(given.system, given.structure, Delta)
+    if not best.value > 0:  # the loop may be singular at infinity, where no pole crosses the axis
+        singular = said(proven_at(given.system, given.structure, Delta + 0j, math.inf))
+        best = Attained(singular, math.inf, Delta)
+    return best if best.value > 0 else None
+
+
+def _proven_again(asked: tuple[UncertainSystem, ...], found: StabilityMargin) -> StabilityMargin:
+    """Bounds of parameters alone, proven from the numbers found: no search for them is repeated."""
+    lower, upper = found.lower, math.inf
+    for one in asked:
+        given, _ = _parameters(one)
+        boxes = Growing(len(given.places))
+        if lower and not proven_stable(given, boxes, lower, AGAIN * (found.parts + 1)):
+            lower = 0.0
+        if found.worst is not None:
+            values = np.array([e.delta(found.worst[e.name]) for e in one.elements.values()])
+            best = _singular(given, given.perturbation(values))
+            upper = upper if best is None else min(upper, 1 / best.value)
+    return replace(found, lower=lower, upper=upper)
 
 
 def robust_performance(

@@ -44,7 +44,8 @@ class StabilityMargin(Answer):
     The factor is one of perturbations. Of uncertain delays it is no factor of seconds: a smaller
     disc about no delay contains no delay at all frequencies. ``delays`` [s] tells by name up to
     which delay stability is proven, whatever the other elements are within their sets, and a delay
-    with which the loop of their nominals is unstable.
+    with which the loop of their nominals is unstable. ``idle`` are the names of elements that
+    cannot move a pole, such as k in k - k; they are left out before anything is computed.
     """
 
     lower: float
@@ -55,6 +56,7 @@ class StabilityMargin(Answer):
     parts: int = 0
     dt: float = 0.0
     delays: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
+    idle: tuple[str, ...] = field(default=(), kw_only=True)
 
     def said(self) -> str:
         verdict = "not decided for all of its uncertainty"
@@ -75,6 +77,8 @@ class StabilityMargin(Answer):
         for name, (borne, lost) in self.delays.items():
             until = f"unstable with {lost:.5g} s" if math.isfinite(lost) else "no longer one found"
             lines.append(f"  {name}: any delay up to {borne:.5g} s, {until}")
+        if self.idle:
+            lines.append(f"  without effect on stability: {', '.join(self.idle)}")
         if self.dt:
             lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
         return "\n".join(lines)

@@ -18,9 +18,10 @@ from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.elements import (
     ComplexElement,
     DynamicElement,
+    Element,
     RealElement,
 )
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, linked, matrix
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, lift, linked, matrix
 from workbench.uncertainty.algebra.system import (
     UncertainSystem,
     combined_elements,
@@ -206,14 +207,14 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
     if parts[0].ninputs != states:
         raise InputError(f"A has shape {parts[0].value.shape}; it must be square")
     whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
-    lft = whole if isinstance(whole, LFT) else LFT(whole)
-    elements = combined_elements(parts)
-    value = LFT(lft.M, lft.names + (INTEGRATOR,) * states)
-    return UncertainSystem(value, elements, float(dt))._used().reduced()
+    return _with_states(lift(whole), states, combined_elements(parts), dt)
 
 
 def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSystem:
-    """A transfer function whose coefficients, the highest power first, may be uncertain."""
+    """A transfer function whose coefficients, the highest power first, may be uncertain.
+
+    Each coefficient enters the realisation once, so that bounds of what it does are tight.
+    """
     above = [_number(one, "num") for one in as_list(num, "num")]
     below = [_number(one, "den") for one in as_list(den, "den")]
     while below and _is_zero(below[0]):
@@ -229,18 +230,24 @@ def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSyst
         )
     if singular(below[0].nominal.D):
         raise InputError("the highest coefficient of den is 0 at the nominal")
-    lead = below[0]
-    a = [one / lead for one in below[1:]]
     b = [uncertain(0.0)] * (order + 1 - len(above)) + above
-    b = [one / lead for one in b]
     if not order:
-        return b[0]
-    direct = b[0]
-    A = [[float(i + 1 == j) for j in range(order)] for i in range(order - 1)]
-    last = [-a[order - 1 - k] for k in range(order)]
-    C = [b[order - k] - direct * a[order - 1 - k] for k in range(order)]
-    B = [[0.0]] * (order - 1) + [[1.0]]
-    return ss([*A, last], B, [C], [[direct]], dt)
+        return b[0] / below[0]
+    # a_n y = x_1 + b_n u and x_i' = x_(i+1) + b_(n-i) u - a_(n-i) y: each coefficient stands once.
+    first = [*np.eye(order)[0], b[0].value]
+    chain = [[*row, one.value] for row, one in zip(np.eye(order, k=1), b[1:], strict=True)]
+    output = lift(matrix([first])) / below[0].value
+    back = matrix([*([-one.value] for one in below[1:]), [1.0]])
+    whole = lift(matrix([*chain, [0.0] * (order + 1)])) + lift(back) @ output
+    return _with_states(whole, order, combined_elements([*b, *below]), dt)
+
+
+def _with_states(
+    whole: LFT, states: int, elements: dict[str, Element], dt: float
+) -> UncertainSystem:
+    """The system of [A B; C D] with so many states, its repetitions of elements reduced."""
+    value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
+    return UncertainSystem(value, elements, float(dt))._used().reduced()
 
 
 def _matrix(given: Any, name: str) -> UncertainSystem:
