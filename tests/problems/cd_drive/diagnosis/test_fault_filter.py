@@ -162,7 +162,9 @@ def test_the_whole_study():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("axis", "wider", "share"), [("focus", 1.2, 0.956), ("radial", 2.0, 0.815)])
+@pytest.mark.parametrize(
+    ("axis", "wider", "share"), [("focus", 1.2, 0.956), ("radial", 2.0, 0.815)]
+)
 def test_a_cover_that_is_too_wide_ends_in_the_best_filter(reference, axis, wider, share):
     """The loop is unstable on plants of it: a valid answer for the share that the loop bears.
 
