@@ -5,8 +5,8 @@ import pytest
 from flint import arb_mat, ctx
 
 from workbench.certify.modes.bilinear import bilinear_enclosures
+from workbench.certify.modes.enclosed_realisation import realised_balls
 from workbench.certify.modes.modal_form import real_balls, real_doubles
-from workbench.certify.stable_system import realised_balls
 
 
 @pytest.mark.parametrize("period", [1e-3, 0.3])

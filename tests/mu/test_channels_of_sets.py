@@ -9,7 +9,6 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.stable_system import stable_system
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing
 from workbench.mu.boxes.recentred import RealParameters, real_perturbation
 from workbench.mu.frequency.channels import even_channels
@@ -128,7 +127,7 @@ def test_a_delay_is_proven_up_to_the_margin_of_the_worst_plant(share):
     channel = next(iter(channels))
     worst = classical_margins(control.ss(plant.at(K=3.0))).delay
     whole, structure = of_sets._with_delay(loop, channel)
-    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    given = RealParameters(even_channels(whole, structure)[0], structure)
     search = _DelaySearch(given, lambda values: math.inf, 0.2, 240)
     assert search.decide(share * worst, search.region()) is (share < 1)
 
@@ -146,7 +145,7 @@ def delay_search(K, most=240):
     """The search of the delay of K / (s + 1)^2, and its loop's channel."""
     loop, channels = loop_of(tf([K], [1, 2, 1]))
     whole, structure = of_sets._with_delay(loop, next(iter(channels)))
-    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    given = RealParameters(even_channels(whole, structure)[0], structure)
     return _DelaySearch(given, lambda values: math.inf, 0.2, most)
 
 

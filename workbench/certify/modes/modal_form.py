@@ -89,6 +89,21 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     return _normalised(A, B, C, mode)
 
 
+def form_in_basis(realised: Sequence[Any], basis: RealArray, bits: int) -> Enclosures | None:
+    """Enclosures of A, B and C with the columns of a basis (n, n) as states; None: it is singular.
+
+    A, B and C are given in balls of at least as many bits.
+    """
+    import flint
+
+    A, B, C = realised
+    T = real_balls(basis)
+    with flint.ctx.workprec(bits):
+        inner = _in_balls(T, A, B)
+        found = inner and (*inner, real_doubles(C * T))
+    return found if found and _moderate(found) else None
+
+
 def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
 

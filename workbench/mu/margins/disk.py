@@ -20,7 +20,7 @@ import numpy as np
 
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
-from workbench.certify.stable_system import angular_frequency
+from workbench.certify.stable_system import StableSystem, angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
@@ -202,7 +202,7 @@ def disk_of(
 
 
 def _destabilising(
-    N: StateSpace, structure: Structure, found: Peak | SkewedPeak, fixed: int
+    N: StableSystem, structure: Structure, found: Peak | SkewedPeak, fixed: int
 ) -> StateSpace:
     """The worst perturbation as a stable system: uncertain blocks of at most 1, then deltas."""
     if isinstance(found, Peak):
@@ -210,8 +210,8 @@ def _destabilising(
     # With the varying blocks over their size, all are of at most 1.
     rows = structure.row_slices[fixed].start
     columns = structure.column_slices[fixed].start
-    gains = np.where(np.arange(N.noutputs) < columns, 1.0, 1.0 / found.lower)
-    scaled = realisation((N.A, N.B, gains[:, None] * N.C, gains[:, None] * N.D), 0.0)
+    outputs, inputs = (np.arange(count) for count in N.D.shape)
+    scaled = N.channels(outputs, inputs, np.where(outputs < columns, 1.0, 1.0 / found.lower))
     Delta = found.Delta.copy()
     Delta[rows:] *= found.lower
     size = float(np.linalg.norm(Delta, 2))

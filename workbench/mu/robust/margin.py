@@ -12,7 +12,7 @@ import numpy as np
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
-from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
+from workbench.certify.stable_system import StableSystem, angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
 from workbench.mu.boxes.margin import Growing, box_margin
@@ -33,7 +33,6 @@ from workbench.mu.robust.margin_bounds import (
 from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 PARTS = 4000
@@ -111,7 +110,7 @@ def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMa
     structure = found.structure
     N, period = even_channels(found.system, structure)
     if all(isinstance(block, Real) for block in structure):
-        return _margin_of_parameters(found, stable_system(N), period, tolerance, parts)
+        return _margin_of_parameters(found, N, period, tolerance, parts)
     bounds = peak(N, structure, tolerance)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
     omega = angular_frequency(bounds.omega, period)
@@ -185,12 +184,12 @@ def robust_performance(
     structure, given = found.structure, found.system
     closed = structure.with_performance(found.noutputs, found.ninputs)
     whole, period = even_channels(given, closed)
+    outputs, inputs = (np.arange(count) for count in whole.D.shape)
 
     def bounded(t: float) -> Peak:
-        scale = np.ones(whole.noutputs)
+        scale = np.ones(outputs.size)
         scale[: structure.columns], scale[structure.columns :] = t, 1 / gain
-        N = realisation((whole.A, whole.B, scale[:, None] * whole.C, scale[:, None] * whole.D), 0.0)
-        return peak(N, closed, tolerance / 4)
+        return peak(whole.channels(outputs, inputs, scale), closed, tolerance / 4)
 
     low, high, omega = 0.0, math.inf, math.nan
     proven: dict[float, Peak] = {}
