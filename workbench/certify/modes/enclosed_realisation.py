@@ -1,4 +1,4 @@
-"""Realisations in continuous time with their errors, of sampled systems and in other coordinates."""
+"""Realisations in continuous time with errors, of sampled systems and in other coordinates."""
 
 from __future__ import annotations
 
