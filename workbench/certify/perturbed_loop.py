@@ -46,6 +46,17 @@ def proven_at(system: StableSystem, structure: Structure, Delta: Array, omega: f
     return proven_bound(M, structure, Delta) if M is not None else 0.0
 
 
+def sharp_response(system: StableSystem, omega: float) -> Array | None:
+    """The response (c, r) at `omega` [rad/s] of the system as given, from many digits.
+
+    Doubles lose of a sampled system with clustered poles what its realisation loses. None where
+    balls cannot tell it.
+    """
+    with ctx.workprec(PRECISIONS[1]):
+        M = response_of(system, omega)
+    return None if M is None else middle(M)
+
+
 def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Array) -> float:
     """The lower bound of the peak of mu over all frequencies that Delta (r, c) proves.
 
