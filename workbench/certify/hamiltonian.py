@@ -16,7 +16,7 @@ import numpy as np
 from flint import acb, acb_mat, ctx
 
 from workbench.arrays import Array
-from workbench.certify.balls import Matrix, above, balls, doubles, enclosed, identity, middle
+from workbench.certify.balls import Matrix, above, balls, doubles, identity, matrices_of, middle
 from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.stable_system import StableSystem
@@ -40,7 +40,10 @@ def ball_discs(
     best: Discs | None = None
     for bits in PRECISIONS:
         with ctx.workprec(bits):
-            A, B, C, D = map(enclosed, system.enclosures)
+            try:
+                A, B, C, D = matrices_of(system)
+            except ZeroDivisionError:
+                continue
             left, right, G = map(balls, multipliers)
             twist = acb(0, -1) * G
             weight = _rows(

@@ -23,9 +23,9 @@ from workbench.certify.balls import (
     Matrix,
     balls,
     below,
-    enclosed,
     identity,
     length,
+    matrices_of,
     middle,
     response_of,
     submatrix,
@@ -77,8 +77,8 @@ def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Arr
 
 def _closed(system: StableSystem, Delta: Matrix) -> Matrix | None:
     """A + B Delta (I - D Delta)^-1 C; None where I - D Delta cannot be told from singular."""
-    A, B, C, D = map(enclosed, (system.source or system).enclosures)
     try:
+        A, B, C, D = matrices_of(system)
         return A + B * Delta * (identity(D.nrows()) - D * Delta).solve(C)
     except ZeroDivisionError:
         return None

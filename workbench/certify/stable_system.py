@@ -14,10 +14,10 @@ from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.enclosed_realisation import (
     Coordinates,
+    GivenRealisation,
     in_continuous_time,
     in_coordinates,
     is_sharp,
-    realised_balls,
     scaled_states,
 )
 from workbench.certify.modes.modal_form import (
@@ -73,9 +73,9 @@ class StableSystem:
     errors: tuple[RealArray, ...]
     modal: Callable[[], StableSystem | None] = lambda: None
     """Gives the system in modal coordinates, where ball arithmetic finds other ones than these."""
-    source: StableSystem | None = None
-    """The given realisation, from which these modal coordinates come; None: these are the given
-    ones."""
+    source: GivenRealisation | None = None
+    """The realisation as it was given; None where these matrices enclose many, as those about the
+    centre of a box."""
     period: float = 0.0
     """Sampling time [s] of the given system; 0: it is continuous."""
 
@@ -125,7 +125,7 @@ class StableSystem:
             found = self.modal()
             return found and found.channels(outputs, inputs, output_gains, input_gains)
 
-        source = self.source and self.source.channels(outputs, inputs, output_gains, input_gains)
+        source = self.source and self.source.channels(outputs, inputs, rows, columns)
         return enclosed_system((A, B, C), D, self.poles, cache(modal), source, self.period)
 
     @property
@@ -233,19 +233,20 @@ def stable_system(
         raise InputError("the system has entries that are not finite")
     M, n = np.asarray(part.M, dtype=float), part.states
     seen = _seen(M, n)
-    own = with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:])
     period = float(part.dt or 0.0)
-    plain, D = in_continuous_time(own, period)
-    parts = (coordinates and in_coordinates(own, period, coordinates)) or plain
+    own = GivenRealisation(
+        *with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), period=period
+    )
+    plain, D = in_continuous_time(own)
+    parts = (coordinates and in_coordinates(own, coordinates)) or plain
     discs = pole_discs(parts[0])
     best, unstable = _spread(discs), _unstable(discs)
 
     def in_modes(form_of: FormOf, bits: int) -> Enclosures | None:
         try:
-            quick = form_of is quick_modal_form_of and not period
-            return scaled_states(
-                form_of((own if quick else realised_balls(own, period, bits))[:3], bits)
-            )
+            if form_of is quick_modal_form_of and not period:
+                return scaled_states(form_of((own.A, own.B, own.C), bits))
+            return scaled_states(form_of(own.in_balls(bits)[:3], bits))
         except ZeroDivisionError:
             return None
 
@@ -274,11 +275,10 @@ def stable_system(
         for (form_of, bits), spread in zip(MODAL_FORMS[:2], (SHARPNESS, 1.0), strict=True):
             form = in_modes(form_of, bits)
             if form is not None and is_sharp(form) and _spread(pole_discs(form[0])) < spread:
-                return enclosed_system(form, D, poles, period=period)
+                return enclosed_system(form, D, poles, source=own, period=period)
         return None
 
-    source = None if parts is plain else enclosed_system(plain, D, poles, period=period)
-    return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, source, period)
+    return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, own, period)
 
 
 def _seen(M: RealArray, n: int) -> BoolArray:
@@ -296,7 +296,7 @@ def enclosed_system(
     D: Enclosure,
     poles: Array,
     modal: Callable[[], StableSystem | None] = lambda: None,
-    source: StableSystem | None = None,
+    source: GivenRealisation | None = None,
     period: float = 0.0,
 ) -> StableSystem:
     """The system of enclosed matrices."""

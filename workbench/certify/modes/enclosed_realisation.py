@@ -1,8 +1,9 @@
-"""Realisations in continuous time with errors, of sampled systems and in other coordinates."""
+"""Realisations as given, and enclosed: in continuous time, and in other coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,28 +33,74 @@ Coordinates = Callable[[RealArray, RealArray, RealArray], RealArray | None]
 """Proposes other states of A, B and C in continuous time, as columns (n, n); None: it has none."""
 
 
-def realised_balls(given: Realised, period: float, bits: int) -> tuple[Any, Any, Any, Any]:
-    """A realisation in balls, of a sampled system that of s = 2 / T (z - 1) / (z + 1).
+@dataclass(frozen=True, eq=False)
+class GivenRealisation:
+    """Matrices of doubles as they were given, with gains that are multiplied without rounding.
 
-    Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+    A system with ``period`` [s] is sampled; 0: it is continuous. Whatever realisation doubles work
+    with, the proofs of many digits start from this one.
     """
-    import flint
 
-    A, B, C, D = (real_balls(part) for part in given)
-    n = len(given[0])
-    if not (period and n):
-        return A, B, C, D
-    with flint.ctx.workprec(bits):
-        one, rate = real_balls(np.eye(n)), flint.arb(2) / flint.arb(period)
-        shifted = A + one
-        back, moved = shifted.solve(B), shifted.solve(A - one)
-        return moved * rate, back * (2 * rate), C * shifted.inv(), D - C * back
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: RealArray
+    period: float
+    output_gains: tuple[RealArray, ...] = ()
+    """Each (outputs,); their product multiplies the outputs."""
+    input_gains: tuple[RealArray, ...] = ()
+    """Each (inputs,)."""
+    _shifted: dict[int, tuple[Any, Any]] = field(default_factory=dict)
+    """(A + 1)^-1 and its product with A - 1, by the bits of their balls."""
+
+    def channels(
+        self, outputs: Any, inputs: Any, rows: RealArray, columns: RealArray
+    ) -> GivenRealisation:
+        """The system with chosen outputs and inputs, by index, each times a gain."""
+        return replace(
+            self,
+            B=self.B[:, inputs],
+            C=self.C[outputs],
+            D=self.D[outputs][:, inputs],
+            output_gains=(*(gains[outputs] for gains in self.output_gains), rows),
+            input_gains=(*(gains[inputs] for gains in self.input_gains), columns),
+        )
+
+    def in_balls(self, bits: int) -> tuple[Any, Any, Any, Any]:
+        """A, B, C and D; of a sampled system those of s = 2 / T (z - 1) / (z + 1).
+
+        Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+        """
+        import flint
+
+        with flint.ctx.workprec(bits):
+            A, B, C, D = map(real_balls, (self.A, self.B, self.C, self.D))
+            if self.period and len(self.A):
+                if bits not in self._shifted:
+                    one = real_balls(np.eye(len(self.A)))
+                    back = (A + one).inv()
+                    self._shifted[bits] = back, back * (A - one)
+                back, A = self._shifted[bits]
+                rate = flint.arb(2) / flint.arb(self.period)
+                across = back * B
+                A, B, C, D = A * rate, across * (2 * rate), C * back, D - C * across
+            out, into = self.gains_in_balls()
+            return A, B * into, out * C, out * D * into
+
+    def gains_in_balls(self) -> tuple[Any, Any]:
+        """Diagonal matrices of the gains of the outputs and of the inputs."""
+        out, into = real_balls(np.eye(len(self.C))), real_balls(np.eye(self.B.shape[1]))
+        for gains in self.output_gains:
+            out = out * real_balls(np.diag(gains))
+        for gains in self.input_gains:
+            into = into * real_balls(np.diag(gains))
+        return out, into
 
 
-def in_coordinates(given: Realised, period: float, coordinates: Coordinates) -> Enclosures | None:
+def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosures | None:
     """A, B and C in proposed coordinates; None without any, or where they blur too much."""
     try:
-        balls = realised_balls(given, period, PRECISIONS[0])[:3]
+        balls = given.in_balls(PRECISIONS[0])[:3]
     except ZeroDivisionError:
         return None
     basis = coordinates(*(real_doubles(part).mid for part in balls))
@@ -63,14 +110,16 @@ def in_coordinates(given: Realised, period: float, coordinates: Coordinates) -> 
     return found if found and is_sharp(found) else None
 
 
-def in_continuous_time(given: Realised, period: float) -> tuple[Enclosures, Enclosure]:
-    """A, B and C, and D, in doubles."""
-    if not period:
-        A, B, C, D = map(exact, given)
+def in_continuous_time(given: GivenRealisation) -> tuple[Enclosures, Enclosure]:
+    """A, B and C, and D, in doubles; of a system as it was given, without gains."""
+    parts = given.A, given.B, given.C, given.D
+    if not given.period:
+        A, B, C, D = map(exact, parts)
         return (A, B, C), D
     try:
-        found = bilinear_enclosures(given, period) if len(given[0]) >= FEWEST_DOUBLES else None
-        A, B, C, D = found or map(real_doubles, realised_balls(given, period, PRECISIONS[-1]))
+        many = len(given.A) >= FEWEST_DOUBLES
+        found = bilinear_enclosures(parts, given.period) if many else None
+        A, B, C, D = found or map(real_doubles, given.in_balls(PRECISIONS[-1]))
     except ZeroDivisionError:
         raise InputError(
             "the system has a pole that cannot be told from z = -1, half the sampling rate: filter "

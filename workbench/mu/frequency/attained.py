@@ -83,7 +83,7 @@ def attained_peak(
 
 
 def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> Attained:
-    """What Delta proves at a frequency; one of a sharper response where it proves less than it says.
+    """What Delta proves at a frequency; where that is less than it says, one of a sharper response.
 
     Of value 0 where nothing is proven.
     """
