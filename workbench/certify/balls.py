@@ -19,6 +19,7 @@ from workbench.arrays import Array, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem
+from workbench.systems.frequency_response import driven_states
 
 FEWEST_REFINED = 30
 """Fewest states whose response is refined; fewer ones are eliminated in balls."""
@@ -176,7 +177,7 @@ def _refined(A: RealArray, B: RealArray, point: acb) -> Matrix | None:
     near = doubles(acb_mat([[point]]))
     M = Enclosure(near.mid * np.eye(n), near.rad * np.eye(n)) - exact(A)
     try:
-        Y = np.linalg.inv(M.mid)
+        Y = driven_states(A, np.eye(n), near.mid[0])[0]
     except np.linalg.LinAlgError:
         return None
     E = exact(np.eye(n)) - exact(Y) @ M

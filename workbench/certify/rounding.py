@@ -179,8 +179,9 @@ def solution(matrix: Enclosure, right: Enclosure) -> Enclosure | None:
     theta), z being the maximum of Z / x over each column of Z (Rump, Verification methods, Acta
     Numerica 19 (2010) 287-449, section 10). The x serves matrices whose rows differ widely.
     """
+    unit = nearest_power_of_two(np.abs(matrix.mid).max(initial=0.0))
     try:
-        Y = np.linalg.inv(matrix.mid)
+        Y = np.linalg.inv(matrix.mid / unit) / unit  # large complex numbers may be lost in it
     except np.linalg.LinAlgError:
         return None
     E = exact(np.eye(len(Y))) - exact(Y) @ matrix

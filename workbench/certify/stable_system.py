@@ -37,6 +37,7 @@ from workbench.systems.balancing import with_state_units
 from workbench.systems.frequency_response import (
     CHUNK_ENTRIES,
     Triangular,
+    driven_states,
     triangular_form,
     triangular_response,
 )
@@ -156,8 +157,7 @@ class StableSystem:
             if triangular is not None:
                 result[part] += triangular_response(triangular, 1j * points[part])
                 continue
-            resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
-            result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
+            result[part] += self.C @ driven_states(self.A, self.B, 1j * points[part])
         return result
 
     @cached_property
