@@ -19,6 +19,7 @@ from workbench.arrays import Array
 from workbench.certify.balls import Matrix, above, balls, doubles, identity, matrices_of, middle
 from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
 from workbench.certify.modes.modal_form import PRECISIONS
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.stable_system import StableSystem
 
 
@@ -79,14 +80,14 @@ def _improved(T: Matrix) -> Discs | None:
     None where a disc that meets the axis stays large.
     """
     try:
-        V = balls(np.linalg.eig(middle(T))[1])
+        V = balls(np.linalg.eig(in_its_unit(middle(T))[0])[1])
         for _ in range(ATTEMPTS):
             W = V.inv().mid()
             P, E = doubles(W * (T * V)), doubles(W * V)
             found = pencil_discs(P, E)
             if not found.doubtful():
                 return found
-            V = (V * balls(np.linalg.eig(P.mid)[1])).mid()
+            V = (V * balls(np.linalg.eig(in_its_unit(P.mid)[0])[1])).mid()
     except (np.linalg.LinAlgError, ZeroDivisionError):
         pass
     return None

@@ -31,6 +31,7 @@ from workbench.certify.balls import (
     submatrix,
 )
 from workbench.certify.modes.modal_form import PRECISIONS
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.singularity import proven_bound, size_of, structured_part
 from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
@@ -89,7 +90,11 @@ def _unstable(A: Matrix | None) -> bool:
     if A is None or not A.nrows():
         return False
     n = A.nrows()
-    values = np.linalg.eigvals(middle(A))
+    near, unit = in_its_unit(middle(A))
+    try:
+        values = np.linalg.eigvals(near) * unit
+    except np.linalg.LinAlgError:  # an entry is not finite
+        return False
     rightmost = complex(values[np.argmax(values.real)])
     if not rightmost.real > 0:
         return False

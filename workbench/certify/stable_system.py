@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modes.enclosed_realisation import (
     Coordinates,
@@ -42,6 +42,7 @@ from workbench.systems.frequency_response import (
     triangular_response,
 )
 from workbench.systems.interconnection import named_realisation
+from workbench.systems.minimal import seen_states
 
 SHARPNESS = 1e-6
 """Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a
@@ -118,9 +119,9 @@ class StableSystem:
             for gains, index in ((output_gains, outputs), (input_gains, inputs))
         )
         A, B, C, D = self.enclosures
-        B = _picked(B, slice(None), inputs).times(columns)
-        C = _picked(C, outputs, slice(None)).times(rows[:, None])
-        D = _picked(D, outputs[:, None], inputs).times(columns).times(rows[:, None])
+        B = B[:, inputs].times(columns)
+        C = C[outputs].times(rows[:, None])
+        D = D[outputs[:, None], inputs].times(columns).times(rows[:, None])
 
         def modal() -> StableSystem | None:
             found = self.modal()
@@ -168,11 +169,6 @@ class StableSystem:
     @cached_property
     def _triangular(self) -> Triangular | None:
         return triangular_form(self.A, self.B, self.C, self.poles)
-
-
-def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
-    """Some rows and columns."""
-    return Enclosure(matrix.mid[rows, columns], matrix.rad[rows, columns])
 
 
 def bilinear_frequency(omega: Any, period: float) -> Any:
@@ -232,7 +228,7 @@ def stable_system(
     if not np.isfinite(part.M).all():
         raise InputError("the system has entries that are not finite")
     M, n = np.asarray(part.M, dtype=float), part.states
-    seen = _seen(M, n)
+    seen = seen_states(M, n)
     period = float(part.dt or 0.0)
     own = GivenRealisation(
         *with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), period=period
@@ -279,16 +275,6 @@ def stable_system(
         return None
 
     return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, own, period)
-
-
-def _seen(M: RealArray, n: int) -> BoolArray:
-    """Which of the n states of M = [A B; C D] lie between the inputs and the outputs."""
-    A = M[:n, :n] != 0.0
-    reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
-    for _ in range(n):
-        reached, reaching = reached | A[:, reached].any(axis=1), reaching | A[reaching].any(axis=0)
-    seen: BoolArray = reached & reaching
-    return seen
 
 
 def enclosed_system(

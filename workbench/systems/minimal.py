@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.solvers import slicot_routine
 from workbench.systems.balancing import balanced
@@ -24,6 +24,16 @@ COPY_TOLERANCE = 1e-6
 
 ZERO_ROUNDING = 100.0
 """Multiple of a matrix's rounding error up to which a value computed from it counts as zero."""
+
+
+def seen_states(M: RealArray, n: int) -> BoolArray:
+    """Which of the n states of M = [A B; C D] lie between inputs and outputs, by M's zeros."""
+    A = M[:n, :n] != 0.0
+    reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
+    for _ in range(n):
+        reached, reaching = reached | A[:, reached].any(axis=1), reaching | A[reaching].any(axis=0)
+    seen: BoolArray = reached & reaching
+    return seen
 
 
 def minimal(

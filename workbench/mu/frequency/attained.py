@@ -9,6 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.cover import FrequencyBounds
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.singularity import said
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.lower.methods import proposals
@@ -145,7 +146,9 @@ def _rightmost(system: StableSystem, Delta: Array) -> complex:
     """The eigenvalue of the closed loop with the largest real part; infinite where ill-posed."""
     loop = np.eye(len(system.D)) - system.D @ Delta
     try:
-        poles = np.linalg.eigvals(system.A + system.B @ Delta @ np.linalg.solve(loop, system.C))
+        closed = system.A + system.B @ Delta @ np.linalg.solve(loop, system.C)
+        near, unit = in_its_unit(closed)
+        poles = np.linalg.eigvals(near) * unit
     except np.linalg.LinAlgError:
         return complex(np.inf)
     return complex(poles[np.argmax(poles.real)]) if len(poles) else complex(-np.inf)
