@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -99,14 +99,18 @@ class GivenRealisation:
 
 def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosures | None:
     """A, B and C in proposed coordinates; None without any, or where they blur too much."""
-    try:
-        balls = given.in_balls(PRECISIONS[0])[:3]
-    except ZeroDivisionError:
-        return None
-    basis = coordinates(*(real_doubles(part).mid for part in balls))
+    parts: Sequence[Any] = (given.A, given.B, given.C)
+    near = parts
+    if given.period:
+        try:
+            parts = given.in_balls(PRECISIONS[0])[:3]
+        except ZeroDivisionError:
+            return None
+        near = [real_doubles(part).mid for part in parts]
+    basis = coordinates(*near)
     if basis is None:
         return None
-    found = scaled_states(form_in_basis(balls, basis, PRECISIONS[0]))
+    found = scaled_states(form_in_basis(parts, basis, PRECISIONS[0]))
     return found if found and is_sharp(found) else None
 
 
