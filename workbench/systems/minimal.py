@@ -6,8 +6,9 @@ import numpy as np
 
 from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.solvers import slicot_routine
-from workbench.systems.balancing import balanced
+from workbench.systems.balancing import balanced, speed
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
@@ -85,6 +86,23 @@ def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
     reduced = realisation((A, B, C, given.D), given.dt, **labels)
     return GeneralisedPlant(reduced, plant.structure, plant.controls, plant.measurements)
+
+
+def without_hidden_states(system: StateSpace) -> StateSpace:
+    """The system without states that no input reaches or no output sees, by python-control.
+
+    In units of time and of states of its own, because the tolerance is absolute.
+    """
+    import control
+
+    if not system.nstates:
+        return system
+    rate = speed(system.A, system.B, system.C)
+    parts = balanced(system.A / rate, system.B / rate, system.C)
+    slow = control.minreal(control.ss(*parts, system.D, system.dt), verbose=False)
+    if slow.nstates == system.nstates:
+        return system
+    return control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, system.dt)
 
 
 def _same(

@@ -34,8 +34,8 @@ from workbench.mu.robust.skewed_peak import skewed_peak
 from workbench.second_opinion import peaks
 from workbench.second_opinion.responses import plain_response
 from workbench.structure import Complex, Structure
-from workbench.systems.balancing import speed
 from workbench.systems.bilinear import bilinear_sampled
+from workbench.systems.minimal import without_hidden_states
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
@@ -227,11 +227,7 @@ def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace
 
     D = Delta.D[[row], [column]]
     delta = control.ss(Delta.A, Delta.B[:, [column]], Delta.C[[row]], D, Delta.dt)
-    if delta.nstates:  # in a unit of time of its own, because its tolerance is absolute
-        rate = speed(delta.A, delta.B, delta.C)
-        slow = control.ss(delta.A / rate, delta.B / rate, delta.C, delta.D, delta.dt)
-        slow = control.minreal(slow, verbose=False)
-        delta = control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, delta.dt)
+    delta = without_hidden_states(delta)
     share = (1.0 + skew) / 2.0
     if abs(1.0 - share * delta.D.item()) <= INFINITE_FACTOR:
         return None

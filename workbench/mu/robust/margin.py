@@ -33,6 +33,7 @@ from workbench.mu.robust.margin_bounds import (
 from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
+from workbench.systems.minimal import without_hidden_states
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 PARTS = 4000
@@ -250,6 +251,6 @@ def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
             values[element.name] = element.value(D[0, 0])
             continue
         part = control.ss(Delta.A, Delta.B[:, first[1]], Delta.C[first[0]], D)
-        part = control.minreal(part, verbose=False) if part.nstates else part
+        part = without_hidden_states(part)
         values[element.name] = element.value(part)
     return values
