@@ -178,9 +178,14 @@ def all_decay(members: Sequence[Any], name: str) -> Check:
 
 
 def regularity(loop: ComplexArray) -> float:
-    """Smallest singular value of I - loop in balanced coordinates, relative to the loop."""
+    """Smallest singular value of I - loop in balanced coordinates, relative to the loop.
+
+    Infinite for a loop that is not finite.
+    """
     from scipy.linalg import matrix_balance
 
+    if not np.isfinite(loop).all():
+        return math.inf
     balanced = matrix_balance(loop, permute=False)[0]
     size = max(float(np.linalg.norm(balanced, 2)), 1.0)
     return float(np.linalg.norm(np.eye(len(loop)) - balanced, -2)) / size
