@@ -92,7 +92,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     M = plain_response(system, np.array([omega]))[0]
     distance = regularity(M @ Delta)
     if distance > NEARLY_SINGULAR and math.isfinite(omega):
-        distance = _precise_distance(system, Delta, omega)
+        distance = precise_distance(system, Delta, omega)
     if distance > NEARLY_SINGULAR and not Delta.imag.any():
         rate, rounding = growth(perturbed(system, ENLARGED * Delta.real)[0], system.dt)
         distance = 0.0 if rate + rounding > -BORDER else distance
@@ -106,7 +106,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     )
 
 
-def _precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
+def precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
     """The distance of I - M Delta from a singular matrix in exact responses of M.
 
     The frequency itself is rounded: what this moves is no distance.

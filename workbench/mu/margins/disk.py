@@ -32,7 +32,7 @@ from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
 from workbench.mu.robust.skewed_bounds import SkewedPeak
 from workbench.mu.robust.skewed_peak import skewed_peak
 from workbench.second_opinion import peaks
-from workbench.second_opinion.responses import plain_response
+from workbench.second_opinion.responses import plain_response, precise_response
 from workbench.structure import Complex, Structure
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.minimal import without_hidden_states
@@ -118,13 +118,16 @@ class DiskChecker(PartsChecker):
         member = self.returned.at(**(answer.plant or {}))
         omega = np.array([answer.omega])
         changes = [plain_response(f, omega)[0, 0, 0] - 1.0 for f in answer.worst.values()]
-        loop = plain_response(member, omega)[0] @ np.diag(changes)
+        distance = peaks.regularity(plain_response(member, omega)[0] @ np.diag(changes))
+        if distance > peaks.NEARLY_SINGULAR and math.isfinite(answer.omega):  # or doubles blur it
+            sharp = [precise_response(f, answer.omega)[0, 0] - 1.0 for f in answer.worst.values()]
+            distance = peaks.precise_distance(member, np.diag(sharp), answer.omega)
         statement = "smallest singular value of the loop with the worst factors, relative"
         return [
             Check(
                 "worst factors",
                 statement,
-                peaks.regularity(loop),
+                distance,
                 peaks.NEARLY_SINGULAR,
                 f"at {answer.omega:.6g} rad/s",
                 over="for the worst plant",
