@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from workbench.bench.question import plain
-from workbench.certificate import Certificate, Check, Gap, worst
+from workbench.certificate import Certificate, Check, Checker, Gap, worst
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
 from workbench.program import Program, conic_method, find_method, method, methods
@@ -79,6 +79,28 @@ def test_what_is_not_checked_does_not_hold():
     assert not Certificate(()).holds and Certificate(()).failures == ("nothing is checked",)
     assert not Check("none", "", 0.0, math.inf).holds
     assert not Check("none", "", math.inf, math.inf).holds
+
+
+@pytest.mark.parametrize("part", ["checks", "second_opinion", "gap"])
+def test_a_check_that_cannot_be_computed_fails(part):
+    """An answer with NaN has no eigenvalues: it is no error of the bench, and no answer."""
+
+    def raising(*_):
+        raise np.linalg.LinAlgError("Array must not contain infs or NaNs")
+
+    good = [Check("good", "", 0.0, 1.0)]
+    parts = {"checks": lambda *_: good, part: raising}
+    found = type("Raising", (Checker,), parts)().certify(math.nan, 1e-6)
+    assert not found.holds
+    assert "LinAlgError: Array must not contain infs or NaNs" in " ".join(found.failures)
+
+
+def test_an_error_of_the_workbench_is_no_failure_of_a_check():
+    def named(*_):
+        raise InputError("the answer has 2 entries, and 3 are needed")
+
+    with pytest.raises(InputError, match="3 are needed"):
+        type("Naming", (Checker,), {"checks": named})().certify(1.0, 1e-6)
 
 
 def test_one_failing_check_among_good_ones_is_named_with_its_place():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.executor.effort import deeper
 from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
@@ -376,15 +376,39 @@ class Checker(ABC):
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
-            checks = tuple(quantified(self.quantifier, self.checks(answer, tolerance)))
+            checks = _computed(self.quantifier, lambda: self.checks(answer, tolerance))
             facts: tuple[str, ...] = ()
             if all(check.holds for check in checks):
-                opinion = quantified(self.quantifier, self.second_opinion(answer))
+                opinion = _computed(self.quantifier, lambda: self.second_opinion(answer))
                 checks += tuple(replace(check, opinion=True) for check in opinion)
                 facts = tuple(self.facts(answer))
-            gap = self.gap(answer)
+            try:
+                gap = self.gap(answer)
+            except _NUMERICAL as error:
+                checks += (_not_computed(error),)
+                gap = None
         proven = None if gap is None else Gap(gap[0], gap[1], tolerance, required=optimal)
         return Certificate(checks, proven, facts)
+
+
+_NUMERICAL = (np.linalg.LinAlgError, ArithmeticError, ValueError)
+"""What arithmetic raises over numbers that it cannot take, as NaN. Who knows of a wrong answer what
+is wrong with it says so by an error of the workbench."""
+
+
+def _computed(over: str, find: Callable[[], Iterable[Check]]) -> tuple[Check, ...]:
+    """Checks that are found; one that fails, where an answer has numbers that allow none."""
+    try:
+        return tuple(quantified(over, find()))
+    except _NUMERICAL as error:
+        return (_not_computed(error),)
+
+
+def _not_computed(error: Exception) -> Check:
+    if isinstance(error, WorkbenchError):
+        raise error
+    statement = "numbers of the answer with which a check cannot be computed"
+    return Check("computed", statement, 1.0, 0.0, f"({type(error).__name__}: {error})")
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
@@ -399,7 +423,7 @@ def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
     ['support']
     """
     with np.errstate(all="ignore"):
-        found = quantified(checker.quantifier, checker.deep_opinion(answer))
+        found = _computed(checker.quantifier, lambda: checker.deep_opinion(answer))
     return tuple(replace(check, opinion=True) for check in found)
 
 

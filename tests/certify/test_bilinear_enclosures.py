@@ -5,8 +5,8 @@ import pytest
 from flint import arb_mat, ctx
 
 from workbench.certify.modes.bilinear import bilinear_enclosures
+from workbench.certify.modes.enclosed_realisation import GivenRealisation
 from workbench.certify.modes.modal_form import real_balls, real_doubles
-from workbench.certify.stable_system import realised_balls
 
 
 @pytest.mark.parametrize("period", [1e-3, 0.3])
@@ -16,7 +16,7 @@ def test_it_encloses_the_exact_realisation_sharply(period):
     parts = A, rng.normal(size=(25, 2)), rng.normal(size=(3, 25)), rng.normal(size=(3, 2))
     found = bilinear_enclosures(parts, period)
     assert found is not None
-    for ours, exact in zip(found, realised_balls(parts, period, 512), strict=True):
+    for ours, exact in zip(found, GivenRealisation(*parts, period).in_balls(512), strict=True):
         with ctx.workprec(512):
             away = real_doubles(exact - real_balls(ours.mid))
         assert (np.abs(away.mid) <= ours.rad + away.rad).all()
@@ -33,7 +33,7 @@ def test_it_holds_the_exact_realisation_with_a_pole_near_half_the_sampling_rate(
     parts = A, rng.normal(size=(6, 2)), rng.normal(size=(3, 6)), np.zeros((3, 2))
     found = bilinear_enclosures(parts, 1.0)
     assert found is not None
-    for ours, exact in zip(found, realised_balls(parts, 1.0, 512), strict=True):
+    for ours, exact in zip(found, GivenRealisation(*parts, 1.0).in_balls(512), strict=True):
         with ctx.workprec(512):
             away = real_doubles(exact - real_balls(ours.mid))
         assert (np.abs(away.mid) <= ours.rad + away.rad).all()

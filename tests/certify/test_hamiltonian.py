@@ -112,10 +112,10 @@ def test_improved_discs_contain_the_eigenvalues_found_one_by_one(seed, monkeypat
     c, r = given.D.shape
     parts = np.eye(c) + 0j, np.eye(r) + 0j, np.zeros((r, c)) + 0j
     level = 1.01 * np.linalg.norm(given.D, 2) + 1e-3
-    improved = hamiltonian.ball_discs(given.source or given, parts, level, math.inf)
+    improved = hamiltonian.ball_discs(given, parts, level, math.inf)
     with monkeypatch.context() as patch:
         patch.setattr(hamiltonian, "_improved", lambda T: None)
-        isolated = hamiltonian.ball_discs(given.source or given, parts, level, math.inf)
+        isolated = hamiltonian.ball_discs(given, parts, level, math.inf)
     assert not improved.doubtful()
     away = np.abs(isolated.centre[:, None] - improved.centre)
     assert (away <= improved.radius + isolated.radius[:, None]).any(axis=1).all()

@@ -21,7 +21,7 @@ MAKERS = {
     exact_parameters.probability_case: 100,
     exact_parameters.curved_case: 5,
     exact_loops.classical_case: 120,
-    exact_loops.disk_case: 80,
+    exact_loops.disk_case: 400,
     exact_loops.set_case: 10,
     exact_loops.gap_case: 120,
     exact_loops.coprime_case: 30,

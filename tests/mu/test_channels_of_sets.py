@@ -9,7 +9,6 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.stable_system import stable_system
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing
 from workbench.mu.boxes.recentred import RealParameters, real_perturbation
 from workbench.mu.frequency.channels import even_channels
@@ -128,7 +127,7 @@ def test_a_delay_is_proven_up_to_the_margin_of_the_worst_plant(share):
     channel = next(iter(channels))
     worst = classical_margins(control.ss(plant.at(K=3.0))).delay
     whole, structure = of_sets._with_delay(loop, channel)
-    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    given = RealParameters(even_channels(whole, structure)[0], structure)
     search = _DelaySearch(given, lambda values: math.inf, 0.2, 240)
     assert search.decide(share * worst, search.region()) is (share < 1)
 
@@ -146,7 +145,7 @@ def delay_search(K, most=240):
     """The search of the delay of K / (s + 1)^2, and its loop's channel."""
     loop, channels = loop_of(tf([K], [1, 2, 1]))
     whole, structure = of_sets._with_delay(loop, next(iter(channels)))
-    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    given = RealParameters(even_channels(whole, structure)[0], structure)
     return _DelaySearch(given, lambda values: math.inf, 0.2, most)
 
 
@@ -189,7 +188,7 @@ def test_crossovers_that_go_to_zero_cost_no_more():
     loop, channels = loop_of(tf([1, z], [1, 3, 2]))
     channel = next(iter(channels))
     whole, structure = of_sets._with_delay(loop, channel)
-    given = RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+    given = RealParameters(even_channels(whole, structure)[0], structure)
     found = delay_bounds(given, partial(of_sets._delay_of, loop, channel), 1e-2, 300)
     # |L|^2 = 1 with z = 2.4: w^4 + 4 w^2 = z^2 - 4.
     omega = math.sqrt(-2 + math.sqrt(2.4**2))

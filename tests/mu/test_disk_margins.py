@@ -4,6 +4,8 @@ Sources of numbers: MathWorks, Robust Control Toolbox and Control System Toolbox
 allmargin and diskmargin.
 """
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -270,3 +272,16 @@ def test_multipliers_near_zero_frequency():
 def test_bad_input_is_named(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+def test_the_worst_factors_of_an_ill_conditioned_loop_are_tried_in_many_digits():
+    """s^2 + 0.0001 s, nearly, in states in which doubles lose five digits of the response."""
+    A = [[-2203.91650390625, 840.9681396484375], [-5775.78082275390625, 2203.91636657714844]]
+    loop = control.ss(A, [[-8.0], [-21.0]], [[-1.4765625, 0.5625]], 0.0)
+    disk = loop_margins(loop).disks["loop"]
+    assert disk.holds, disk.certificate.failures
+    (name, factor), *_ = disk.worst.items()
+    for share in (1 - 1e-5, 1 + 1e-5):
+        other = replace(disk, worst={name: factor * share})
+        checks = disk._checked_by[0].second_opinion(other)
+        assert not all(check.holds for check in checks)

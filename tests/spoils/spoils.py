@@ -93,6 +93,30 @@ def spoilt(
     return found
 
 
+def lost(program: Program, answer: Any, method: str | None = None) -> list[str]:
+    """Stored variables whose NaN or infinity makes a check raise something that nobody names."""
+    optimal = program.claims_optimum(method)
+    data = program.to_dataset(answer)
+    told = []
+    for name, variable in data.variables.items():
+        if variable.dtype.kind not in "fc" or not variable.size:
+            continue
+        for value, places in ((np.nan, np.s_[-1:]), (np.inf, np.s_[-1:]), (np.nan, np.s_[:])):
+            values = variable.values.copy()
+            values.flat[places] = value
+            changed = data.copy(deep=True)
+            changed[name] = (variable.dims, values, variable.attrs)
+            try:
+                with np.errstate(all="ignore"):
+                    other = program.from_dataset(changed)
+                program.certify(other, DEFAULT_TOLERANCE, optimal=optimal)
+            except WorkbenchError:
+                continue
+            except Exception as error:
+                told.append(f"{name}, {value}: {type(error).__name__}: {error}")
+    return told
+
+
 def own_variables(program: Program, answer: Any) -> set[str]:
     """Names of numeric variables that the restored answer has from the dataset."""
     data = program.to_dataset(answer)

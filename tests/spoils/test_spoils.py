@@ -8,7 +8,7 @@ import pytest
 from collection import PROGRAMS, solved
 from kinds import ABOVE, BELOW, PROOF, TOLD, kind_of
 from page import PAGE, rows
-from spoils import leaving, own_variables, spoilt
+from spoils import leaving, lost, own_variables, spoilt
 
 import workbench
 from workbench.identification.state_space.program import AS_TOLD
@@ -62,6 +62,14 @@ def test_no_spoil_of_a_claim_goes_unnoticed(name):
 @pytest.mark.parametrize("name", sorted(SLOW))
 def test_no_spoil_goes_unnoticed_where_it_takes_long(name):
     assert breaches(name) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in PROGRAMS],
+)
+def test_numbers_that_are_not_finite_fail_or_are_named(name):
+    assert lost(*solved(name)) == []
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
-from workbench.arrays import Array
+from workbench.arrays import Array, RealArray
 from workbench.certify.modes.modal_form import real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem
+from workbench.systems.frequency_response import driven_states
 
 FEWEST_REFINED = 30
 """Fewest states whose response is refined; fewer ones are eliminated in balls."""
@@ -109,39 +110,74 @@ def norm_of_block(Delta: Any) -> arb:
     return length([acb(complex(entry)) for entry in Delta.flat])
 
 
+def matrices_of(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """A, B, C and D in continuous time, in the precision at work: those given, where known.
+
+    Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+    """
+    if system.source is None:
+        A, B, C, D = map(enclosed, system.enclosures)
+    else:
+        A, B, C, D = map(acb_mat, system.source.in_balls(ctx.prec))
+    return A, B, C, D
+
+
 def response_of(system: StableSystem, omega: float) -> Matrix | None:
     """The frequency response at `omega` [rad/s], infinity allowed (outputs, inputs).
 
-    None where ball arithmetic cannot tell j omega I - A from a singular matrix.
+    That of a sampled system is computed at z itself, from the matrices given. None where ball
+    arithmetic cannot tell s I - A, or z I - A, from a singular matrix.
     """
-    A, B, C, D = map(enclosed, (system.source or system).enclosures)
-    if math.isinf(omega) or not len(system.A):
-        return D
-    quick = _refined(system.source or system, omega) if omega else None
-    if quick is not None:
-        return D + C * quick
+    given = system.source
     try:
-        if omega == 0.0:  # real arithmetic keeps the response exactly real
-            return acb_mat(D.real - C.real * A.real.solve(B.real))
-        return D + C * (acb(0, float(omega)) * identity(len(system.A)) - A).solve(B)
+        if given is None:
+            return _response_at(_point(omega, 0.0), *map(enclosed, system.enclosures))
+        point = _point(omega, given.period)
+        quick = _refined(given.A, given.B, point) if point is not None and omega else None
+        if quick is not None:
+            M = balls(given.D) + balls(given.C) * quick
+        else:
+            M = _response_at(point, *map(balls, (given.A, given.B, given.C, given.D)))
     except ZeroDivisionError:
         return None
+    out, into = given.gains_in_balls()
+    return acb_mat(out) * M * acb_mat(into)
 
 
-def _refined(system: StableSystem, omega: float) -> Matrix | None:
-    """(j omega I - A)^-1 B by refinement with an inverse in doubles, in the precision at work.
+def _point(omega: float, period: float) -> acb | None:
+    """s = j omega, None for infinity; z = (1 + s T / 2) / (1 - s T / 2) of a sampled system."""
+    if not period:
+        return None if math.isinf(omega) else acb(0, float(omega))
+    if math.isinf(omega):
+        return acb(-1)
+    half = acb(0, arb(float(omega)) * arb(period) / 2)
+    return (1 + half) / (1 - half)
 
-    For Y near the inverse, E = 1 - Y (j omega I - A) with rows of sum at most theta < 1 and the
+
+def _response_at(point: acb | None, A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> Matrix:
+    """D + C (point - A)^-1 B; D for none."""
+    if point is None or not A.nrows():
+        return D
+    if point.imag == 0:  # real arithmetic keeps the response exactly real
+        shifted = point.real * identity(A.nrows()).real - A.real
+        return acb_mat(D.real + C.real * shifted.solve(B.real))
+    return D + C * (point * identity(A.nrows()) - A).solve(B)
+
+
+def _refined(A: RealArray, B: RealArray, point: acb) -> Matrix | None:
+    """(point - A)^-1 B by refinement with an inverse in doubles, in the precision at work.
+
+    For Y near the inverse, E = 1 - Y (point - A) with rows of sum at most theta < 1 and the
     residual R of X, the error of X is at most Z + theta max(Z) / (1 - theta), Z = |Y| |R|. None
     where that does not lead to the precision.
     """
-    A, B = system.enclosures[:2]
-    n = len(A.mid)
-    if n < FEWEST_REFINED or A.rad.any() or B.rad.any():
+    n = len(A)
+    if n < FEWEST_REFINED:
         return None
-    M = exact(1j * omega * np.eye(n)) - A
+    near = doubles(acb_mat([[point]]))
+    M = Enclosure(near.mid * np.eye(n), near.rad * np.eye(n)) - exact(A)
     try:
-        Y = np.linalg.inv(M.mid)
+        Y = driven_states(A, np.eye(n), near.mid[0])[0]
     except np.linalg.LinAlgError:
         return None
     E = exact(np.eye(n)) - exact(Y) @ M
@@ -149,11 +185,11 @@ def _refined(system: StableSystem, omega: float) -> Matrix | None:
     if not theta < LARGEST_DEFECT:
         return None
     # Real and imaginary parts stand side by side: real balls take a fourth of the time.
-    r = B.mid.shape[1]
-    a, b = real_balls(A.mid), real_balls(np.hstack([B.mid, np.zeros((n, r))]))
-    quarter = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    turn = real_balls(np.asarray(omega * np.kron(quarter, np.eye(r)), dtype=float))
-    X = real_balls(_side_by_side(Y @ B.mid))
+    r = B.shape[1]
+    a, b = real_balls(A), real_balls(np.hstack([B, np.zeros((n, r))]))
+    quarter: RealArray = np.kron(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.eye(r))
+    turn = real_balls(np.eye(2 * r)) * point.real + real_balls(quarter) * point.imag
+    X = real_balls(_side_by_side(Y @ B))
     gained = -math.log2(theta + TINY)
     for step in range(math.ceil(ctx.prec / gained) + 1):
         with ctx.workprec(min(ctx.prec, math.ceil(2 * DOUBLE_BITS + step * gained))):
@@ -164,8 +200,8 @@ def _refined(system: StableSystem, omega: float) -> Matrix | None:
     Z = np.abs(Y) @ (size[:, :r] + size[:, r:]) * UPWARD**4
     error = (Z + theta * Z.max(axis=0) / (1 - theta)) * UPWARD**4 + TINY
     parts = X * real_balls(np.eye(2 * r)[:, :r]), X * real_balls(np.eye(2 * r)[:, r:])
-    near = acb_mat(parts[0]) + acb_mat(parts[1]) * acb(0, 1)
-    return near + enclosed(Enclosure(np.zeros(error.shape, complex), error))
+    result = acb_mat(parts[0]) + acb_mat(parts[1]) * acb(0, 1)
+    return result + enclosed(Enclosure(np.zeros(error.shape, complex), error))
 
 
 def _side_by_side(X: Array) -> Array:

@@ -26,6 +26,7 @@ from workbench.certify.rounding import (
     Enclosure,
     enclosed_inverse,
     exact,
+    in_its_unit,
 )
 
 ATTEMPTS = 3
@@ -124,7 +125,7 @@ def static_discs(
         return nothing
     discs = nothing
     try:
-        V = np.linalg.eig(A.mid - B.mid @ back.mid @ C.mid)[1]
+        V = np.linalg.eig(in_its_unit(A.mid - B.mid @ back.mid @ C.mid)[0])[1]
         for _ in range(ATTEMPTS):
             W = np.linalg.inv(V)
             below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
@@ -137,7 +138,7 @@ def static_discs(
             discs = found if better else discs
             if not (better and discs.doubtful(sharp)):
                 break
-            V = V @ np.linalg.eig(P.mid)[1]
+            V = V @ np.linalg.eig(in_its_unit(P.mid)[0])[1]
             length = np.linalg.norm(V, axis=0)
             if not (np.isfinite(length) & (length > 0)).all():
                 break
@@ -151,8 +152,9 @@ def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:
     """Discs that contain all t, |t| <= `within`, at which some L - t L_1 is singular."""
     discs = Discs(np.zeros(1), np.full(1, np.inf))
     try:
-        back = np.linalg.inv(L.mid)
-        V = np.linalg.eig(back @ L_1.mid)[1]
+        near, unit = in_its_unit(L.mid)
+        back = np.linalg.inv(near) / unit
+        V = np.linalg.eig(in_its_unit(back @ L_1.mid)[0])[1]
         for attempt in range(ATTEMPTS):
             W = exact(np.linalg.solve(V, back))
             P, E = W @ (L @ exact(V)), W @ (L_1 @ exact(V))
@@ -161,7 +163,8 @@ def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:
                 discs = found
             if not discs.doubtful():
                 break
-            V = V @ np.linalg.eig(np.linalg.solve(P.mid, E.mid))[1]
+            near, unit = in_its_unit(P.mid)
+            V = V @ np.linalg.eig(in_its_unit(np.linalg.solve(near, E.mid / unit))[0])[1]
             V = V / np.linalg.norm(V, axis=0)
     except (np.linalg.LinAlgError, ValueError):
         pass

@@ -16,9 +16,10 @@ import numpy as np
 from flint import acb, acb_mat, ctx
 
 from workbench.arrays import Array
-from workbench.certify.balls import Matrix, above, balls, doubles, enclosed, identity, middle
+from workbench.certify.balls import Matrix, above, balls, doubles, identity, matrices_of, middle
 from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
 from workbench.certify.modes.modal_form import PRECISIONS
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.stable_system import StableSystem
 
 
@@ -40,7 +41,10 @@ def ball_discs(
     best: Discs | None = None
     for bits in PRECISIONS:
         with ctx.workprec(bits):
-            A, B, C, D = map(enclosed, system.enclosures)
+            try:
+                A, B, C, D = matrices_of(system)
+            except ZeroDivisionError:
+                continue
             left, right, G = map(balls, multipliers)
             twist = acb(0, -1) * G
             weight = _rows(
@@ -76,14 +80,14 @@ def _improved(T: Matrix) -> Discs | None:
     None where a disc that meets the axis stays large.
     """
     try:
-        V = balls(np.linalg.eig(middle(T))[1])
+        V = balls(np.linalg.eig(in_its_unit(middle(T))[0])[1])
         for _ in range(ATTEMPTS):
             W = V.inv().mid()
             P, E = doubles(W * (T * V)), doubles(W * V)
             found = pencil_discs(P, E)
             if not found.doubtful():
                 return found
-            V = (V * balls(np.linalg.eig(P.mid)[1])).mid()
+            V = (V * balls(np.linalg.eig(in_its_unit(P.mid)[0])[1])).mid()
     except (np.linalg.LinAlgError, ZeroDivisionError):
         pass
     return None

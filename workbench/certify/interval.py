@@ -134,7 +134,7 @@ def proven_in_balls(
     """As `certified_interval` for fixed multipliers, in ball arithmetic."""
     if not all(positive_definite(exact(np.asarray(D))) for D in multipliers[:2]):
         return None
-    discs = ball_discs(system.source or system, multipliers, beta, omega)
+    discs = ball_discs(system, multipliers, beta, omega)
     if discs is None:
         return None
     below, above, _ = _nearest(discs, omega, math.inf)

@@ -25,7 +25,7 @@ RESPONSE_ERROR = NORM_TOLERANCE / 100
 decides where the bound begins; it is proven on intervals then."""
 
 FAR = 2.0**200
-"""Outputs beyond this size, or its reciprocal, are measured in another unit."""
+"""Outputs and rates beyond this size, or its reciprocal, are measured in another unit."""
 
 INTERVALS_BEFORE_COARSENING = 300
 """Number of intervals after which the tolerance becomes ten times as large. A loop whose response
@@ -57,9 +57,15 @@ def _certified_norm(loop: StateSpace) -> float:
     A, B, C, D = (np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D))
     largest = float(max(np.abs(C).max(initial=0.0), np.abs(D).max(initial=0.0)))
     unit = float(nearest_power_of_two(largest))
-    if not 1 / FAR < unit < FAR and math.isfinite(largest):  # squares would over- or underflow
-        scaled = _certified_norm(realisation((A, B, C / unit, D / unit), loop.dt or 0.0))
-        return float(np.nextafter(scaled * unit, np.inf))
+    fastest = 0.0 if loop.dt else float(np.abs(A).max(initial=0.0))
+    rate = float(nearest_power_of_two(fastest))
+    near = 1 / FAR < unit < FAR and 1 / FAR < rate < FAR
+    if not near and math.isfinite(largest) and math.isfinite(fastest):
+        inner = A / rate, B / rate, C / unit, D / unit  # squares would over- or underflow
+        back = inner[0] * rate, inner[1] * rate
+        if all(map(np.array_equal, back, (A, B))):  # no slow rate was lost
+            scaled = _certified_norm(realisation(inner, loop.dt or 0.0))
+            return float(np.nextafter(scaled * unit, np.inf))
     parts = [A, B, C, D]
     given = not loop.dt and all(np.isfinite(part).all() for part in parts)
     if given:
@@ -67,7 +73,7 @@ def _certified_norm(loop: StateSpace) -> float:
         if found is not None:
             return found
     system = stable_system(loop, sampled=True)
-    if not given or system.source is not None:  # the system is not the one that was tried
+    if not given or any(error.any() for error in system.errors):  # others than those tried
         found = _peak_of_fractions(system.enclosures)
         if found is not None:
             return found

@@ -23,14 +23,15 @@ from workbench.certify.balls import (
     Matrix,
     balls,
     below,
-    enclosed,
     identity,
     length,
+    matrices_of,
     middle,
     response_of,
     submatrix,
 )
 from workbench.certify.modes.modal_form import PRECISIONS
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.singularity import proven_bound, size_of, structured_part
 from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
@@ -44,6 +45,17 @@ def proven_at(system: StableSystem, structure: Structure, Delta: Array, omega: f
     with ctx.workprec(PRECISIONS[1]):
         M = response_of(system, omega)
     return proven_bound(M, structure, Delta) if M is not None else 0.0
+
+
+def sharp_response(system: StableSystem, omega: float) -> Array | None:
+    """The response (c, r) at `omega` [rad/s] of the system as given, from many digits.
+
+    Doubles lose of a sampled system with clustered poles what its realisation loses. None where
+    balls cannot tell it.
+    """
+    with ctx.workprec(PRECISIONS[1]):
+        M = response_of(system, omega)
+    return None if M is None else middle(M)
 
 
 def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Array) -> float:
@@ -66,8 +78,8 @@ def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Arr
 
 def _closed(system: StableSystem, Delta: Matrix) -> Matrix | None:
     """A + B Delta (I - D Delta)^-1 C; None where I - D Delta cannot be told from singular."""
-    A, B, C, D = map(enclosed, (system.source or system).enclosures)
     try:
+        A, B, C, D = matrices_of(system)
         return A + B * Delta * (identity(D.nrows()) - D * Delta).solve(C)
     except ZeroDivisionError:
         return None
@@ -78,7 +90,11 @@ def _unstable(A: Matrix | None) -> bool:
     if A is None or not A.nrows():
         return False
     n = A.nrows()
-    values = np.linalg.eigvals(middle(A))
+    near, unit = in_its_unit(middle(A))
+    try:
+        values = np.linalg.eigvals(near) * unit
+    except np.linalg.LinAlgError:  # an entry is not finite
+        return False
     rightmost = complex(values[np.argmax(values.real)])
     if not rightmost.real > 0:
         return False

@@ -57,6 +57,9 @@ class Enclosure:
     def __sub__(self, other: Enclosure) -> Enclosure:
         return self + -other
 
+    def __getitem__(self, place: Any) -> Enclosure:
+        return Enclosure(self.mid[place], self.rad[place])
+
     def times(self, factor: Any) -> Enclosure:
         """The product with a real number, or entry by entry with an array of them."""
         mid = self.mid * factor
@@ -179,8 +182,9 @@ def solution(matrix: Enclosure, right: Enclosure) -> Enclosure | None:
     theta), z being the maximum of Z / x over each column of Z (Rump, Verification methods, Acta
     Numerica 19 (2010) 287-449, section 10). The x serves matrices whose rows differ widely.
     """
+    near, unit = in_its_unit(matrix.mid)
     try:
-        Y = np.linalg.inv(matrix.mid)
+        Y = np.linalg.inv(near) / unit
     except np.linalg.LinAlgError:
         return None
     E = exact(np.eye(len(Y))) - exact(Y) @ matrix
@@ -230,6 +234,16 @@ def positive_definite(matrix: Enclosure) -> bool:
     beside = np.abs(product.mid) + product.rad
     np.fill_diagonal(beside, np.diagonal(product.rad))
     return bool((centre > beside.sum(axis=1) * UPWARD).all())
+
+
+def in_its_unit(matrix: Array) -> tuple[Array, float]:
+    """A matrix in the unit of its largest entry, a power of two, and that unit.
+
+    So it goes to eliminations and to eigenvalues: in some versions of LAPACK's kernels (OpenBLAS
+    0.3.27) an imaginary pivot beyond single precision makes NaN.
+    """
+    unit = float(nearest_power_of_two(np.abs(matrix).max(initial=0.0)))
+    return matrix / unit, unit
 
 
 def nearest_power_of_two(values: Any) -> Any:

@@ -10,32 +10,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, BoolArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
-from workbench.certify.modes.bilinear import bilinear_enclosures
+from workbench.certify.modes.enclosed_realisation import (
+    Coordinates,
+    GivenRealisation,
+    in_continuous_time,
+    in_coordinates,
+    is_sharp,
+    scaled_states,
+)
 from workbench.certify.modes.modal_form import (
     MODAL_FORMS,
-    PRECISIONS,
     Enclosures,
     FormOf,
     quick_modal_form_of,
-    real_balls,
-    real_doubles,
 )
 from workbench.certify.modes.modal_response import (
     ModalResponse,
     modal_response,
     real_eigenvectors,
 )
-from workbench.certify.rounding import Enclosure, exact
+from workbench.certify.rounding import Enclosure
 from workbench.errors import InputError
-from workbench.systems.balancing import balancing, with_state_units
+from workbench.systems.balancing import with_state_units
 from workbench.systems.frequency_response import (
     CHUNK_ENTRIES,
     Triangular,
+    driven_states,
     triangular_form,
     triangular_response,
 )
+from workbench.systems.hidden_states import seen_states
 from workbench.systems.interconnection import named_realisation
 
 SHARPNESS = 1e-6
@@ -48,9 +54,6 @@ HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
 FEWEST_STATES, FEWEST_POINTS = 20, 4
 """Fewest states, and frequencies, for which responses are computed from eigenvectors."""
-LARGEST_BLUR = 1e-8
-"""Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
-basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +75,9 @@ class StableSystem:
     errors: tuple[RealArray, ...]
     modal: Callable[[], StableSystem | None] = lambda: None
     """Gives the system in modal coordinates, where ball arithmetic finds other ones than these."""
-    source: StableSystem | None = None
-    """The given realisation, from which these modal coordinates come; None: these are the given
-    ones."""
+    source: GivenRealisation | None = None
+    """The realisation as it was given; None where these matrices enclose many, as those about the
+    centre of a box."""
     period: float = 0.0
     """Sampling time [s] of the given system; 0: it is continuous."""
 
@@ -116,15 +119,15 @@ class StableSystem:
             for gains, index in ((output_gains, outputs), (input_gains, inputs))
         )
         A, B, C, D = self.enclosures
-        B = _picked(B, slice(None), inputs).times(columns)
-        C = _picked(C, outputs, slice(None)).times(rows[:, None])
-        D = _picked(D, outputs[:, None], inputs).times(columns).times(rows[:, None])
+        B = B[:, inputs].times(columns)
+        C = C[outputs].times(rows[:, None])
+        D = D[outputs[:, None], inputs].times(columns).times(rows[:, None])
 
         def modal() -> StableSystem | None:
             found = self.modal()
             return found and found.channels(outputs, inputs, output_gains, input_gains)
 
-        source = self.source and self.source.channels(outputs, inputs, output_gains, input_gains)
+        source = self.source and self.source.channels(outputs, inputs, rows, columns)
         return enclosed_system((A, B, C), D, self.poles, cache(modal), source, self.period)
 
     @property
@@ -155,8 +158,7 @@ class StableSystem:
             if triangular is not None:
                 result[part] += triangular_response(triangular, 1j * points[part])
                 continue
-            resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
-            result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
+            result[part] += self.C @ driven_states(self.A, self.B, 1j * points[part])
         return result
 
     @cached_property
@@ -167,11 +169,6 @@ class StableSystem:
     @cached_property
     def _triangular(self) -> Triangular | None:
         return triangular_form(self.A, self.B, self.C, self.poles)
-
-
-def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
-    """Some rows and columns."""
-    return Enclosure(matrix.mid[rows, columns], matrix.rad[rows, columns])
 
 
 def bilinear_frequency(omega: Any, period: float) -> Any:
@@ -192,10 +189,14 @@ def angular_frequency(v: Any, period: float) -> Any:
     return omega if omega.ndim else float(omega)
 
 
-def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
+def stable_system(
+    system: Any, *, sampled: bool = False, coordinates: Coordinates | None = None
+) -> StableSystem:
     """The realisation of a StateSpace or TransferFunction that is proven to be stable.
 
     ``sampled`` says that the caller also takes sampled systems, and so knows of v.
+    ``coordinates`` proposes states in which bounds are easier to prove; what they lead to is
+    enclosed, so that nothing rests on them.
 
     Its states are scaled; where doubles prove too little of its poles, they are modal. States that
     no input reaches, or that reach no output, by the zeros of the matrices, are proven stable too
@@ -227,17 +228,21 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     if not np.isfinite(part.M).all():
         raise InputError("the system has entries that are not finite")
     M, n = np.asarray(part.M, dtype=float), part.states
-    seen = _seen(M, n)
-    own = with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:])
+    seen = seen_states(M, n)
     period = float(part.dt or 0.0)
-    plain, D = _realised(own, period)
-    parts, discs = plain, pole_discs(plain[0])
+    own = GivenRealisation(
+        *with_state_units(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), period=period
+    )
+    plain, D = in_continuous_time(own)
+    parts = (coordinates and in_coordinates(own, coordinates)) or plain
+    discs = pole_discs(parts[0])
     best, unstable = _spread(discs), _unstable(discs)
 
     def in_modes(form_of: FormOf, bits: int) -> Enclosures | None:
         try:
-            quick = form_of is quick_modal_form_of and not period
-            return _scaled(form_of((own if quick else realised_balls(own, period, bits))[:3], bits))
+            if form_of is quick_modal_form_of and not period:
+                return scaled_states(form_of((own.A, own.B, own.C), bits))
+            return scaled_states(form_of(own.in_balls(bits)[:3], bits))
         except ZeroDivisionError:
             return None
 
@@ -250,7 +255,7 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
             unstable = _unstable(found)
             if _spread(found) < best:
                 best, discs = _spread(found), found
-                parts = form if _sharp(form) else parts
+                parts = form if is_sharp(form) else parts
     if not (unstable or discs.rightmost < 0):
         discs = separate_pole_discs(plain[0])
         unstable = _unstable(discs)
@@ -259,98 +264,17 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     if not seen.all():
         A, B, C = M[:n, :n][np.ix_(seen, seen)], M[:n, n:][seen], M[n:, :n][:, seen]
         rest = control.StateSpace(A, B, C, M[n:, n:], period, remove_useless_states=False)
-        return stable_system(rest, sampled=sampled)
+        return stable_system(rest, sampled=sampled, coordinates=coordinates)
     poles = discs.centre.astype(complex)
 
     def modal() -> StableSystem | None:
         for (form_of, bits), spread in zip(MODAL_FORMS[:2], (SHARPNESS, 1.0), strict=True):
             form = in_modes(form_of, bits)
-            if form is not None and _sharp(form) and _spread(pole_discs(form[0])) < spread:
-                return enclosed_system(form, D, poles, period=period)
+            if form is not None and is_sharp(form) and _spread(pole_discs(form[0])) < spread:
+                return enclosed_system(form, D, poles, source=own, period=period)
         return None
 
-    if parts is plain:
-        return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, period=period)
-    source = enclosed_system(plain, D, poles, period=period)
-    return enclosed_system(parts, D, poles, source=source, period=period)
-
-
-Realised = tuple[RealArray, RealArray, RealArray, RealArray]
-"""A, B, C and D."""
-
-
-def realised_balls(given: Realised, period: float, bits: int) -> tuple[Any, Any, Any, Any]:
-    """A realisation in balls, of a sampled system that of s = 2 / T (z - 1) / (z + 1).
-
-    Raises ZeroDivisionError for a pole that cannot be told from z = -1.
-    """
-    import flint
-
-    A, B, C, D = (real_balls(part) for part in given)
-    n = len(given[0])
-    if not (period and n):
-        return A, B, C, D
-    with flint.ctx.workprec(bits):
-        one, rate = real_balls(np.eye(n)), flint.arb(2) / flint.arb(period)
-        shifted = A + one
-        back, moved = shifted.solve(B), shifted.solve(A - one)
-        return moved * rate, back * (2 * rate), C * shifted.inv(), D - C * back
-
-
-def _realised(given: Realised, period: float) -> tuple[Enclosures, Enclosure]:
-    """A, B and C, and D, in doubles."""
-    if not period:
-        A, B, C, D = map(exact, given)
-        return (A, B, C), D
-    try:
-        found = bilinear_enclosures(given, period) if len(given[0]) >= FEWEST_STATES else None
-        A, B, C, D = found or map(real_doubles, realised_balls(given, period, PRECISIONS[-1]))
-    except ZeroDivisionError:
-        raise InputError(
-            "the system has a pole that cannot be told from z = -1, half the sampling rate: filter "
-            "it or sample at another rate"
-        ) from None
-    scaled = _scaled((A, B, C))
-    assert scaled is not None
-    return scaled, D
-
-
-def _seen(M: RealArray, n: int) -> BoolArray:
-    """Which of the n states of M = [A B; C D] lie between the inputs and the outputs."""
-    A = M[:n, :n] != 0.0
-    reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
-    for _ in range(n):
-        reached, reaching = reached | A[:, reached].any(axis=1), reaching | A[reaching].any(axis=0)
-    seen: BoolArray = reached & reaching
-    return seen
-
-
-def _scaled(parts: Enclosures | None) -> Enclosures | None:
-    """The realisation with balanced states; None for none.
-
-    Modes of a cluster of poles come with entries of very different size.
-    """
-    return parts and with_balanced_states(*parts)
-
-
-def with_balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures:
-    """The realisation with its states scaled by powers of two, exactly, to entries of like size."""
-    n, outputs, inputs = len(A.mid), len(C.mid), B.mid.shape[1]
-    whole = np.block([[A.mid, B.mid], [C.mid, np.zeros((outputs, inputs))]])
-    scale = balancing(np.abs(whole), n)[0][:n]
-    return (
-        A.scaled(scale, 1 / scale),
-        B.scaled(scale, np.ones(inputs)),
-        C.scaled(np.ones(outputs), 1 / scale),
-    )
-
-
-def _sharp(parts: Enclosures) -> bool:
-    """Whether modal coordinates are known well enough to work with."""
-    return all(
-        part.rad.max(initial=0.0) <= LARGEST_BLUR * np.abs(part.mid).max(initial=0.0)
-        for part in parts
-    )
+    return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, own, period)
 
 
 def enclosed_system(
@@ -358,7 +282,7 @@ def enclosed_system(
     D: Enclosure,
     poles: Array,
     modal: Callable[[], StableSystem | None] = lambda: None,
-    source: StableSystem | None = None,
+    source: GivenRealisation | None = None,
     period: float = 0.0,
 ) -> StableSystem:
     """The system of enclosed matrices."""

@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
 from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
     loop_eigenvalues,
+    turned_perturbations,
     vertex_perturbations,
+    windings,
 )
 from workbench.second_opinion.powers import growth, slowness
 from workbench.second_opinion.responses import (
@@ -28,6 +30,8 @@ from workbench.structure import Real, Structure
 
 DRAWN, LOOPS = 16, 6
 """Perturbations drawn for responses, and for loops."""
+CURVES, CURVE_POINTS, MATRICES = 32, 128, 8
+"""Closed curves of perturbations, points of each, and matrices of a batch that are tried."""
 NEARLY_SINGULAR = 1e-6
 """Largest distance of I - M Delta from a singular matrix, relative to M Delta."""
 FREQUENCY_ROUNDING = 4 * float(np.finfo(float).eps)
@@ -87,12 +91,29 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     )
 
 
+def not_encircled(matrices: Array, structure: Structure) -> Check:
+    """Check that det(I - M Delta) winds round 0 on no closed curve of perturbations smaller than 1.
+
+    It does on none where mu of the matrices M (k, c, r) is at most 1, as an upper bound says.
+    """
+    curves = INSIDE * turned_perturbations(structure, tries(CURVES), CURVE_POINTS)
+    turns = [windings(M, curves) for M in matrices[: tries(MATRICES)]]
+    told = [one[~np.isnan(one)].max(initial=0.0) for one in turns]
+    return Check(
+        "no determinant goes round 0",
+        "largest number of turns of det(I - M Delta) as Delta goes along a closed curve",
+        max(told, default=0.0),
+        0.0,
+        over=f"for {len(curves)} curves within the perturbations that the upper bound excludes",
+    )
+
+
 def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if enlarged."""
     M = plain_response(system, np.array([omega]))[0]
     distance = regularity(M @ Delta)
     if distance > NEARLY_SINGULAR and math.isfinite(omega):
-        distance = _precise_distance(system, Delta, omega)
+        distance = precise_distance(system, Delta, omega)
     if distance > NEARLY_SINGULAR and not Delta.imag.any():
         rate, rounding = growth(perturbed(system, ENLARGED * Delta.real)[0], system.dt)
         distance = 0.0 if rate + rounding > -BORDER else distance
@@ -106,7 +127,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     )
 
 
-def _precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
+def precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
     """The distance of I - M Delta from a singular matrix in exact responses of M.
 
     The frequency itself is rounded: what this moves is no distance.
@@ -178,9 +199,14 @@ def all_decay(members: Sequence[Any], name: str) -> Check:
 
 
 def regularity(loop: ComplexArray) -> float:
-    """Smallest singular value of I - loop in balanced coordinates, relative to the loop."""
+    """Smallest singular value of I - loop in balanced coordinates, relative to the loop.
+
+    Infinite for a loop that is not finite.
+    """
     from scipy.linalg import matrix_balance
 
+    if not np.isfinite(loop).all():
+        return math.inf
     balanced = matrix_balance(loop, permute=False)[0]
     size = max(float(np.linalg.norm(balanced, 2)), 1.0)
     return float(np.linalg.norm(np.eye(len(loop)) - balanced, -2)) / size

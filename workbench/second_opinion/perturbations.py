@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.second_opinion import SEED
 from workbench.structure import Complex, Full, Real, Structure
+
+LARGEST_TURN = np.pi / 2
+"""Largest turn of a determinant from one point of a curve to the next that is believed."""
 
 
 def vertex_perturbations(structure: Structure, count: int) -> ComplexArray:
@@ -38,6 +41,42 @@ def vertex_perturbations(structure: Structure, count: int) -> ComplexArray:
 def constant_perturbations(structure: Structure, count: int) -> RealArray:
     """Real perturbations (count, rows, columns) of size 1: they are members at every frequency."""
     return np.array([_real(one, structure) for one in vertex_perturbations(structure, count)])
+
+
+def turned_perturbations(structure: Structure, count: int, points: int) -> ComplexArray:
+    """Closed curves (count, points, rows, columns) of perturbations of largest size 1 at most.
+
+    All blocks go round at once: a complex one by its phase, once or not at all, and a real scalar
+    there and back between -1 and 1, or not.
+    """
+    rng = np.random.default_rng(SEED)
+    start = vertex_perturbations(structure, count)
+    angle = np.linspace(0.0, 2 * np.pi, points, endpoint=False)
+    found = np.zeros((count, points, structure.rows, structure.columns), dtype=complex)
+    for block, row, column in zip(
+        structure, structure.row_slices, structure.column_slices, strict=True
+    ):
+        turns = rng.integers(-1, 2, size=(count, 1))
+        phase = rng.uniform(0.0, 2 * np.pi, size=(count, 1))
+        factor = np.exp(1j * turns * angle)
+        if isinstance(block, Real):  # beyond the ends, so that corners are reached
+            moving = np.clip(np.sqrt(2.0) * np.cos(angle + phase), -1.0, 1.0)
+            factor = np.where(turns == 0, 1.0, moving)
+        found[:, :, row, column] = factor[..., None, None] * start[:, None, row, column]
+    return found
+
+
+def windings(M: Array, Delta: ComplexArray) -> RealArray:
+    """How often det(I - M Delta) goes round 0 along curves (k, points, rows, columns) (k,).
+
+    NaN where a step turns it so far that this cannot be told. The curve is drawn together to
+    Delta = 0 within a ball of perturbations; where the number is not 0, some perturbation on the
+    way makes I - M Delta singular (the argument principle).
+    """
+    sign = np.linalg.slogdet(np.eye(len(M)) - M @ Delta)[0]
+    step = np.angle(np.roll(sign, -1, axis=1) * sign.conj())
+    told = (np.abs(step) < LARGEST_TURN).all(axis=1) & (sign != 0).all(axis=1)
+    return np.where(told, np.abs(np.rint(step.sum(axis=1) / (2 * np.pi))), np.nan)
 
 
 def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> Any:

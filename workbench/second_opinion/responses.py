@@ -29,6 +29,8 @@ FREQUENCIES_AT_ONCE = 256
 """Frequencies whose matrices are held in memory together."""
 ROWS_AT_ONCE = 16
 """Rows of a triangular form whose common part is computed in one product."""
+TINY = float(np.finfo(float).tiny)
+"""Smallest normal number."""
 BITS = 512
 """Bits of a response that doubles do not tell."""
 FEWEST_STATES = 60
@@ -51,7 +53,7 @@ def plain_response(system: Any, omega: RealArray) -> ComplexArray:
     scale = scale[0]
     B, C = np.asarray(system.B) / scale[:, None], np.asarray(system.C) * scale
     found = np.tile(np.asarray(system.D, dtype=complex), (len(omega), 1, 1))
-    unit = np.eye(len(A))
+    unit, fastest = np.eye(len(A)), max(float(np.abs(A).max(initial=0.0)), TINY)
     finite = np.flatnonzero(np.isfinite(omega))
     triangle = None
     if len(A) >= FEWEST_STATES and finite.size:
@@ -65,8 +67,10 @@ def plain_response(system: Any, omega: RealArray) -> ComplexArray:
         if triangle is not None:
             found[part] += C @ _substituted(T, B, s)
             continue
+        time = 2.0 ** -np.round(np.log2(np.maximum(np.abs(s), fastest)))[:, None, None]
+        moved = (s[:, None, None] * unit - A) * time  # large pivots may be lost in an elimination
         try:
-            found[part] += C @ np.linalg.solve(s[:, None, None] * unit - A, B[None] + 0j)
+            found[part] += C @ np.linalg.solve(moved, B * time + 0j)
         except np.linalg.LinAlgError:  # one of them cannot be told from a pole in doubles
             found[part] = [precise_response(system, one) for one in omega[part].tolist()]
     return found

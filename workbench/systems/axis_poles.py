@@ -13,6 +13,7 @@ from scipy.linalg import block_diag, schur
 from scipy.linalg.lapack import dtrsen
 
 from workbench.arrays import EPS, RealArray
+from workbench.systems.frequency_response import driven_states
 
 AXIS_ROUNDING = 100.0
 """Multiple of a matrix's rounding error, its states balanced, up to which
@@ -30,7 +31,7 @@ def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = Non
     not matter.
     """
     try:
-        near = np.abs(np.linalg.inv(point * np.eye(len(A)) - A))
+        near = np.abs(driven_states(A, np.eye(len(A)), np.array([point]))[0])
     except np.linalg.LinAlgError:
         return True
     moved = (near.T * (np.abs(A) if entries is None else entries)).sum()

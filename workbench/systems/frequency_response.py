@@ -52,13 +52,28 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     step = max(CHUNK_ENTRIES // max(A.size, 1), 1)
     for start in range(0, len(points), step):
         part = slice(start, start + step)
-        resolvent = points[part, None, None] * np.eye(states) - A[..., None, :, :]
         try:
-            state = np.linalg.solve(resolvent, B[..., None, :, :])
+            state = driven_states(A, B, points[part])
         except np.linalg.LinAlgError:
             raise _infinite(points[part]) from None
         result[..., part, :, :] = C[..., None, :, :] @ state + D[..., None, :, :]
     return result
+
+
+def driven_states(A: Array, B: Array, s: Array) -> Array:
+    """(s I - A)^-1 B at points s (F,), shape (..., F, n, m), for A (..., n, n) and B (..., n, m).
+
+    Each is computed in the unit of time in which its largest entry is near 1, a power of two: some
+    libraries lose what single precision does not hold where a pivot is imaginary, as j omega is.
+    Raises LinAlgError where s is a pole.
+    """
+    n = A.shape[-1]
+    size = np.maximum(np.abs(s), np.abs(A).max(initial=0.0))
+    unit = np.ldexp(1.0, np.frexp(size)[1] - 1)[:, None, None]
+    resolvent = s[:, None, None] / unit * np.eye(n) - A[..., None, :, :] / unit
+    with np.errstate(over="ignore"):
+        right = B[..., None, :, :] / unit
+    return np.asarray(np.linalg.solve(resolvent, right))
 
 
 Triangular = tuple[Array, Array, Array]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.solvers import slicot_routine
-from workbench.systems.balancing import balanced
+from workbench.systems.balancing import balanced, speed
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
@@ -26,7 +27,17 @@ ZERO_ROUNDING = 100.0
 """Multiple of a matrix's rounding error up to which a value computed from it counts as zero."""
 
 
-def without_hidden_states(
+def seen_states(M: RealArray, n: int) -> BoolArray:
+    """Which of the n states of M = [A B; C D] lie between inputs and outputs, by M's zeros."""
+    A = M[:n, :n] != 0.0
+    reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
+    for _ in range(n):
+        reached, reaching = reached | A[:, reached].any(axis=1), reaching | A[reaching].any(axis=0)
+    seen: BoolArray = reached & reaching
+    return seen
+
+
+def visible_matrices(
     A: RealArray, B: RealArray, C: RealArray, dt: float = 0.0
 ) -> tuple[RealArray, RealArray, RealArray]:
     """Remove the uncontrollable and unobservable states of a realisation.
@@ -65,16 +76,33 @@ def without_hidden_states(
 def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
     """Remove a plant's hidden unstable copies of states; without any, return the plant unchanged.
 
-    Raises InputError as `without_hidden_states` and `standard_plant` do.
+    Raises InputError as `visible_matrices` and `standard_plant` do.
     """
     given = standard_plant(plant)
-    A, B, C = without_hidden_states(*balanced(given.A, given.B, given.C), given.dt)
+    A, B, C = visible_matrices(*balanced(given.A, given.B, given.C), given.dt)
     if len(_unstable(A, given.dt)) == len(_unstable(given.A, given.dt)):
         return plant
     system = plant.system
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
     reduced = realisation((A, B, C, given.D), given.dt, **labels)
     return GeneralisedPlant(reduced, plant.structure, plant.controls, plant.measurements)
+
+
+def without_hidden_states(system: StateSpace) -> StateSpace:
+    """The system without states that no input reaches or no output sees, by python-control.
+
+    In units of time and of states of its own, because the tolerance is absolute.
+    """
+    import control
+
+    if not system.nstates:
+        return system
+    rate = speed(system.A, system.B, system.C)
+    parts = balanced(system.A / rate, system.B / rate, system.C)
+    slow = control.minreal(control.ss(*parts, system.D, system.dt), verbose=False)
+    if slow.nstates == system.nstates:
+        return system
+    return control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, system.dt)
 
 
 def _same(

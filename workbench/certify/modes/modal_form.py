@@ -89,6 +89,30 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     return _normalised(A, B, C, mode)
 
 
+def form_in_basis(realised: Sequence[Any], basis: RealArray, bits: int) -> Enclosures | None:
+    """Enclosures of A, B and C with the columns of a basis (n, n) as states; None: it is singular.
+
+    A, B and C are given in balls of at least as many bits, or as arrays.
+    """
+    import flint
+
+    if len(basis) >= FEWEST_QUICK:
+        parts = [_in_two(part) for part in realised]
+        try:
+            near: RealArray = np.asarray(np.linalg.solve(basis, parts[0][0] @ basis), dtype=float)
+        except np.linalg.LinAlgError:
+            return None
+        quick = _quickly(parts, basis, near)
+        if quick and _moderate(quick):
+            return quick
+    A, B, C = (real_balls(part) if isinstance(part, np.ndarray) else part for part in realised)
+    T = real_balls(basis)
+    with flint.ctx.workprec(bits):
+        inner = _in_balls(T, A, B)
+        found = inner and (*inner, real_doubles(C * T))
+    return found if found and _moderate(found) else None
+
+
 def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
 
@@ -98,7 +122,8 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
     """
     if len(_firsts(realised[0])) < FEWEST_QUICK:
         return None
-    (near, *A_rest), (enter, *B_rest), (out, *C_rest) = map(_in_two, realised)
+    parts = [_in_two(part) for part in realised]
+    near = parts[0][0]
     n = len(near)
     if not np.isfinite(near).all():
         return None
@@ -114,22 +139,32 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
         modes[at, at], mode[at], place = turn[: 1 + pair, : 1 + pair], k, at.stop
     if not np.linalg.cond(T / np.linalg.norm(T, axis=0), 1) <= LARGEST_CONDITION:
         return None
+    found = _quickly(parts, T, modes)
+    return _normalised(*found, mode) if found and _moderate(found) else None
+
+
+def _quickly(
+    parts: Sequence[tuple[RealArray, RealArray, RealArray]], T: RealArray, inner: RealArray
+) -> Enclosures | None:
+    """T^-1 A T, which `inner` (n, n) is nearly, T^-1 B and C T; None where T may be singular.
+
+    Only the small rest of `inner` and of T^-1 B in doubles is computed sharply. A, B and C are
+    given as `_in_two` gives them.
+    """
+    (near, *A_rest), (enter, *B_rest), (out, *C_rest) = parts
+    n = len(near)
     one: RealArray = np.eye(n)
     into: RealArray = np.asarray(np.linalg.solve(T, enter), dtype=float)
     rest = [
-        _sum_of_products([(near, T), (A_rest[0], T), (T, -modes)], A_rest[1] @ np.abs(T)),
+        _sum_of_products([(near, T), (A_rest[0], T), (T, -inner)], A_rest[1] @ np.abs(T)),
         _sum_of_products([(one, enter), (one, B_rest[0]), (T, -into)], B_rest[1]),
     ]
     small = solution(exact(T), stacked_enclosures([rest]))
     leaving = _sum_of_products([(out, T), (C_rest[0], T)], C_rest[1] @ np.abs(T))
     if small is None:
         return None
-    found = exact(np.hstack([modes, into])) + small
-    states, inputs = (
-        Enclosure(found.mid[:, part], found.rad[:, part]) for part in (slice(n), slice(n, None))
-    )
-    moderate = _moderate((states, inputs, leaving))
-    return _normalised(states, inputs, leaving, mode) if moderate else None
+    found = exact(np.hstack([inner, into])) + small
+    return found[:, :n], found[:, n:], leaving
 
 
 def _firsts(matrix: Any) -> Any:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from workbench.arrays import EPS, Array, BoolArray, RealArray
 from workbench.certify.interval import proven_in_doubles
+from workbench.certify.modes.enclosed_realisation import with_balanced_states
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact, stacked_enclosures
-from workbench.certify.stable_system import StableSystem, enclosed_system, with_balanced_states
+from workbench.certify.stable_system import StableSystem, enclosed_system
 from workbench.structure import Structure
 
 

@@ -18,7 +18,7 @@ from workbench.answer import Answer, RepeatedChecker
 from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.agreement import need_agreement
-from workbench.certify.stable_system import StableSystem, stable_system
+from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import need_count, need_kind, need_positive
 from workbench.mu.boxes.bands import WHOLE
@@ -183,7 +183,7 @@ class _Question:
             scaled = (plant.A, plant.B, scale[:, None] * plant.C, scale[:, None] * plant.D)
             plant = realisation(scaled, plant.dt)
             structure = structure.with_performance(found.noutputs, found.ninputs)
-        stable = stable_system(even_channels(plant, structure)[0])
+        stable, _ = even_channels(plant, structure)
         self.given = RealParameters(stable, structure)
         self.response = stable.response(starting_grid(stable.poles))
         self.parameters = RealParameters(

@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.cover import FrequencyBounds
-from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
+from workbench.certify.rounding import in_its_unit
 from workbench.certify.singularity import said
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.lower.methods import proposals
@@ -31,6 +32,9 @@ SCALE_BISECTIONS = 50
 
 WORTHWHILE_GAIN = 1e-4
 """A proof over frequency is tried where it would raise the bound by more than this share."""
+
+PROVEN_SHARE = 1 - 1e-6
+"""Share of the mu that a perturbation says at which it is proven by a response that is sharp."""
 
 BEYOND = 1 + 1e-6
 """Multiple of a perturbation on the stability boundary that lies beyond it."""
@@ -69,15 +73,36 @@ def attained_peak(
     best = Attained(0.0, float(omega[0]), np.full(Delta.shape[1:], np.nan + 0j))
     ranked = [k for k in np.argsort(-value)[:MOST_PROOFS] if value[k] > 0]
     for k in ranked:
-        proven = proven_at(system, structure, Delta[k], float(omega[k]))
-        proven = min(said(proven), 1 / float(np.linalg.norm(Delta[k], 2)))
-        if proven > 0:
-            best = Attained(proven, float(omega[k]), Delta[k])
+        best = _proven(system, structure, Delta[k], float(omega[k]))
+        if best.value > 0:
             break
     if whole_axis and any(isinstance(block, Real) for block in structure):
         for k in ranked:
             found_one = destabilised(system, structure, Delta[k], best.value)
             best = found_one if found_one.value > best.value else best
+    return best
+
+
+def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> Attained:
+    """What Delta proves at a frequency; where that is less than it says, one of a sharper response.
+
+    Of value 0 where nothing is proven.
+    """
+    best = Attained(0.0, omega, np.full(Delta.shape, np.nan + 0j))
+    for sharper in (False, True):
+        if sharper:
+            M = sharp_response(system, omega)
+            if M is None:
+                break
+            Delta = proposals(M[None], structure, "best").Delta[0]
+        if not np.isfinite(Delta).all() or not Delta.any():
+            continue
+        claimed = 1 / float(np.linalg.norm(Delta, 2))
+        proven = min(said(proven_at(system, structure, Delta, omega)), claimed)
+        if proven > best.value:
+            best = Attained(proven, omega, Delta)
+        if proven >= PROVEN_SHARE * claimed:
+            break
     return best
 
 
@@ -121,7 +146,9 @@ def _rightmost(system: StableSystem, Delta: Array) -> complex:
     """The eigenvalue of the closed loop with the largest real part; infinite where ill-posed."""
     loop = np.eye(len(system.D)) - system.D @ Delta
     try:
-        poles = np.linalg.eigvals(system.A + system.B @ Delta @ np.linalg.solve(loop, system.C))
+        closed = system.A + system.B @ Delta @ np.linalg.solve(loop, system.C)
+        near, unit = in_its_unit(closed)
+        poles = np.linalg.eigvals(near) * unit
     except np.linalg.LinAlgError:
         return complex(np.inf)
     return complex(poles[np.argmax(poles.real)]) if len(poles) else complex(-np.inf)

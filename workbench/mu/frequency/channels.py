@@ -9,11 +9,13 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from workbench.arrays import RealArray
+from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
-from workbench.systems.balancing import balanced, speed
+from workbench.systems.balancing import speed
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.frequency_grid import frequencies_of
@@ -29,35 +31,41 @@ FREQUENCIES = 12
 """Frequencies at which the scalings of the channels are compared."""
 
 
-def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
-    """The first outputs and inputs of a stable system, in balanced coordinates.
+def balanced_coordinates(A: RealArray, B: RealArray, C: RealArray) -> RealArray | None:
+    """States (n, n), as columns, in which the Gramians of a stable system are equal.
 
     Proofs on intervals of frequency need eigenvectors that are far from dependent, which those of
-    chains of equal lags are not. Coordinates in which the Gramians are equal are better; states
-    that no channel sees are left out, whose stability is known.
+    chains of equal lags are not; these coordinates are better. States that no channel sees come
+    last. None where doubles do not find them.
     """
-    rate = speed(whole.A, whole.B[:, :columns], whole.C[:rows])
-    A, B, C = balanced(whole.A / rate, whole.B[:, :columns] / rate, whole.C[:rows])
-    left, right, _ = balancing_projections(*gramian_factors(A, B, C))
-    parts = balanced(rate * (left @ A @ right), rate * (left @ B), C @ right)
-    return realisation((*parts, whole.D[:rows, :columns]), 0.0)
+    rate = speed(A, B, C)
+    try:
+        left, right, _ = balancing_projections(*gramian_factors(A / rate, B / rate, C))
+    except InputError:
+        return None
+    unseen = np.linalg.svd(left)[2][len(left) :].T if len(left) else np.eye(len(A))
+    return np.hstack([right, unseen])
 
 
-def even_channels(system: StateSpace, structure: Structure) -> tuple[StateSpace, float]:
+def even_channels(system: StateSpace, structure: Structure) -> tuple[StableSystem, float]:
     """A stable system in continuous time with channels of like sizes, and its period [s].
 
     The first channels belong to the structure; the signals of each block are multiplied by a power
     of two and divided by it, which changes no bound of mu and no perturbation. A sampled system is
-    transformed by s = (2 / T) (z - 1) / (z + 1); the period of another is 0.
+    transformed by s = (2 / T) (z - 1) / (z + 1); the period of another is 0. Its errors enclose the
+    system as given, so that what is proven of it is proven of that one.
     """
-    period = float(system.dt or 0.0)
-    plane = bilinear_continuous(system) if period else system
-    rows, columns = structure.columns, structure.rows
-    plane = seen_channels(plane, rows, columns)
-    out, into = _powers(plane, structure)
-    B, C = plane.B / into, out[:, None] * plane.C
-    D = out[:, None] * plane.D / into
-    return seen_channels(realisation((plane.A, B, C, D), 0.0), rows, columns), period
+    rows, columns = np.arange(structure.columns), np.arange(structure.rows)
+    parts = system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns]
+    given = realisation(parts, system.dt or 0.0)
+    out, into = _powers(bilinear_continuous(given) if given.dt else given, structure)
+
+    def coordinates(A: RealArray, B: RealArray, C: RealArray) -> RealArray | None:
+        return balanced_coordinates(A, B / into, out[:, None] * C)
+
+    stable = stable_system(given, sampled=True, coordinates=coordinates)
+    even = replace(stable, period=0.0).channels(rows, columns, out, 1 / into)
+    return even, stable.period
 
 
 def analysed(system: Any) -> UncertainSystem:

@@ -118,7 +118,8 @@ class ClassicalChecker(Checker):
         points = np.exp(1j * omega * float(L.dt)) if L.dt else 1j * omega
         for s, value in zip(points, above, strict=True):
             entries = np.abs(L.A) + abs(s) * np.eye(n)
-            R = np.abs(np.linalg.inv(s * np.eye(n) - L.A))
+            unit = math.ldexp(1.0, math.frexp(float(entries.max(initial=0.0)))[1] - 1)
+            R = np.abs(np.linalg.inv((s * np.eye(n) - L.A) / unit)) / unit
             spread = float((np.abs(L.C) @ (R @ entries @ R + R) @ np.abs(L.B)).item())
             if not abs(value) > n * EPS * (spread + abs(L.D[0, 0])):
                 return False

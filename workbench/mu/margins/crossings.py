@@ -25,6 +25,7 @@ from workbench.certify.known_plants.exact_function import (
 )
 from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
+from workbench.systems.frequency_response import driven_states
 
 PRECISION = 192
 """Bits in which roots are isolated and responses are evaluated there."""
@@ -163,7 +164,8 @@ class ExactLoop:
         size = abs(L.D[0, 0])
         if L.nstates and math.isfinite(at.omega):
             try:
-                R = np.linalg.inv(self._point(at.omega) * np.eye(L.nstates) - L.A)
+                point = np.array([self._point(at.omega)])
+                R = driven_states(L.A, np.eye(L.nstates), point)[0]
             except np.linalg.LinAlgError:
                 return False
             size += (np.abs(L.C) @ np.abs(R) @ np.abs(L.B)).item()

@@ -20,7 +20,7 @@ import numpy as np
 
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
-from workbench.certify.stable_system import angular_frequency
+from workbench.certify.stable_system import StableSystem, angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
@@ -32,10 +32,10 @@ from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
 from workbench.mu.robust.skewed_bounds import SkewedPeak
 from workbench.mu.robust.skewed_peak import skewed_peak
 from workbench.second_opinion import peaks
-from workbench.second_opinion.responses import plain_response
+from workbench.second_opinion.responses import plain_response, precise_response
 from workbench.structure import Complex, Structure
-from workbench.systems.balancing import speed
 from workbench.systems.bilinear import bilinear_sampled
+from workbench.systems.hidden_states import without_hidden_states
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
@@ -118,13 +118,16 @@ class DiskChecker(PartsChecker):
         member = self.returned.at(**(answer.plant or {}))
         omega = np.array([answer.omega])
         changes = [plain_response(f, omega)[0, 0, 0] - 1.0 for f in answer.worst.values()]
-        loop = plain_response(member, omega)[0] @ np.diag(changes)
+        distance = peaks.regularity(plain_response(member, omega)[0] @ np.diag(changes))
+        if distance > peaks.NEARLY_SINGULAR and math.isfinite(answer.omega):  # or doubles blur it
+            sharp = [precise_response(f, answer.omega)[0, 0] - 1.0 for f in answer.worst.values()]
+            distance = peaks.precise_distance(member, np.diag(sharp), answer.omega)
         statement = "smallest singular value of the loop with the worst factors, relative"
         return [
             Check(
                 "worst factors",
                 statement,
-                peaks.regularity(loop),
+                distance,
                 peaks.NEARLY_SINGULAR,
                 f"at {answer.omega:.6g} rad/s",
                 over="for the worst plant",
@@ -202,7 +205,7 @@ def disk_of(
 
 
 def _destabilising(
-    N: StateSpace, structure: Structure, found: Peak | SkewedPeak, fixed: int
+    N: StableSystem, structure: Structure, found: Peak | SkewedPeak, fixed: int
 ) -> StateSpace:
     """The worst perturbation as a stable system: uncertain blocks of at most 1, then deltas."""
     if isinstance(found, Peak):
@@ -210,8 +213,8 @@ def _destabilising(
     # With the varying blocks over their size, all are of at most 1.
     rows = structure.row_slices[fixed].start
     columns = structure.column_slices[fixed].start
-    gains = np.where(np.arange(N.noutputs) < columns, 1.0, 1.0 / found.lower)
-    scaled = realisation((N.A, N.B, gains[:, None] * N.C, gains[:, None] * N.D), 0.0)
+    outputs, inputs = (np.arange(count) for count in N.D.shape)
+    scaled = N.channels(outputs, inputs, np.where(outputs < columns, 1.0, 1.0 / found.lower))
     Delta = found.Delta.copy()
     Delta[rows:] *= found.lower
     size = float(np.linalg.norm(Delta, 2))
@@ -227,11 +230,7 @@ def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace
 
     D = Delta.D[[row], [column]]
     delta = control.ss(Delta.A, Delta.B[:, [column]], Delta.C[[row]], D, Delta.dt)
-    if delta.nstates:  # in a unit of time of its own, because its tolerance is absolute
-        rate = speed(delta.A, delta.B, delta.C)
-        slow = control.ss(delta.A / rate, delta.B / rate, delta.C, delta.D, delta.dt)
-        slow = control.minreal(slow, verbose=False)
-        delta = control.ss(slow.A * rate, slow.B * rate, slow.C, slow.D, delta.dt)
+    delta = without_hidden_states(delta)
     share = (1.0 + skew) / 2.0
     if abs(1.0 - share * delta.D.item()) <= INFINITE_FACTOR:
         return None

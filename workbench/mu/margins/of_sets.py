@@ -19,7 +19,6 @@ import numpy as np
 from workbench.answer import REPEATED_ROUNDING, Answer
 from workbench.arrays import RealArray
 from workbench.certificate import Check, Checker, excess
-from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
 from workbench.executor.effort import tries
 from workbench.heavy_types import StateSpace
@@ -137,7 +136,7 @@ def margins_of_channel(
     """The margins of one channel of a `matched_loop`; the rest as of `set_margins`."""
 
     def parameters(whole: StateSpace, structure: Structure) -> RealParameters:
-        return RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+        return RealParameters(even_channels(whole, structure)[0], structure)
 
     def bounded(whole: StateSpace, structure: Structure, largest: float) -> BoxMargin:
         given = parameters(whole, structure)

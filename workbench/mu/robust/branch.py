@@ -34,7 +34,7 @@ from workbench.mu.boxes.recentred import real_perturbation
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
-from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
+from workbench.second_opinion.peaks import NEARLY_SINGULAR, not_encircled, regularity
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
@@ -158,11 +158,12 @@ class MatrixChecker(RepeatedChecker):
         return [*found, Check("proof", statement, beyond, 0.0, proven=True)]
 
     def second_opinion(self, answer: MuBounds) -> list[Check]:
+        found = [not_encircled(self.M[None] / (answer.upper or 1.0), self.structure)]
         if answer.lower == 0:
-            return []
+            return found
         statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
         distance = regularity(self.M @ answer.Delta)
-        return [Check("nearly singular", statement, distance, NEARLY_SINGULAR)]
+        return [*found, Check("nearly singular", statement, distance, NEARLY_SINGULAR)]
 
 
 class _Search:

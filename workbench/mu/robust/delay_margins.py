@@ -7,11 +7,10 @@ import math
 import numpy as np
 
 from workbench.certify.stability import is_proven_unstable
-from workbench.heavy_types import StateSpace
+from workbench.certify.stable_system import StableSystem
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.structure import Structure
-from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.system import UncertainSystem
 
@@ -74,19 +73,19 @@ def _borne(found: UncertainSystem, element: DelayElement, tolerance: float) -> f
     return low
 
 
-def _up_to(found: UncertainSystem, name: str, high: float) -> tuple[StateSpace, Structure]:
+def _up_to(found: UncertainSystem, name: str, high: float) -> tuple[StableSystem, Structure]:
     """The system that Delta closes, where the set has this delay's values up to `high` only."""
     import control
 
     structure = found.structure
-    N, _ = even_channels(found.system, structure)
     into = structure.column_slices[list(found.elements).index(name)]
     element = found.elements[name]
     assert isinstance(element, DelayElement)
     factor, one = element.shortened(high), control.ss([], [], [], [[1.0]])
-    parts = [factor if into.start <= place < into.stop else one for place in range(N.noutputs)]
-    filtered = control.append(*parts) * N
-    return realisation((filtered.A, filtered.B, filtered.C, filtered.D), 0.0), structure
+    seen = found.system[: structure.columns, : structure.rows]
+    parts = [factor if into.start <= at < into.stop else one for at in range(seen.noutputs)]
+    filtered = control.append(*parts) * seen
+    return even_channels(filtered, structure)[0], structure
 
 
 def _lost(found: UncertainSystem, element: DelayElement) -> float:

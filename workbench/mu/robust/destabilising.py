@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
@@ -124,13 +124,13 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
             f"loop of this system: it proves mu to be at least {proven:.6g}, and {wanted:.6g} is "
             "needed; the peak must be that of this system and this structure"
         )
-    M = stable.response([omega])[0]
+    M = _response(stable, omega)
     z = _null(M, Delta)
     if not 0.0 < omega < math.inf:
         real = _made_real(Delta, z, structure)
         if real is None:
             omega = _beside(stable, omega)
-            M = stable.response([omega])[0]
+            M = _response(stable, omega)
         Delta = constant + _attained(M, constant, (Delta if real is None else real) - constant)
         z = _null(M, Delta)
     w = Delta @ z
@@ -145,6 +145,12 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
             parts.append(_turns(np.diagonal(Delta[row, column] - fixed), omega) + fixed)
     made = control.append(*parts)
     return bilinear_sampled(made, stable.period) if stable.period else made
+
+
+def _response(stable: StableSystem, omega: float) -> Array:
+    """The response at a frequency, sharp where balls can tell it."""
+    sharp = sharp_response(stable, omega)
+    return stable.response([omega])[0] if sharp is None else sharp
 
 
 def _constants(Delta: Array, structure: Structure, radius: float) -> Array:

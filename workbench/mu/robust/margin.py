@@ -13,7 +13,7 @@ from workbench.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
-from workbench.certify.stable_system import angular_frequency, stable_system
+from workbench.certify.stable_system import angular_frequency
 from workbench.executor import Context
 from workbench.executor.live import shown_live
 from workbench.heavy_types import StateSpace
@@ -37,7 +37,7 @@ from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.solvers import Options
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.realisation import realisation
+from workbench.systems.hidden_states import without_hidden_states
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 PARTS = 4000
@@ -148,8 +148,8 @@ def _margin(
 
 def _parameters(found: UncertainSystem) -> tuple[RealParameters, float]:
     """A system whose elements are all real, in continuous time, and its period [s]."""
-    N, period = even_channels(found.system, found.structure)
-    return RealParameters(stable_system(N), found.structure), period
+    stable, period = even_channels(found.system, found.structure)
+    return RealParameters(stable, found.structure), period
 
 
 def _margin_of_parameters(
@@ -233,12 +233,12 @@ def robust_performance(
     structure, given = found.structure, found.system
     closed = structure.with_performance(found.noutputs, found.ninputs)
     whole, period = even_channels(given, closed)
+    outputs, inputs = (np.arange(count) for count in whole.D.shape)
 
     def bounded(t: float) -> Peak:
-        scale = np.ones(whole.noutputs)
+        scale = np.ones(outputs.size)
         scale[: structure.columns], scale[structure.columns :] = t, 1 / gain
-        N = realisation((whole.A, whole.B, scale[:, None] * whole.C, scale[:, None] * whole.D), 0.0)
-        return peak(N, closed, tolerance / 4)
+        return peak(whole.channels(outputs, inputs, scale), closed, tolerance / 4)
 
     low, high, omega = 0.0, math.inf, math.nan
     proven: dict[float, Peak] = {}
@@ -299,6 +299,6 @@ def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
             values[element.name] = element.value(D[0, 0])
             continue
         part = control.ss(Delta.A, Delta.B[:, first[1]], Delta.C[first[0]], D)
-        part = control.minreal(part, verbose=False) if part.nstates else part
+        part = without_hidden_states(part)
         values[element.name] = element.value(part)
     return values

@@ -30,7 +30,7 @@ from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.input_checks import as_list, as_matrices
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
-from workbench.second_opinion.peaks import NEARLY_SINGULAR, regularity
+from workbench.second_opinion.peaks import NEARLY_SINGULAR, not_encircled, regularity
 from workbench.structure import Structure
 
 UPPER_ROOT_WIDTH = 1e-7
@@ -164,7 +164,15 @@ class SkewChecker(Checker):
         loops = self.skew.M @ answer.Delta.reshape(len(self.skew.M), *answer.Delta.shape[-2:])
         found = [regularity(one) for one in loops if np.isfinite(one).all()]
         statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
-        return [Check("nearly singular", statement, max(found, default=0.0), NEARLY_SINGULAR)]
+        distance = max(found, default=0.0)
+        upper = np.ravel(answer.upper)
+        finite = np.flatnonzero(np.isfinite(upper))
+        largest = finite[np.argsort(-upper[finite], kind="stable")]
+        scaled = self.skew.scaled(largest, np.where(upper > 0, upper, 1.0)[largest])
+        return [
+            Check("nearly singular", statement, distance, NEARLY_SINGULAR),
+            not_encircled(scaled, self.skew.structure),
+        ]
 
 
 def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:

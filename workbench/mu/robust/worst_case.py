@@ -78,8 +78,8 @@ def worst_case_gain(
         )
     whole = structure.with_performance(performance, exogenous)
     if prepared:
-        system, period = even_channels(system, whole)
-        stable = stable_system(system)
+        stable, period = even_channels(system, whole)
+        system = stable
     search = SkewSearch(stable, whole, np.arange(len(whole)) == len(structure))
     level, proof, message = search.proven(tolerance)
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING

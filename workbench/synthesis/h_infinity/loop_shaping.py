@@ -32,7 +32,7 @@ from workbench.systems.bilinear import continuous, to_continuous
 from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.hidden_states import without_hidden_states
+from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
@@ -98,7 +98,7 @@ class LoopShaping(HinfSynthesis):
             raise InputError("G is sampled at a time not given (dt True); give it in seconds")
         shaped = W2 * G * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
-        A, B, C = without_hidden_states(*balanced(*parts[:3]), dt or 0.0)
+        A, B, C = visible_matrices(*balanced(*parts[:3]), dt or 0.0)
         shaped = realisation((A, B, C, parts[3]), dt or 0.0)
         fields = {"G": G, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
         for name, value in fields.items():

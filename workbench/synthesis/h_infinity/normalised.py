@@ -10,7 +10,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.systems.balancing import balanced, speed
-from workbench.systems.hidden_states import without_hidden_states
+from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
@@ -80,7 +80,7 @@ def normalised_plant(plant: StandardPlant) -> Scaled:
     D[:outputs, :inputs] = turn_z.T @ plant.D11 @ turn_w
     D[outputs - plant.controls : outputs, inputs:] = np.eye(plant.controls)
     D[outputs:, inputs - plant.measurements : inputs] = np.eye(plant.measurements)
-    A, B, C = without_hidden_states(*balanced(plant.A, M, N))
+    A, B, C = visible_matrices(*balanced(plant.A, M, N))
     A, B, C = balanced(A, B, C)
     rate = speed(A, B, C)
     root = math.sqrt(rate)

@@ -15,7 +15,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
-from workbench.systems.hidden_states import without_hidden_states
+from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.realisation import realisation
 
 CHECKED_ANGLES = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
@@ -127,7 +127,7 @@ def _channel(K: StateSpace, i: int, j: int) -> RealArray:
     # A mode hidden in this channel may be visible in another. Scale all modes into the unit circle,
     # so that none counts as a hidden unstable mode.
     size = 2.0 * float(np.abs(K.poles()).max(initial=0.0)) or 1.0
-    A, B, C = without_hidden_states(*balanced(K.A / size, K.B[:, [j]], K.C[[i]]), float(K.dt))
+    A, B, C = visible_matrices(*balanced(K.A / size, K.B[:, [j]], K.C[[i]]), float(K.dt))
     A = size * A
     D = np.asarray(K.D[i, j], dtype=float).reshape(1, 1)
     own = realisation((A, B, C, D), float(K.dt))

@@ -1,0 +1,162 @@
+"""Realisations as given, and enclosed: in continuous time, and in other coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certify.modes.bilinear import bilinear_enclosures
+from workbench.certify.modes.modal_form import (
+    PRECISIONS,
+    Enclosures,
+    form_in_basis,
+    real_balls,
+    real_doubles,
+)
+from workbench.certify.rounding import Enclosure, exact
+from workbench.errors import InputError
+from workbench.systems.balancing import balancing
+
+LARGEST_BLUR = 1e-8
+"""Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
+basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
+FEWEST_DOUBLES = 20
+"""Fewest states of a sampled realisation that doubles transform; fewer take no time in balls."""
+
+Realised = tuple[RealArray, RealArray, RealArray, RealArray]
+"""A, B, C and D."""
+Coordinates = Callable[[RealArray, RealArray, RealArray], RealArray | None]
+"""Proposes other states of A, B and C in continuous time, as columns (n, n); None: it has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenRealisation:
+    """Matrices of doubles as they were given, with gains that are multiplied without rounding.
+
+    A system with ``period`` [s] is sampled; 0: it is continuous. Whatever realisation doubles work
+    with, the proofs of many digits start from this one.
+    """
+
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: RealArray
+    period: float
+    output_gains: tuple[RealArray, ...] = ()
+    """Each (outputs,); their product multiplies the outputs."""
+    input_gains: tuple[RealArray, ...] = ()
+    """Each (inputs,)."""
+    _shifted: dict[int, tuple[Any, Any]] = field(default_factory=dict)
+    """(A + 1)^-1 and its product with A - 1, by the bits of their balls."""
+
+    def channels(
+        self, outputs: Any, inputs: Any, rows: RealArray, columns: RealArray
+    ) -> GivenRealisation:
+        """The system with chosen outputs and inputs, by index, each times a gain."""
+        return replace(
+            self,
+            B=self.B[:, inputs],
+            C=self.C[outputs],
+            D=self.D[outputs][:, inputs],
+            output_gains=(*(gains[outputs] for gains in self.output_gains), rows),
+            input_gains=(*(gains[inputs] for gains in self.input_gains), columns),
+        )
+
+    def in_balls(self, bits: int) -> tuple[Any, Any, Any, Any]:
+        """A, B, C and D; of a sampled system those of s = 2 / T (z - 1) / (z + 1).
+
+        Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+        """
+        import flint
+
+        with flint.ctx.workprec(bits):
+            A, B, C, D = map(real_balls, (self.A, self.B, self.C, self.D))
+            if self.period and len(self.A):
+                if bits not in self._shifted:
+                    one = real_balls(np.eye(len(self.A)))
+                    back = (A + one).inv()
+                    self._shifted[bits] = back, back * (A - one)
+                back, A = self._shifted[bits]
+                rate = flint.arb(2) / flint.arb(self.period)
+                across = back * B
+                A, B, C, D = A * rate, across * (2 * rate), C * back, D - C * across
+            out, into = self.gains_in_balls()
+            return A, B * into, out * C, out * D * into
+
+    def gains_in_balls(self) -> tuple[Any, Any]:
+        """Diagonal matrices of the gains of the outputs and of the inputs."""
+        out, into = real_balls(np.eye(len(self.C))), real_balls(np.eye(self.B.shape[1]))
+        for gains in self.output_gains:
+            out = out * real_balls(np.diag(gains))
+        for gains in self.input_gains:
+            into = into * real_balls(np.diag(gains))
+        return out, into
+
+
+def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosures | None:
+    """A, B and C in proposed coordinates; None without any, or where they blur too much."""
+    parts: Sequence[Any] = (given.A, given.B, given.C)
+    near = parts
+    if given.period:
+        try:
+            parts = given.in_balls(PRECISIONS[0])[:3]
+        except ZeroDivisionError:
+            return None
+        near = [real_doubles(part).mid for part in parts]
+    basis = coordinates(*near)
+    if basis is None:
+        return None
+    found = scaled_states(form_in_basis(parts, basis, PRECISIONS[0]))
+    return found if found and is_sharp(found) else None
+
+
+def in_continuous_time(given: GivenRealisation) -> tuple[Enclosures, Enclosure]:
+    """A, B and C, and D, in doubles; of a system as it was given, without gains."""
+    parts = given.A, given.B, given.C, given.D
+    if not given.period:
+        A, B, C, D = map(exact, parts)
+        return (A, B, C), D
+    try:
+        many = len(given.A) >= FEWEST_DOUBLES
+        found = bilinear_enclosures(parts, given.period) if many else None
+        A, B, C, D = found or map(real_doubles, given.in_balls(PRECISIONS[-1]))
+    except ZeroDivisionError:
+        raise InputError(
+            "the system has a pole that cannot be told from z = -1, half the sampling rate: filter "
+            "it or sample at another rate"
+        ) from None
+    scaled = scaled_states((A, B, C))
+    assert scaled is not None
+    return scaled, D
+
+
+def scaled_states(parts: Enclosures | None) -> Enclosures | None:
+    """The realisation with balanced states; None for none.
+
+    Modes of a cluster of poles come with entries of very different size.
+    """
+    return parts and with_balanced_states(*parts)
+
+
+def with_balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures:
+    """The realisation with its states scaled by powers of two, exactly, to entries of like size."""
+    n, outputs, inputs = len(A.mid), len(C.mid), B.mid.shape[1]
+    whole = np.block([[A.mid, B.mid], [C.mid, np.zeros((outputs, inputs))]])
+    scale = balancing(np.abs(whole), n)[0][:n]
+    return (
+        A.scaled(scale, 1 / scale),
+        B.scaled(scale, np.ones(inputs)),
+        C.scaled(np.ones(outputs), 1 / scale),
+    )
+
+
+def is_sharp(parts: Enclosures) -> bool:
+    """Whether modal coordinates are known well enough to work with."""
+    return all(
+        part.rad.max(initial=0.0) <= LARGEST_BLUR * np.abs(part.mid).max(initial=0.0)
+        for part in parts
+    )
