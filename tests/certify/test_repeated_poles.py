@@ -7,6 +7,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+import scipy.linalg
 
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.hamiltonian import ball_discs
@@ -117,3 +118,30 @@ def test_the_distance_of_repeated_poles_is_sharp(seed):
     A = turn @ (-np.eye(6) + np.diag(np.full(5, 1.7), -1)) @ turn.T
     found = stability_of(control.ss(A, np.ones((6, 1)), np.ones((1, 6)), 0.0))
     assert found.value == pytest.approx(-1.0, abs=0.01)
+
+
+def turned_lags(count, seed):
+    """A chain of equal lags beside a resonance, in orthogonal coordinates at random."""
+    chain = -np.eye(count) + np.diag(np.ones(count - 1), 1)
+    A = scipy.linalg.block_diag(chain, [[-0.01, 1.0], [-1.0, -0.01]])
+    B = np.concatenate([np.eye(count)[:, -1:], [[0.1], [0.0]]])
+    C = np.concatenate([np.eye(count)[:1], [[0.1, 0.1]]], axis=1)
+    T = np.linalg.qr(np.random.default_rng(seed).standard_normal(A.shape))[0]
+    return T @ A @ T.T, T @ B, C @ T.T, np.zeros((1, 1))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [9, 15])
+def test_modes_of_nearly_equal_poles_do_not_blur_the_response(count, seed):
+    """Their modal coordinates gave responses off by up to 160 %, and peaks too large by as much."""
+    A, B, C, D = turned_lags(count, seed)
+    omega = np.array([0.0, 0.5, 1.0, 2.0])
+    exact = [(C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B))[0, 0] for w in omega]
+    found = stable_system(control.ss(A, B, C, D)).response(omega)[:, 0, 0]
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_peak_beside_many_equal_poles_is_narrow(seed):
+    found = peak(control.ss(*turned_lags(15, seed)), Structure([Complex(1)]))
+    assert found.upper <= found.lower * 1.0021

@@ -17,7 +17,7 @@ from workbench.certify.modes.enclosed_realisation import (
     GivenRealisation,
     in_continuous_time,
     in_coordinates,
-    is_sharp,
+    responds_sharply,
     scaled_states,
 )
 from workbench.certify.modes.modal_form import (
@@ -255,7 +255,7 @@ def stable_system(
             unstable = _unstable(found)
             if _spread(found) < best:
                 best, discs = _spread(found), found
-                parts = form if is_sharp(form) else parts
+                parts = form if responds_sharply(form, plain) else parts
     if not (unstable or discs.rightmost < 0):
         discs = separate_pole_discs(plain[0])
         unstable = _unstable(discs)
@@ -270,7 +270,11 @@ def stable_system(
     def modal() -> StableSystem | None:
         for (form_of, bits), spread in zip(MODAL_FORMS[:2], (SHARPNESS, 1.0), strict=True):
             form = in_modes(form_of, bits)
-            if form is not None and is_sharp(form) and _spread(pole_discs(form[0])) < spread:
+            if (
+                form is not None
+                and responds_sharply(form, plain)
+                and _spread(pole_discs(form[0])) < spread
+            ):
                 return enclosed_system(form, D, poles, source=own, period=period)
         return None
 

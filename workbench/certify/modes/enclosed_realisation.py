@@ -20,10 +20,14 @@ from workbench.certify.modes.modal_form import (
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
+from workbench.systems.frequency_response import driven_states
 
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
+LARGEST_OPEN, MODES_LOOKED_AT = 1e-3, 4
+"""Largest share of a response that modal coordinates may leave open, where the realisation as given
+knows it better, and at the frequencies of how many modes it is looked at."""
 FEWEST_DOUBLES = 20
 """Fewest states of a sampled realisation that doubles transform; fewer take no time in balls."""
 
@@ -155,8 +159,30 @@ def with_balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures
 
 
 def is_sharp(parts: Enclosures) -> bool:
-    """Whether modal coordinates are known well enough to work with."""
+    """Whether coordinates are known well enough to work with."""
     return all(
         part.rad.max(initial=0.0) <= LARGEST_BLUR * np.abs(part.mid).max(initial=0.0)
         for part in parts
     )
+
+
+def responds_sharply(modes: Enclosures, plain: Enclosures) -> bool:
+    """Whether modal coordinates are sharp, and leave little open of the response of plain ones.
+
+    Modes of nearly equal poles cancel each other: C and B are large, and so is what small errors of
+    A between two of them make of the response. Each mode counts as at its own frequency; the
+    response is taken at 0 and at the frequencies of the largest modes.
+    """
+    if not is_sharp(modes):
+        return False
+    A, B, C = modes
+    damping = np.abs(np.diagonal(A.mid))
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        out, into = np.abs(C.mid) / damping, np.abs(B.mid) / damping[:, None]
+        left_open = C.rad @ into + out @ B.rad + out @ A.rad @ into
+        sizes = out.max(axis=0, initial=0.0) * np.abs(B.mid).max(axis=1, initial=0.0)
+    largest = np.argsort(-sizes)[:MODES_LOOKED_AT]
+    between = np.abs(A.mid[largest]).sum(axis=1) - damping[largest]
+    points = 1j * np.unique(np.append(between, 0.0))
+    response = plain[2].mid @ driven_states(plain[0].mid, plain[1].mid, points)
+    return bool(left_open.max(initial=0.0) <= LARGEST_OPEN * np.abs(response).max(initial=0.0))
