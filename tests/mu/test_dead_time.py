@@ -183,6 +183,14 @@ def test_dead_time_that_turns_too_far_for_disks_is_refused_by_name():
         loop_margins(loop)
 
 
+@pytest.mark.parametrize("loop", [0.5 * late(1.0), tf([1, 3], [2, 5]) * late(1.0)])
+def test_a_loop_without_roll_off_is_refused_for_disks(loop):
+    """They told a disk of 0, with a plant of the approximation that no dead time is."""
+    assert classical_margins(loop).stable
+    with pytest.raises(InputError, match="keeps a size up to infinite frequency"):
+        loop_margins(loop)
+
+
 def test_disks_of_a_set_hold_with_dead_time():
     plant = tf([real("k", 2, percent=20)], [3, 1]) * late(0.5)
     found = loop_margins(plant, control.tf([1, 0.5], [1, 0]))

@@ -244,6 +244,12 @@ def _with_dead_time(
         )
     rational = [without_dead_time(one, order=order) for one in (G, K)]
     found = loop_margins(*rational, skew=skew, tolerance=tolerance)
+    if not all(disk.lower > 0.0 for disk in found.disks.values()):
+        raise InputError(
+            f"the loop with the dead time {late} keeps a size up to infinite frequency, where no "
+            "Pade approximation follows it, so that no disk is proven; `classical_margins` of "
+            "plant times controller takes it exactly"
+        )
     exact = replace(
         found,
         loops=dict.fromkeys(found.loops, L),
