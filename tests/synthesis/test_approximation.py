@@ -165,3 +165,13 @@ def test_bad_input_is_told(given, message):
 def test_a_pole_at_minus_one_is_named():
     with pytest.raises(InputError, match="pole at z = -1"):
         approximated(tf([1.0], [1.0, 1.3, 0.3], 0.1), 1, "balanced")
+
+
+def test_no_certificate_holds_where_no_error_is_proven():
+    """The integrator's pole is within rounding of 0 in these states, and not there exactly."""
+    G = control.ss(control.tf([1.0], [1.0, 20.0, 3.0, 0.0]))
+    T = np.random.default_rng(0).standard_normal((3, 3))
+    turned = control.ss(T @ G.A @ np.linalg.inv(T), T @ G.B, G.C @ np.linalg.inv(T), G.D)
+    small = approximated(turned, 2, "balanced")
+    assert small.error == np.inf
+    assert small.certificate.failures and not small.holds

@@ -63,7 +63,11 @@ class DifferenceChecker(Checker):
     def checks(self, answer: ApproximatedSystem, tolerance: float) -> list[Check]:
         statement = "by which share the claimed error is below the proven one"
         found = excess(self.bound(answer), answer.error)
-        return [Check("error", statement, found, 0.0, proven=True)]
+        unbounded = float(not np.isfinite(answer.error))
+        return [
+            Check("error", statement, found, 0.0, proven=True),
+            Check("bounded", "whether no finite error is proven", unbounded, 0.0, proven=True),
+        ]
 
     def second_opinion(self, answer: ApproximatedSystem) -> list[Check]:
         apart = farthest_apart(
@@ -104,7 +108,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
         """Bound of the largest gain of the difference at every frequency, with the weights.
 
         The parts with poles on the boundary of stability agree up to rounding, and are left out.
-        It is infinite where they do not, or where nothing proves a bound.
+        It is infinite where they do not, or where nothing proves a bound; no certificate holds then.
         """
         checker = self._checked_by[0] if self._checked_by else None
         if not isinstance(checker, DifferenceChecker):
