@@ -108,7 +108,7 @@ class ApproximatedSystem(Answer, control.StateSpace):
         """Bound of the largest gain of the difference at every frequency, with the weights.
 
         The parts with poles on the boundary of stability agree up to rounding, and are left out.
-        It is infinite where they do not, or where nothing proves a bound; no certificate holds then.
+        It is infinite where they do not, or nothing proves a bound: no certificate holds then.
         """
         checker = self._checked_by[0] if self._checked_by else None
         if not isinstance(checker, DifferenceChecker):
