@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import InputError, WorkbenchError, words_of
 from workbench.executor.effort import deeper
 from workbench.heavy_types import Dataset, Figure
 from workbench.on_demand import no_more_names
@@ -408,7 +408,7 @@ def _not_computed(error: Exception) -> Check:
     if isinstance(error, WorkbenchError):
         raise error
     statement = "numbers of the answer with which a check cannot be computed"
-    return Check("computed", statement, 1.0, 0.0, f"({type(error).__name__}: {error})")
+    return Check("computed", statement, 1.0, 0.0, f"({words_of(error)})")
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:

@@ -248,3 +248,8 @@ class RangeWarning(UserWarning):
     >>> print(str(caught[0].message).partition(" (")[0])
     all frequencies lie above 100 times the fastest pole: are they in Hz?
     """
+
+
+def words_of(error: BaseException) -> str:
+    """Kind and words of an error, in characters that any file can hold."""
+    return f"{type(error).__name__}: {error}".encode("utf-8", "backslashreplace").decode()

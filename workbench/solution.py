@@ -13,7 +13,7 @@ from typing import Any
 from workbench.answer import Answer
 from workbench.arrays import content_hash
 from workbench.certificate import Certificate
-from workbench.errors import InputError, TimeLimitError, UnknownNameError
+from workbench.errors import InputError, TimeLimitError, UnknownNameError, words_of
 from workbench.executor import Context
 from workbench.executor.live import shown_live
 from workbench.heavy_types import Figure
@@ -247,7 +247,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:  # a Rust panic is no Exception
-        answer, claim, message = None, Outcome.FAILED, _said(error)
+        answer, claim, message = None, Outcome.FAILED, words_of(error)
         trace = traceback.format_exc()
     total = time.perf_counter() - start
     try:
@@ -259,11 +259,6 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     return Solution(answer, claim, message, None, seconds, trace, note, task=task)
-
-
-def _said(error: BaseException) -> str:
-    """Kind and words of an error, in characters that any file can hold."""
-    return f"{type(error).__name__}: {error}".encode("utf-8", "backslashreplace").decode()
 
 
 def need_unchanged(task: Task, by: str = "somebody") -> None:
@@ -298,7 +293,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
     except Exception as error:
         came = f"{_asked(task, method)} returned a {type(said.answer).__name__}"
         reason = (
-            f"the answer cannot be checked ({_said(error)}): {came}, and "
+            f"the answer cannot be checked ({words_of(error)}): {came}, and "
             f"{task.answer_type()} is needed"
         )
         message = f"{reason}; the method said: {said.message}" if said.message else reason
@@ -329,7 +324,7 @@ def _with_proof(task: Task, found: Solution, context: Context) -> Solution:
             return replace(found, message=message)
         certificate = proof.certify(evidence, context.options.accuracy)
     except Exception as error:
-        message = f"{found.message}; not proven: {_said(error)}"
+        message = f"{found.message}; not proven: {words_of(error)}"
         return replace(found, message=message, trace=traceback.format_exc())
     seconds = {**found.seconds, "check": time.perf_counter() - start}
     return replace(

@@ -88,5 +88,5 @@ def test_a_check_takes_whatever_is_one_number(odd):
 
 def test_words_that_no_file_can_hold_are_escaped(odd):
     run = wb.run("surrogate")
-    assert not run.holds and "\\ud800" in run.info["message"]
+    assert not run.holds and "\\ud800" in run.certificate.failures[0]
     assert "\\ud800" in (run.path / "log.txt").read_text("utf-8")

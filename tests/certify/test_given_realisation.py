@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flint import acb, acb_mat, arb, ctx
 
-from workbench.certify.balls import enclosed, matrices_of, response_of
+from workbench.certify.balls import enclosed, matrices_in_balls, response_of
 from workbench.certify.modes.modal_form import FEWEST_QUICK, form_in_basis, real_balls
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import stable_system
@@ -62,7 +62,7 @@ def test_gains_of_channels_are_not_rounded(v):
 def test_matrices_in_continuous_time_have_the_same_response():
     stable = stable_system(clustered(), sampled=True).channels([0], [0], 3.0, 5.0)
     with ctx.workprec(256):
-        A, B, C, D = matrices_of(stable)
+        A, B, C, D = matrices_in_balls(stable)
         unit = acb_mat(np.eye(A.nrows()).tolist())
         there = (D + C * (acb(0, 50.0) * unit - A).solve(B))[0, 0] / 15
         assert there.overlaps(at(50.0))

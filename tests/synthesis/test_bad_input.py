@@ -428,7 +428,7 @@ def test_orders_that_are_none(order):
         (lambda: discretised(K, "a"), r"sample_time is 'a'"),
         (lambda: discretised(K, None), r"sample_time is None"),
         (lambda: discretised(K, 0.0), r"sample_time is 0.0"),
-        (lambda: discretised(K, 0.1, "matched"), "method is 'matched'"),
+        (lambda: discretised(K, 0.1, "euler"), "method is 'euler'"),
         (lambda: discretised(K, 0.1, prewarp="a"), "prewarp is 'a'"),
         (lambda: discretised(K, 0.1, prewarp=np.nan), "prewarp is nan"),
         (lambda: discretised(KD, 0.1), "sampled already"),

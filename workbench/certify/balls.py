@@ -110,7 +110,7 @@ def norm_of_block(Delta: Any) -> arb:
     return length([acb(complex(entry)) for entry in Delta.flat])
 
 
-def matrices_of(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def matrices_in_balls(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """A, B, C and D in continuous time, in the precision at work: those given, where known.
 
     Raises ZeroDivisionError for a pole that cannot be told from z = -1.

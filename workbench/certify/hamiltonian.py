@@ -16,7 +16,15 @@ import numpy as np
 from flint import acb, acb_mat, ctx
 
 from workbench.arrays import Array
-from workbench.certify.balls import Matrix, above, balls, doubles, identity, matrices_of, middle
+from workbench.certify.balls import (
+    Matrix,
+    above,
+    balls,
+    doubles,
+    identity,
+    matrices_in_balls,
+    middle,
+)
 from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.rounding import in_its_unit
@@ -42,7 +50,7 @@ def ball_discs(
     for bits in PRECISIONS:
         with ctx.workprec(bits):
             try:
-                A, B, C, D = matrices_of(system)
+                A, B, C, D = matrices_in_balls(system)
             except ZeroDivisionError:
                 continue
             left, right, G = map(balls, multipliers)

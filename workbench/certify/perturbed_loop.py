@@ -25,7 +25,7 @@ from workbench.certify.balls import (
     below,
     identity,
     length,
-    matrices_of,
+    matrices_in_balls,
     middle,
     response_of,
     submatrix,
@@ -79,7 +79,7 @@ def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Arr
 def _closed(system: StableSystem, Delta: Matrix) -> Matrix | None:
     """A + B Delta (I - D Delta)^-1 C; None where I - D Delta cannot be told from singular."""
     try:
-        A, B, C, D = matrices_of(system)
+        A, B, C, D = matrices_in_balls(system)
         return A + B * Delta * (identity(D.nrows()) - D * Delta).solve(C)
     except ZeroDivisionError:
         return None
