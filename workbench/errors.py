@@ -251,5 +251,12 @@ class RangeWarning(UserWarning):
 
 
 def words_of(error: BaseException) -> str:
-    """Kind and words of an error, in characters that any file can hold."""
+    """Kind and words of an error, in characters that any file can hold.
+
+    Examples
+    --------
+    >>> from workbench.errors import words_of
+    >>> words_of(ValueError("not a number"))
+    'ValueError: not a number'
+    """
     return f"{type(error).__name__}: {error}".encode("utf-8", "backslashreplace").decode()
