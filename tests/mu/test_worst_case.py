@@ -15,6 +15,7 @@ from workbench.mu.robust.skewed_bounds import (
     worst_case_checks,
 )
 from workbench.structure import Complex, Full, Real, Structure
+from workbench.uncertainty import feedback, real, tf
 
 
 def oscillator(damping, share, stiffness=None):
@@ -237,3 +238,12 @@ def test_bad_input_is_refused():
         worst_case_gain(N, Structure([Real(1)]), 0.0)
     with pytest.raises(InputError, match="unstable"):
         worst_case_gain(control.ss(1, [[1, 1]], [[1], [1]], 0), Structure([Real(1)]))
+
+
+@pytest.mark.parametrize(("gain", "largest"), [(lambda k: k - k, 0.0), (lambda k: 1 + k - k, 0.5)])
+def test_an_element_that_cancels_costs_nothing(gain, largest):
+    """With its channels the search took three minutes for k - k."""
+    closed = feedback(tf([1], [1, 1]) * gain(real("k", 2, percent=20)), 1)
+    found = worst_case_gain(closed)
+    assert found.lower == pytest.approx(largest) and found.upper <= 1.01 * largest
+    assert found.holds and found.Delta.shape == (closed.structure.rows, closed.structure.columns)

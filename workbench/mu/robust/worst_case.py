@@ -20,6 +20,7 @@ from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.robust.skewed_bounds import (
@@ -31,6 +32,7 @@ from workbench.mu.robust.skewed_bounds import (
 from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Structure
 from workbench.systems.joints import UncertainPart
+from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 
@@ -62,6 +64,8 @@ def worst_case_gain(
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
+    if isinstance(system, UncertainSystem) and structure is None and _is_certain(system):
+        structure, system = system.structure, _without_effect(system)
     prepared = isinstance(system, UncertainSystem) and structure is None
     if isinstance(system, UncertainPart) and structure is None:
         system, structure = system.system, system.structure
@@ -94,6 +98,22 @@ def worst_case_gain(
     omega = float(angular_frequency(stable.angular(omega), period))
     found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
     return found.checked_by(WorstCaseChecker(system, structure, dt=period))
+
+
+def _is_certain(system: UncertainSystem) -> bool:
+    """Whether the elements cancel, as k in k - k, so that the system is its nominal."""
+    return bool(system.elements) and not system.reduced().elements
+
+
+def _without_effect(system: UncertainSystem) -> StateSpace:
+    """The nominal with channels of the perturbation that lead nowhere."""
+    nominal, structure = system.nominal, system.structure
+    before = np.zeros((nominal.nstates, structure.rows))
+    after = np.zeros((structure.columns, nominal.nstates))
+    D = np.zeros((structure.columns + nominal.noutputs, structure.rows + nominal.ninputs))
+    D[structure.columns :, structure.rows :] = nominal.D
+    B, C = np.hstack([before, nominal.B]), np.vstack([after, nominal.C])
+    return realisation((nominal.A, B, C, D), nominal.dt or 0.0)
 
 
 def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:
