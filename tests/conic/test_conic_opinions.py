@@ -17,6 +17,7 @@ def test_a_large_row_excuses_no_small_one():
     form = ConicForm([1.0, 1.0], -np.eye(2), [-1e12, -1.0], NONNEGATIVE)
     program = ConicProgram(form)
     wrong = xr.Dataset({"x": ("column", [1e12, 0.0])})
+    assert not program.checks(wrong, 1e-6)[0].holds
     assert not program.certify(wrong, 1e-6).valid
     assert program.certify(xr.Dataset({"x": ("column", [1e12, 1.0])}), 1e-6).valid
 
