@@ -135,6 +135,8 @@ def test_wrong_answers_are_rejected():
         DesignedSpectrum(program.even, answer.worst),
     ):
         assert not program.certify(wrong, 1e-6).valid
+    cheaper = replace(answer, worst=0.99 * answer.worst)
+    assert not all(check.holds for check in program.checks(cheaper, 1e-6))  # not by an opinion only
     assert program.dual_bound(np.zeros(30)) == 0.0
 
 
