@@ -14,7 +14,7 @@ from workbench.certify.realisations.parts import (
     states_of,
 )
 from workbench.heavy_types import StateSpace
-from workbench.systems.realisation import Matrices
+from workbench.systems.realisation import Matrices, matrices_of
 
 
 def least_boundary_part(system: StateSpace) -> Matrices:
@@ -25,7 +25,7 @@ def least_boundary_part(system: StateSpace) -> Matrices:
     Effective construction of linear state-variable models from input/output functions,
     Regelungstechnik 14 (1966) 545-548).
     """
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     projector = boundary_projector(A, bool(system.dt))
     nothing = np.zeros((0, 0)), np.zeros((0, B.shape[1])), np.zeros((len(C), 0)), 0.0 * D
     if projector is None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from workbench.certify.norms import certified_norm
 from workbench.certify.realisations.parts import (
     boundary_part_error,
@@ -15,7 +13,7 @@ from workbench.certify.realisations.parts import (
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.realisations.system_parts import parts_of
-from workbench.systems.realisation import Matrices, in_series, realisation
+from workbench.systems.realisation import in_series, matrices_of, realisation
 
 SAME_BOUNDARY = 1e-9
 """Share by which parts on the boundary of stability may differ and still be rounding of one."""
@@ -52,9 +50,3 @@ def difference_bound(
     # The products of direct terms, and the sums of states of a series, are rounded.
     rounding = 1.0 + 1e-12
     return (certified_norm(realisation(between, dt)) + factor * beside) * rounding
-
-
-def matrices_of(system: StateSpace) -> Matrices:
-    """A, B, C and D in doubles."""
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
-    return A, B, C, D

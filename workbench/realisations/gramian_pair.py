@@ -20,6 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.realisations.stable_only import stable_states
 from workbench.second_opinion.powers import SUM_ROUNDING, summed_gramians
 from workbench.systems.balancing import balancing
+from workbench.systems.realisation import matrices_of
 
 BITS = (128, 256, 512, 1024)
 """Bits of the numbers, one after the other until the error is that of rounding to doubles."""
@@ -103,7 +104,7 @@ def gramians(system: Any) -> Gramians:
 
 def _enclosed(system: StateSpace) -> list[tuple[RealArray, RealArray]]:
     """Both Gramians in doubles, and bounds of the errors of their entries."""
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     dt, n = float(system.dt or 0.0), len(A)
     units = balancing(np.block([[A, B], [C, D]]), n)[0][:n]
     scaled = A * units[:, None] / units

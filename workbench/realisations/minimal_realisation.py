@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from workbench.answer import Answer
 from workbench.arrays import ComplexArray
@@ -30,7 +29,7 @@ from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 
 MINIMAL_TOLERANCE = 1e-9
 """Largest change of the gain that states may be left out for, relative to the system's gain."""
@@ -120,7 +119,7 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
     parts = stable_part(found)
     checker = MinimalChecker(found)
     dt = float(found.dt or 0.0)
-    of = [_matrices(one) for one in (parts.boundary, parts.antistable, parts.stable)]
+    of = [matrices_of(one) for one in (parts.boundary, parts.antistable, parts.stable)]
     boundary = _boundary_reduced(found, of[0])
     antistable = of[1] if dt else _mirrored(_reduced(_mirrored(of[1]), found, tolerance))
     stable = _reduced(of[2], found, tolerance)
@@ -136,27 +135,20 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
         none = np.zeros(0, dtype=complex)
         sizes = len(of[0][0]), len(of[1][0]), len(of[2][0])
         return MinimalRealisation(found, none, 0.0, 0.0, parts, sizes).checked_by(checker)
-    A, B, C, D = zip(*kept, strict=True)
     labels = {"inputs": found.input_labels, "outputs": found.output_labels}
-    whole = block_diag(*A), np.vstack(B), np.hstack(C), D[0] + D[1] + D[2]
-    small = realisation(whole, dt, **labels)
+    small = realisation(in_parallel(*kept), dt, **labels)
     removed = _unmatched(found.poles(), small.poles())
-    sizes = len(A[0]), len(A[1]), len(A[2])
+    sizes = len(kept[0][0]), len(kept[1][0]), len(kept[2][0])
     error, relative = CLAIMED * errors[0], CLAIMED * errors[1]
     return MinimalRealisation(small, removed, error, relative, parts, sizes).checked_by(checker)
-
-
-def _matrices(system: StateSpace) -> Matrices:
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
-    return A, B, C, D
 
 
 def _errors(system: StateSpace, parts: SystemParts, kept: list[Matrices]) -> tuple[float, float]:
     """The bound of the gain of the difference, and the share by which the boundary part errs."""
     dt = float(system.dt or 0.0)
     gain = parts.error
-    gain += gain_apart(_matrices(parts.stable), kept[2], dt, False)
-    gain += gain_apart(_matrices(parts.antistable), kept[1], dt, True)
+    gain += gain_apart(matrices_of(parts.stable), kept[2], dt, False)
+    gain += gain_apart(matrices_of(parts.antistable), kept[1], dt, True)
     return gain, boundary_part_error(system, kept[0])
 
 
@@ -191,7 +183,7 @@ def _size_about(system: StateSpace, poles: ComplexArray) -> float:
     """The largest gain of a system at points of the plane about poles, off the boundary."""
     turned = np.exp(1.2j)
     points = 1.0 + np.abs(poles - 1.0) * turned if system.dt else np.abs(poles) * turned
-    A, B, C, D = _matrices(system)
+    A, B, C, D = matrices_of(system)
     with np.errstate(all="ignore"):
         values = frequency_response(np.block([[A, B], [C, D]]), len(A), points)
         sizes = np.linalg.norm(values, axis=(-2, -1))
@@ -261,7 +253,7 @@ class MinimalChecker(Checker):
 
 def _blocks(answer: MinimalRealisation) -> tuple[list[Matrices], float]:
     """The parts of a realisation, and the largest entry of A that belongs to none."""
-    A, B, C, D = _matrices(answer.system)
+    A, B, C, D = matrices_of(answer.system)
     ends = np.cumsum([0, *answer.sizes])
     rest, found = A.copy(), []
     for kind, (start, end) in enumerate(pairwise(ends)):

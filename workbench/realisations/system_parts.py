@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from flint import ctx, fmpq_mat
-from scipy.linalg import block_diag, schur, solve_sylvester
+from scipy.linalg import schur, solve_sylvester
 
 from workbench.answer import Answer
 from workbench.arrays import RealArray
@@ -27,7 +27,7 @@ from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
 from workbench.systems.balancing import state_units
 from workbench.systems.conversion import as_system
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import in_parallel, matrices_of, realisation
 
 NEAR = 1e-3
 """Distance from the unit circle below which a pole may be on it; rounding moves repeated ones."""
@@ -125,7 +125,7 @@ def stable_part(system: Any) -> SystemParts:
 
 def parts_of(system: StateSpace) -> SystemParts:
     """The parts with their proven errors, without a checker."""
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     dt = float(system.dt or 0.0)
     rate = 1.0 if dt else unit_of_time(A, B, C)
     given = _units(A, B, C, bool(dt))
@@ -149,7 +149,7 @@ def parts_of(system: StateSpace) -> SystemParts:
         scaled = a * units[:, None] / units, b * units[:, None], c / units
         blocks.append((rate * scaled[0], rate * scaled[1], scaled[2], direct * D))
     coordinates = V / given[:, None] / np.concatenate(scales)
-    error, relative = sum_errors(system, blocks[0], _together(*blocks[1:]), coordinates)
+    error, relative = sum_errors(system, blocks[0], in_parallel(*blocks[1:]), coordinates)
     if not np.isfinite(error):
         raise _undecided()
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
@@ -188,12 +188,6 @@ def exact_integrators(
     moved[np.abs(moved) <= negligible] = 0.0
     Q, T, _, _ = stable_last(moved)
     return Q, T + shift
-
-
-def _together(one: Matrices, other: Matrices) -> Matrices:
-    """The sum of two systems."""
-    (A, B, C, D), (A2, B2, C2, D2) = one, other
-    return block_diag(A, A2), np.vstack([B, B2]), np.hstack([C, C2]), D + D2
 
 
 def _coordinates(
@@ -258,7 +252,7 @@ class SystemPartsChecker(Checker):
             (one.A, one.B, one.C, one.D)
             for one in (answer.stable, answer.boundary, answer.antistable)
         )
-        rest = _together(antistable, stable)
+        rest = in_parallel(antistable, stable)
         error, relative = sum_errors(self.system, boundary, rest, answer.coordinates)
         statement = "by which share a claimed error is below the proven one"
         within = stability_proof(answer.stable)

@@ -17,6 +17,12 @@ Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""
 
 
+def matrices_of(system: StateSpace) -> Matrices:
+    """A, B, C and D in doubles."""
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    return A, B, C, D
+
+
 def pole_sizes(system: StateSpace) -> RealArray:
     """Sizes of the poles [rad/s]; of a sampled system those of log(z) / T, without poles at 0."""
     return root_sizes(system.poles(), system.dt)
@@ -76,6 +82,12 @@ def in_series(first: Matrices, second: Matrices) -> Matrices:
         np.hstack([C2, D2 @ C]),
         D2 @ D,
     )
+
+
+def in_parallel(*systems: Matrices) -> Matrices:
+    """The sum of systems, with the states of each."""
+    A, B, C, D = zip(*systems, strict=True)
+    return block_diag(*A), np.vstack(B), np.hstack(C), sum(D[1:], D[0])
 
 
 def side_by_side(systems: Sequence[Matrices], signals: int) -> Matrices:

@@ -26,7 +26,7 @@ from workbench.certify.rounding import UPWARD, Enclosure, exact, nearest_power_o
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import speed, with_state_units
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import Matrices, matrices_of, realisation
 
 LARGEST_SHARE = 0.1
 """Share of the gain that rounding may blur at most."""
@@ -63,7 +63,7 @@ def stable_numerator(system: StateSpace) -> Numerator:
         Its unstable poles are hidden from its outputs, or too near the boundary for doubles.
     """
     dt = float(system.dt or 0.0)
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     unit = float(nearest_power_of_two(max(np.abs(C).max(), np.abs(D).max())))
     A, B, C, D = with_state_units(A, B, C / unit, D / unit)
     rate = 1.0 if dt else speed(A, B, C)

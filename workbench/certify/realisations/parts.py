@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx, fmpq, fmpq_mat, fmpq_poly
-from scipy.linalg import block_diag
 
 from workbench.arrays import EPS, RealArray
 from workbench.certify.balls import above
@@ -31,7 +30,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import speed
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 
 BITS = 256
 """Bits of the numbers in which exact fractions and inverses are taken."""
@@ -154,7 +153,7 @@ def sum_errors(
     coordinates
         (n, n): the states of the system are this times those of the parts, nearly.
     """
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     k = len(boundary[0])
     if not np.array_equal(D, boundary[3] + rest[3]):
         return math.inf, math.inf
@@ -179,7 +178,7 @@ def sum_errors(
 
 def boundary_part_error(system: StateSpace, boundary: Matrices) -> float:
     """The largest relative error of a Markov parameter of a stored part on the boundary."""
-    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    A, B, C, D = matrices_of(system)
     projector = boundary_projector(A, bool(system.dt))
     if projector is None:
         return math.inf if len(boundary[0]) else 0.0
@@ -231,8 +230,8 @@ def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
 
 def difference_of(one: Matrices, other: Matrices) -> Matrices:
     """The difference of two systems, states side by side."""
-    (A, B, C, D), (A2, B2, C2, D2) = one, other
-    return block_diag(A, A2), np.vstack([B, B2]), np.hstack([C, -C2]), D - D2
+    A, B, C, D = other
+    return in_parallel(one, (A, B, -C, -D))
 
 
 def states_of(matrix: fmpq_mat) -> int:

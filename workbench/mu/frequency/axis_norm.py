@@ -23,6 +23,7 @@ from workbench.second_opinion import peaks
 from workbench.structure import Full, Structure
 from workbench.systems.balancing import with_state_units
 from workbench.systems.conversion import as_system
+from workbench.systems.realisation import matrices_of
 
 
 def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
@@ -72,7 +73,7 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
 
 def pole_on_boundary(system: StateSpace) -> complex | None:
     """A pole that cannot be told from the boundary of stability by discs that contain the poles."""
-    A = with_state_units(*(np.asarray(getattr(system, part), dtype=float) for part in "ABCD"))[0]
+    A = with_state_units(*matrices_of(system))[0]
     discs = separate_pole_discs(exact(A))
     distance = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
     touching = ~(np.abs(distance) > discs.radius + np.finfo(float).eps * np.abs(discs.centre))

@@ -24,6 +24,7 @@ from workbench.second_opinion.powers import root_energy
 from workbench.structure import Full, Structure
 from workbench.systems.balancing import with_state_units
 from workbench.systems.conversion import as_system
+from workbench.systems.realisation import matrices_of
 
 SUM_ROUNDING = 1e-6
 """Share by which a sum over samples in plain doubles may lie outside the bounds."""
@@ -135,7 +136,7 @@ def is_stable(system: StateSpace) -> bool:
     stability = stability_of(system)
     if stability.holds:
         return True
-    A = with_state_units(*(np.asarray(getattr(system, part), dtype=float) for part in "ABCD"))[0]
+    A = with_state_units(*matrices_of(system))[0]
     discs = separate_pole_discs(exact(A))
     centre = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
     if (centre >= 0.0).any():

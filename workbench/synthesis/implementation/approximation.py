@@ -20,7 +20,7 @@ from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.performance import performance_peak
-from workbench.realisations.difference import difference_bound, matrices_of
+from workbench.realisations.difference import difference_bound
 from workbench.second_opinion.responses import farthest_apart
 from workbench.synthesis.implementation.reduced import deciding_peak
 from workbench.synthesis.reduction import truncation
@@ -28,7 +28,7 @@ from workbench.synthesis.reduction.truncation import Weights
 from workbench.systems.bilinear import to_continuous, to_sampled
 from workbench.systems.conversion import as_system, as_weight, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-from workbench.systems.realisation import Matrices, pole_sizes, realisation
+from workbench.systems.realisation import Matrices, matrices_of, pole_sizes, realisation
 
 Reducer = tuple[int, Callable[[int], StateSpace]]
 """The least order that a method reaches, and a function from an order to the system."""
