@@ -47,9 +47,7 @@ class ClassicalMargins(Answer):
     @property
     def gain(self) -> tuple[float, float]:
         """The nearest factors below and above 1; 0 and infinity where there is none."""
-        factors = self.gains[:, 0]
-        low = factors[factors < 1].max(initial=0.0)
-        return float(low), float(factors[factors > 1].min(initial=math.inf))
+        return nearest_factors(self.gains)
 
     @property
     def gain_db(self) -> float:
@@ -61,12 +59,12 @@ class ClassicalMargins(Answer):
     @property
     def phase(self) -> float:
         """The least phase margin [deg], negative against lead; infinite without a crossing."""
-        return float(min(self.phases[:, 0], key=abs, default=math.inf))
+        return least_phase(self.phases)
 
     @property
     def delay(self) -> float:
         """The least delay margin [s]; infinite without a crossing."""
-        return float(self.delays[:, 0].min(initial=math.inf))
+        return least_delay(self.delays)
 
     def said(self) -> str:
         state = "" if self.stable else "the closed loop is UNSTABLE; "
@@ -79,6 +77,23 @@ class ClassicalMargins(Answer):
             f"  modulus {self.modulus:.4g}",
         ]
         return "\n".join(lines)
+
+
+def nearest_factors(gains: RealArray) -> tuple[float, float]:
+    """The nearest factors below and above 1 of a table of crossings; 0 and infinity without one."""
+    factors = gains[:, 0]
+    low = factors[factors < 1].max(initial=0.0)
+    return float(low), float(factors[factors > 1].min(initial=math.inf))
+
+
+def least_phase(phases: RealArray) -> float:
+    """The phase of least size of a table of crossings; infinite without one."""
+    return float(min(phases[:, 0], key=abs, default=math.inf))
+
+
+def least_delay(delays: RealArray) -> float:
+    """The least delay of a table of crossings; infinite without one."""
+    return float(delays[:, 0].min(initial=math.inf))
 
 
 def in_both_units(omega: float) -> str:

@@ -22,7 +22,12 @@ from workbench.errors import InputError
 from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
-from workbench.mu.margins.classical import in_both_units
+from workbench.mu.margins.classical import (
+    in_both_units,
+    least_delay,
+    least_phase,
+    nearest_factors,
+)
 from workbench.second_opinion.margins.measured import (
     chords_that_cross,
     lies_on_chord,
@@ -95,19 +100,17 @@ class MeasuredMargins(Answer):
     @property
     def gain(self) -> tuple[float, float]:
         """The nearest factors below and above 1; 0 and infinity where there is none."""
-        factors = self.gains[:, 0]
-        low = factors[factors < 1].max(initial=0.0)
-        return float(low), float(factors[factors > 1].min(initial=math.inf))
+        return nearest_factors(self.gains)
 
     @property
     def phase_deg(self) -> float:
         """The least phase margin [deg], negative against lead; infinite without a crossing."""
-        return float(min(self.phases_deg[:, 0], key=abs, default=math.inf))
+        return least_phase(self.phases_deg)
 
     @property
     def delay(self) -> float:
         """The least delay margin [s]; infinite without a crossing."""
-        return float(self.delays[:, 0].min(initial=math.inf))
+        return least_delay(self.delays)
 
     def said(self) -> str:
         low, high = self.band
