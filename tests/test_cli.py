@@ -301,6 +301,13 @@ def test_verify_tells_the_good_from_the_bad(project, cli):
     assert "metrics.json" in rows[1]["problems"][0]
 
 
+def test_draw_without_paths_draws_all_results(cli):
+    assert cli("run", "toy/root", "--set", "drawn=yes")[0] == 0
+    status, out, _ = cli("draw")
+    assert status == 0 and out and out == cli("draw", "results")[1]
+    assert all(Path(line).is_file() for line in out.splitlines())
+
+
 def test_verify_runs_again_on_request(project, cli):
     path = str(workbench.run("toy/root", "rough").path)
     assert "re-run within 1e-06" in cli("verify", path, "--rerun")[1]

@@ -19,7 +19,8 @@ def need_structure(structure: Any) -> None:
     if not isinstance(structure, Structure):
         raise InputError(
             f"structure must be a Structure, not {type(structure).__name__}; "
-            "Structure.from_pairs takes rows of two integers"
+            "Structure([Real(1), Full(2, 2)]) is one of two blocks, and Structure.from_pairs takes "
+            "rows of two integers"
         )
 
 
@@ -42,6 +43,17 @@ def need_positive(value: Any, name: str, or_none: bool = False) -> None:
     if not (is_real(value) and 0.0 < value < math.inf):
         end = ", or None" if or_none else ""
         raise InputError(f"{name} is {value!r}; it must be a number, positive and finite{end}")
+
+
+def need_time_base(dt: Any) -> None:
+    """Raise InputError for what is no sampling time [s], nor python-control's 0, None or True."""
+    if dt is None or dt is True:
+        return
+    if not (is_real(dt) and 0.0 <= dt < math.inf):
+        raise InputError(
+            f"dt is {dt!r}; it must be a sampling time [s], positive and finite, or 0 for "
+            "continuous time, None for any, or True for an unknown one"
+        )
 
 
 def need_whole(value: Any, name: str) -> None:

@@ -85,3 +85,31 @@ def test_continued_has_the_response_of_the_discrete_system():
         continued(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
     with pytest.raises(InputError, match="is continuous"):
         continued(control.ss(-1.0, 1.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sampled(plant().sample(PERIOD), PERIOD), r"sampled already \(dt = 0.001\)"),
+        (lambda: sampled("G", PERIOD), "system must be a StateSpace"),
+        (lambda: sampled(plant(), -PERIOD), "period is -0.001"),
+        (lambda: sampled(control.tf([1, 0, 0], [1, 1]), PERIOD), "no realisation"),
+        (lambda: continued(plant()), "the system is continuous"),
+        (lambda: continued(None), "system must be a StateSpace"),
+        (lambda: respond(plant(), np.zeros((3, 2))), "the system is continuous"),
+        (lambda: respond("G", np.zeros((3, 2))), "system must be a StateSpace"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
+
+
+def test_a_transfer_function_is_sampled_too():
+    lag = control.tf([3.0], [1.0, 5.0])
+    held, exact = sampled(lag, 0.1), cont2discrete(([3.0], [1.0, 5.0]), 0.1)
+    np.testing.assert_allclose(held.poles(), np.roots(exact[1]))
+    step = np.ones((4, 1))
+    discrete = control.tf(exact[0].ravel(), exact[1], 0.1)
+    np.testing.assert_allclose(respond(held, step), respond(discrete, step), atol=1e-14)
+    assert np.isclose(continued(discrete)(0.0), 0.6)

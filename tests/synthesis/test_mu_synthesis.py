@@ -10,7 +10,9 @@ from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
 from workbench.errors import InputError
+from workbench.structure import Real, Structure
 from workbench.synthesis import MuController, MuSynthesis, approximated, hinf
+from workbench.synthesis.mu.figures import bounds_figure
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,17 @@ def test_the_answer_is_stored_whole(solved):
     np.testing.assert_array_equal(back.K.A, solution.answer.K.A)
     drawn = {"mu", "controller", "performance", "steps", "rounds"}
     assert set(program.figures(solution.answer)) == drawn
+
+
+def test_a_curve_with_all_blocks_complex_is_drawn_where_it_is_another_one(solved):
+    program, solution = solved
+    loop, only = program.plant.close(solution.answer.K), program.closed
+    mixed = Structure([Real(only.blocks[0].n), *only.blocks[1:]])
+    for structure, drawn in ((only, False), (mixed, True)):
+        panel = bounds_figure(loop, structure, solution.answer.upper).axes[0]
+        labels = panel.get_legend_handles_labels()[1]
+        assert ("all blocks complex" in labels) == drawn
+        assert {"upper bound", "lower bound", "certified peak"} <= {*labels}
 
 
 def test_the_states_of_an_answer_are_balanced(solved):

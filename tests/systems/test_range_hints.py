@@ -11,7 +11,8 @@ import workbench as wb
 from workbench.diagnosis import FaultModel, detectability, performance_index, transfer
 from workbench.errors import RangeWarning
 from workbench.mu import Complex, Full, Structure, frequency_sweep, peak, performance_sweep
-from workbench.synthesis import Implementation, sampled_conditions
+from workbench.simulation import sampled
+from workbench.synthesis import Implementation, discretised, sampled_conditions
 from workbench.systems import bandwidths
 from workbench.systems.range_hints import warn_far_frequencies, warn_far_period
 from workbench.uncertainty import (
@@ -168,6 +169,15 @@ def test_a_sampling_time_far_from_the_loop_is_told(plant, gain, dt, told):
     loop = control.feedback(plant.sample(dt) * gain)
     with pytest.warns(RangeWarning, match=told) if told else contextlib.nullcontext():
         warn_far_period(dt, plant, loop)
+
+
+def test_what_samples_one_system_tells():
+    with pytest.warns(RangeWarning, match=LONG) as caught:
+        sampled(LAG, 10.0)
+    with pytest.warns(RangeWarning, match=LONG.replace("plant", "controller")):
+        discretised(LAG, 10.0)
+    assert caught[0].filename == __file__
+    sampled(LAG, 1e-6), discretised(LAG, 1e-6)  # alone, nothing says that it is too short
 
 
 def test_what_takes_a_sampling_time_and_a_plant_tells():

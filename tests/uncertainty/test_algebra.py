@@ -256,7 +256,13 @@ def test_it_is_connected_by_names():
         (lambda: tf([1], [0, 0]), "den is zero"),
         (lambda: tf([1], [real("k", 0, plus_minus=1), 1]), "coefficient of den is 0"),
         (lambda: tf([LAG], [1, 1]), "num holds a system with 1 states"),
-        (lambda: tf(1, [1, 1]), "num must be a list"),
+        (lambda: tf("1", [1, 1]), "num must be a list"),
+        (lambda: tf([1], [1, np.nan]), "an entry of den is nan; a gain needs finite"),
+        (lambda: tf([1], [1, 1], -1), "dt is -1; it must be a sampling time"),
+        (lambda: tf([1], [1, 1], "1 ms"), "dt is '1 ms'"),
+        (lambda: ss([[1]], [[1]], [[1]], [[0]], np.nan), "dt is nan"),
+        (lambda: ss([], [], [], 1.0, np.inf), "dt is inf"),
+        (lambda: ss(-np.eye(2), np.eye(2), np.eye(2), 1.0), "do not fit"),
         (lambda: ss([[1, 2]], [[1]], [[1]], [[0]]), "A has shape"),
         (lambda: ss([[1], [1, 2]], [[1]], [[1]], [[0]]), "A has rows of lengths"),
         (lambda: feedback(append(LAG, LAG), append(1.0, 2.0, 3.0)), "must fit each other"),
@@ -283,6 +289,23 @@ def test_it_is_connected_by_names():
 def test_misuse(call, words):
     with pytest.raises(WorkbenchError, match=words):
         call()
+
+
+@pytest.mark.parametrize("dt", [0, 0.0, 0.1, True, None])
+def test_a_time_base_is_that_of_python_control(dt):
+    k = real("k", 2, percent=5)
+    assert tf([1], [1, k], dt).dt is dt
+    assert ss([[-k]], [[1]], [[1]], [[0]], dt).dt is dt
+
+
+def test_short_forms_of_python_control():
+    """A number for a polynomial of degree 0, and one 0 for a direct term of any size."""
+    k = real("k", 2, percent=5)
+    np.testing.assert_allclose(response(tf(3, [1, k]).nominal), response(control.tf(3, [1, 2])))
+    np.testing.assert_allclose(response(tf(k, [1, 3]).nominal), response(control.tf(2, [1, 3])))
+    A, B, C = -np.eye(2), np.ones((2, 3)), np.eye(2)
+    theirs, ours = control.ss(A, B, C, 0), ss([[-k / 2, 0], [0, -1]], B, C, 0)
+    np.testing.assert_allclose(response(ours.nominal), response(theirs))
 
 
 def test_unknown_names_are_of_their_kind():

@@ -61,7 +61,7 @@ def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, deep: bool, as_jso
 
 
 @main.command()
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--to",
     "folder",
@@ -81,11 +81,11 @@ def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, deep: bool, as_jso
     "--width", default="column", show_default=True, help="On paper: column, page, or a number [mm]."
 )
 def draw(paths: tuple[Path, ...], folder: Path, style: str, width: str) -> None:
-    """Figures and tables (Markdown) of the results folders at or below PATHS."""
+    """Figures and tables (Markdown) of results folders at or below PATHS [default: all results]."""
     from workbench.bench.results import Run
     from workbench.bench.verify import finished_folders
 
-    for path in paths:
+    for path in paths or (results_root(),):
         for found in finished_folders(path):
             one = Run(found)
             place = folder / one.problem / one.key

@@ -63,8 +63,8 @@ def guidance(name: str) -> str:
     for guide in guides():
         for row in guide.rows:
             if name in row.names:
-                told = f"is workbench.{row.here[0]} here" if row.here else "is not here"
-                hint = "" if row.here else f"; {row.remark}"
-                place = f"{GUIDES}/{guide.page}.md"
-                return f"{guide.tool}'s {name} {told}{hint}, as in `{row.line}`; guide: {place}"
+                told = f"is not here; {row.remark}; for example `{row.line}`"
+                if row.here:
+                    told = f"is workbench.{row.here[0]} here, as in `{row.line}`"
+                return f"{guide.tool}'s {name} {told}; guide: {GUIDES}/{guide.page}.md"
     return ""

@@ -87,11 +87,13 @@ def _gain(value: Any, name: str) -> StateSpace:
         gain = np.atleast_2d(np.asarray(value, dtype=float))
     except (TypeError, ValueError):
         raise InputError(f"{name} is {value!r}; a gain needs real numbers in rows alike") from None
-    if gain.ndim != 2 or not gain.size or not np.isfinite(gain).all():
+    if gain.ndim != 2 or not gain.size:
         raise InputError(
             f"{name} is an array of shape {np.shape(value)}; a gain needs finite numbers of shape "
             "(outputs, inputs)"
         )
+    if not np.isfinite(gain).all():
+        raise InputError(f"{name} is {value!r}; a gain needs finite numbers")
     return control.StateSpace([], [], [], gain, None)
 
 

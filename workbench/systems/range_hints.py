@@ -62,21 +62,34 @@ def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
         )
 
 
+def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
+    """Warn of a sampling time [s] within 1/100 of which all of a continuous system settles.
+
+    Returns whether it did. ``called`` is what the message calls the system.
+    """
+    poles = _pole_sizes(system)
+    if not poles.size or period * poles.min() <= FAR:
+        return False
+    slowest = min([poles.min(), *_zero_sizes(system)])
+    if period * slowest <= FAR:
+        return False
+    _warn(
+        f"the sampling time, {period:.3g} s, is above 100 times the {called}'s longest time "
+        f"constant, {1 / slowest:.3g} s: is it in ms, or the {called} in other units of time?"
+    )
+    return True
+
+
 def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
     """Warn of a sampling time [s] far longer, or far shorter, than what happens in a loop.
 
     It is too long for a continuous plant whose slowest pole or zero settles within 1/100 of a
     sample, and too short for a sampled loop whose fastest pole takes 1000 samples to move.
     """
-    poles, closed = _pole_sizes(plant), _pole_sizes(loop)
-    if poles.size and period * poles.min() > FAR:
-        slowest = min([poles.min(), *_zero_sizes(plant)])
-        if period * slowest > FAR:
-            _warn(
-                f"the sampling time, {period:.3g} s, is above 100 times the plant's longest time "
-                f"constant, {1 / slowest:.3g} s: is it in ms, or the plant in other units of time?"
-            )
-    elif closed.size and period * closed.max() < 1 / (FAR * OFTEN):
+    if warn_long_period(period, plant, "plant"):
+        return
+    closed = _pole_sizes(loop)
+    if closed.size and period * closed.max() < 1 / (FAR * OFTEN):
         _warn(
             f"the sampling time, {period:.3g} s, is below 1/1000 of the loop's shortest time "
             f"constant, {1 / closed.max():.3g} s: is the plant in other units of time?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,10 @@ from workbench.arrays import RealArray
 from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive
+from workbench.systems.conversion import as_states
+from workbench.systems.joints import system_of
+from workbench.systems.range_hints import warn_long_period
 
 
 def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:
@@ -46,12 +51,22 @@ def split_delay(delay: float) -> tuple[int, float]:
     return whole, delay - whole
 
 
-def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace:
+def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     """Exact discrete-time model of a system whose held inputs arrive `delay` samples late.
 
     `period` is the sampling time [s]. Within [k, k + 1) samples the input changes once, at k plus
     the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
     become states, placed after those of the plant.
+
+    Raises
+    ------
+    InputError
+        The system is sampled already, or stands for none; the time or the delay is wrong.
+
+    Warns
+    -----
+    RangeWarning
+        The sampling time is above 100 times the system's longest time constant.
 
     Examples
     --------
@@ -65,7 +80,12 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     """
     import control
 
+    system = _states_of(system)
+    if system.dt:
+        raise InputError(f"the system is sampled already (dt = {system.dt}); give a continuous one")
+    need_positive(period, "period")
     whole, rest = split_delay(delay)
+    warn_long_period(period, system, "plant")
     n, m = system.B.shape
     before, old = hold(system.A, system.B, rest * period)
     after, new = hold(system.A, system.B, (1.0 - rest) * period)
@@ -92,7 +112,11 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     return control.ss(a, b, c, d, float(period))
 
 
-def continued(system: StateSpace) -> StateSpace:
+def _states_of(system: Any) -> StateSpace:
+    return as_states(system_of(system, "system"), "system")
+
+
+def continued(system: Any) -> StateSpace:
     """The continuous system whose bilinear transform is the given discrete system.
 
     Its response at frequency (2/T) tan(w T / 2) equals that of the discrete system at w, so both
@@ -109,6 +133,7 @@ def continued(system: StateSpace) -> StateSpace:
     """
     import control
 
+    system = _states_of(system)
     if not system.isdtime(strict=True) or system.dt is True:
         raise InputError("the system is continuous or has no sample time")
     n, T = system.nstates, float(system.dt)
@@ -121,10 +146,10 @@ def continued(system: StateSpace) -> StateSpace:
     return control.ss(a, b, c, system.D - system.C @ inverse @ system.B)
 
 
-def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
+def respond(system: Any, inputs: ArrayLike) -> RealArray:
     """Outputs (N, outputs) of a discrete-time system, initially at rest, for inputs (N, inputs).
 
-    Raises InputError for another shape.
+    Raises InputError for another shape, and for a continuous system.
 
     Examples
     --------
@@ -134,6 +159,9 @@ def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
     >>> respond(delay, [[1.0], [2.0], [3.0]]).ravel().tolist()
     [0.0, 1.0, 2.0]
     """
+    system = _states_of(system)
+    if system.isctime(strict=True):
+        raise InputError("the system is continuous; `sampled` is how to sample it")
     u = np.ascontiguousarray(inputs, float)
     if u.ndim != 2 or u.shape[1] != system.ninputs:
         raise InputError(f"inputs have shape {u.shape}; they must be (N, {system.ninputs})")

@@ -23,6 +23,7 @@ from workbench.synthesis.implementation.sampled_loop import (
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
+from workbench.systems.range_hints import warn_long_period
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
@@ -76,6 +77,12 @@ def discretised(
         at 2 / sample_time; or, with a plant, half the sampling rate is below the loop's bandwidth,
         or the sampled loop is unstable.
 
+    Warns
+    -----
+    RangeWarning
+        The sampling time is above 100 times the longest time constant of K, or with a plant as
+        `sampled_conditions` warns.
+
     Examples
     --------
     >>> import control
@@ -93,6 +100,8 @@ def discretised(
         plant, turn = plant_and_sign(plant, sign)
         need_fitting(K, plant)
         _check_bandwidth(K, plant, sample_time)
+    else:
+        warn_long_period(sample_time, K, "controller")
     A, B, C = block_diagonal(K.A, K.B, K.C)
     D = np.asarray(K.D, dtype=float)
     if method != "tustin" and prewarp is not None:

@@ -25,13 +25,16 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     omega = grid(loop)
     hertz = omega / (2 * np.pi)
     mixed = frequency_sweep(loop, structure, omega)
-    complex_ = frequency_sweep(loop, structure.complexified(), omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
-    panel.semilogx(hertz, complex_.upper, ":", color=figures.ORANGE, label="all blocks complex")
+    top = max(peak, float(np.max(mixed.upper)))
+    if structure.complexified() != structure:  # elsewhere the two curves are one
+        complex_ = frequency_sweep(loop, structure.complexified(), omega).upper
+        panel.semilogx(hertz, complex_, ":", color=figures.ORANGE, label="all blocks complex")
+        top = max(top, float(np.max(complex_)))
     panel.semilogx(hertz, mixed.upper, color=figures.BLUE, label="upper bound")
     panel.semilogx(hertz, mixed.lower, "--", color=figures.SKY, label="lower bound")
     panel.axhline(peak, color="0.4", linewidth=0.8, label="certified peak")
-    panel.set_ylim(0.0, 1.1 * max(peak, float(np.max(complex_.upper))))
+    panel.set_ylim(0.0, 1.1 * top)
     figures.label(panel, "frequency [Hz]", r"$\mu$ [1]", "robust performance")
     figures.legend_below(figure, panel)
     return figure

@@ -185,7 +185,7 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
 # --- systems with uncertain coefficients ----------------------------------------------------------
 
 
-def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
+def ss(A: Any, B: Any, C: Any, D: Any, dt: float | None = 0.0) -> UncertainSystem:
     """A state-space system whose matrices have uncertain entries.
 
     Each is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain
@@ -201,22 +201,24 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
     """
     if all(isinstance(part, list | tuple) and not any(part) for part in (A, B, C)):
         direct = _matrix(D, "D")  # as python-control's ss([], [], [], D): a static system
-        return replace(direct, dt=float(dt) or direct.dt)
+        return replace(direct, dt=dt or direct.dt)
     parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
     states = parts[0].noutputs
     if parts[0].ninputs != states:
         raise InputError(f"A has shape {parts[0].value.shape}; it must be square")
+    if parts[3].value.shape == (1, 1) and _is_zero(parts[3]):  # as of python-control, for no D
+        parts[3] = uncertain(np.zeros((parts[2].noutputs, parts[1].ninputs)))
     whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
     return _with_states(lift(whole), states, combined_elements(parts), dt)
 
 
-def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSystem:
+def tf(num: Any, den: Any, dt: float | None = 0.0) -> UncertainSystem:
     """A transfer function whose coefficients, the highest power first, may be uncertain.
 
     Each coefficient enters the realisation once, so that bounds of what it does are tight.
     """
-    above = [_number(one, "num") for one in as_list(num, "num")]
-    below = [_number(one, "den") for one in as_list(den, "den")]
+    above = [_number(one, "num") for one in _coefficients(num, "num")]
+    below = [_number(one, "den") for one in _coefficients(den, "den")]
     while below and _is_zero(below[0]):
         below = below[1:]
     while above and _is_zero(above[0]):
@@ -243,11 +245,11 @@ def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSyst
 
 
 def _with_states(
-    whole: LFT, states: int, elements: dict[str, Element], dt: float
+    whole: LFT, states: int, elements: dict[str, Element], dt: float | None
 ) -> UncertainSystem:
     """The system of [A B; C D] with so many states, its repetitions of elements reduced."""
     value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
-    return UncertainSystem(value, elements, float(dt))._used().reduced()
+    return UncertainSystem(value, elements, dt)._used().reduced()
 
 
 def _matrix(given: Any, name: str) -> UncertainSystem:
@@ -267,6 +269,12 @@ def _matrix(given: Any, name: str) -> UncertainSystem:
     value = matrix([[entry.value for entry in row] for row in parts])
     flat = [entry for row in parts for entry in row]
     return UncertainSystem(value, combined_elements(flat))
+
+
+def _coefficients(given: Any, name: str) -> list[Any]:
+    """The coefficients of a polynomial, from a list or from one number."""
+    one = is_real(given) or isinstance(given, UncertainSystem)
+    return [given] if one else as_list(given, name)
 
 
 def _number(given: Any, name: str) -> UncertainSystem:

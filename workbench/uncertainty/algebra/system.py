@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import Figure, StateSpace
-from workbench.input_checks import need_count
+from workbench.input_checks import need_count, need_time_base
 from workbench.structure import Structure
 from workbench.systems.conversion import as_states
 from workbench.systems.generalised_plant import GeneralisedPlant, response
@@ -100,6 +100,9 @@ class UncertainSystem(Algebraic):
     value: LFT
     elements: Mapping[str, Element]
     dt: float | None = None
+
+    def __post_init__(self) -> None:
+        need_time_base(self.dt)
 
     # --- what it is -------------------------------------------------------------------------------
 
