@@ -320,6 +320,17 @@ def test_figures_of_answers():
         mu.nu_gap(LAG, FAST).plot()
 
 
+def test_bounds_of_several_matrices_are_drawn_and_those_of_one_are_not():
+    for bound in (mu.upper_bound, mu.lower_bound):
+        (panel,) = bound(np.stack([M, 2 * M]), MIXED).plot().axes
+        (drawn,) = panel.get_lines()
+        assert drawn.get_linestyle() == "None" and len(drawn.get_xdata()) == 2
+        panel.figure.canvas.draw()
+        assert all(float(place).is_integer() for place in panel.get_xticks())
+        with pytest.raises(InputError, match="there is no figure"):
+            bound(M, MIXED).plot()
+
+
 def test_a_peak_and_a_margin_are_drawn_with_their_level():
     for answer in (mu.peak(N, BLOCKS), mu.robust_stability(CLOSED)):
         (panel,) = answer.plot().axes

@@ -47,6 +47,15 @@ def test_ticks_are_the_houses_where_nobody_labelled_the_axes():
     assert {"$10^{-4}$", "$10^{0}$"} <= ticks(panel.yaxis)
 
 
+def test_a_figure_that_is_saved_by_hand_has_them_too(tmp_path):
+    figure, (panel,) = figures.axes()
+    panel.loglog([0.02, 300.0], [0.4, 7.0])
+    assert any("mathdefault" in one for one in ticks(panel.xaxis))
+    figure.savefig(tmp_path / "figure.png")
+    assert {"0.1", "1", "10", "100"} <= ticks(panel.xaxis)
+    assert {"0.5", "1", "2", "5"} <= ticks(panel.yaxis)
+
+
 def test_the_label_of_an_array_has_its_unit():
     gain = xr.DataArray(1.0, attrs={"units": "V/m", "long_name": "optical gain"})
     assert figures.axis_label(gain, "K_opt") == "optical gain [V/m]"

@@ -40,13 +40,16 @@ def axes(
 
 @cache
 def _shown_figure() -> Any:
-    """The class of figures that a notebook shows where they are the value of a cell."""
+    """The class of figures that a notebook shows, with the house's ticks wherever they go."""
     from matplotlib.figure import Figure
 
     class ShownFigure(Figure):
-        def _repr_png_(self) -> bytes:
+        def savefig(self, *args: Any, **keywords: Any) -> None:
             for panel in self.axes:
                 house_ticks(panel)
+            super().savefig(*args, **keywords)
+
+        def _repr_png_(self) -> bytes:
             file = io.BytesIO()
             self.savefig(file, format="png")
             return file.getvalue()
@@ -151,10 +154,12 @@ def along_batch(panel: Any, values: Any, labels: Any = None) -> None:
     name = names[0] if len(names) == 1 else ""
     place = labels.coords[name] if name and name in labels.coords else None
     over = np.arange(np.size(values)) if place is None else place.values
-    panel.plot(over, np.ravel(values), ".-")
     if place is None:
-        panel.set_xlabel("matrix")
+        panel.plot(over, np.ravel(values), "o")  # nothing lies between two matrices
+        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.set_xlabel("number of the matrix")
         return
+    panel.plot(over, np.ravel(values), ".-")
     units = place.attrs.get("units", "1")
     panel.set_xlabel(axis_label(place, name))
     if units in ("Hz", "rad/s") and (over > 0).all():

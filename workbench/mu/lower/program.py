@@ -210,6 +210,8 @@ class MuLowerBound(Program):
         return LowerBound(data["mu_lower"].values, data["Delta"].values)
 
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
+        if np.size(answer.value) < 2:  # a number is no curve
+            return {}
         figure, (axis,) = figures.axes()
         figures.along_batch(axis, answer.value, self.labels)
         axis.set_ylabel("lower bound of mu [1]")

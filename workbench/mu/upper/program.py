@@ -189,6 +189,8 @@ class MuUpperBound(Program):
         return {"largest_bound": float(np.max(answer.value, initial=0.0))}
 
     def figures(self, answer: UpperBound) -> dict[str, Figure]:
+        if np.size(answer.value) < 2:  # a number is no curve
+            return {}
         figure, (panel,) = figures.axes()
         figures.along_batch(panel, answer.value, self.labels)
         panel.set_ylabel("upper bound of mu [1]")
