@@ -113,9 +113,15 @@ def _is_users(package: str) -> bool:
     An editable install is the user's: its files lie where they are written.
     """
     module = sys.modules.get(package)
-    places = [*getattr(module, "__path__", []), getattr(module, "__file__", None) or ""]
-    files = [Path(place).resolve() for place in places if place]
-    return bool(files) and not any(base in file.parents for file in files for base in _installed())
+    files = [*getattr(module, "__path__", []), getattr(module, "__file__", None) or ""]
+    places = [file for file in files if file]
+    return bool(places) and not any(_is_installed(place) for place in places)
+
+
+@cache
+def _is_installed(place: str) -> bool:
+    """Whether a file or folder lies among Python's own modules or installed packages."""
+    return any(base in Path(place).resolve().parents for base in _installed())
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from workbench.arrays import RealArray
 from workbench.bench.comparison.layout import DIMS, METHOD, cell_labels
@@ -149,7 +149,8 @@ def _ratios(before: RealArray, now: RealArray) -> RealArray:
             continue
         found[j, 0] = np.exp(logs.mean())
         if logs.size > 1:
-            error = stats.sem(logs) * stats.t.ppf((1 + CONFIDENCE) / 2, logs.size - 1)
+            deviation = logs.std(ddof=1) / np.sqrt(logs.size)
+            error = deviation * stdtrit(logs.size - 1, (1 + CONFIDENCE) / 2)
             found[j, 1:3] = np.exp(logs.mean() + error * np.array([-1.0, 1.0]))
     return found
 
