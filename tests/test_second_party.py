@@ -11,6 +11,7 @@ import inspect
 import json
 import pkgutil
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,7 @@ BASES = {"Cover", "EnclosingStadium", "Study", "RepeatedChecker", "CheckedAs"}
 """Bases of others, which nobody answers; and checkers that have the opinion of another one."""
 
 
+@cache
 def library() -> None:
     """Import every module of the library, so that all checkers are known."""
     for module in pkgutil.walk_packages(workbench.__path__, "workbench."):
@@ -111,16 +113,17 @@ def checkers(kind: type[Any] = Checker) -> Iterator[type[Any]]:
             yield one
 
 
-def stored_opinions() -> set[str]:
+@cache
+def stored_opinions() -> frozenset[str]:
     """Names of Programs of which a stored answer was checked by a second opinion."""
-    found = set()
+    found = set[str]()
     for file in REFERENCE.rglob("certificate.json"):
         checks = json.loads(file.read_text(encoding="utf-8"))["checks"]
         problem = json.loads((file.parent / "run.json").read_text(encoding="utf-8"))["problem"]
         if any(check["opinion"] for check in checks) and problem in registry().entries:
             kind = registry().find(problem).hint("return")
             found |= {base.__name__ for base in getattr(kind, "__mro__", ())} - {"Study"}
-    return found
+    return frozenset(found)
 
 
 def same_ways(one: type[Any]) -> set[str]:
@@ -138,7 +141,7 @@ def same_ways(one: type[Any]) -> set[str]:
     }
 
 
-def without_second_way(known: set[str]) -> set[str]:
+def without_second_way(known: frozenset[str]) -> set[str]:
     """Names of Tasks of which nothing here or stored shows a second way."""
     library()
     tasks = {one for one in checkers() if issubclass(one, Task)}

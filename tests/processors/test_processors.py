@@ -16,10 +16,13 @@ from proof import differences, observed
 REFERENCE = ROOT / "results" / "reference"
 PROCESSORS = str(ROOT / "tests" / "processors")
 SAMPLE = {
-    "bounds": ("quick/distillation/*", "quick/mass-spring/*", "cd/focus/stadiums"),
-    "metrics": ("textbook/*/record-feedback", "two-by-two/matrix-cover", "cd/radial/identified"),
+    "bounds": ("prescott", ("quick/distillation/*", "quick/mass-spring/*", "cd/focus/stadiums")),
+    "metrics": (
+        "haswell",
+        ("textbook/*/record-feedback", "two-by-two/matrix-cover", "cd/radial/identified"),
+    ),
 }
-"""Stored runs that cost little to verify, and hang most on rounding."""
+"""An emulation, and stored runs that cost little to verify and hang most on rounding."""
 VERIFY = """
 import sys
 from emulations import EMULATIONS
@@ -46,8 +49,7 @@ def here():
     return observed()
 
 
-@pytest.mark.parametrize("runs", SAMPLE.values(), ids=SAMPLE)
-@pytest.mark.parametrize("name", ["prescott", "haswell"])
+@pytest.mark.parametrize(("name", "runs"), SAMPLE.values(), ids=SAMPLE)
 def test_a_sample_of_stored_runs_is_verified_on_another_processor(name, runs, here):
     """These runs need no compiled code, which it would take minutes to compile anew."""
     emulation = EMULATIONS[name]
