@@ -34,17 +34,28 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     M is [A B; C D], shape (..., n + m, n + p), with n = `states`. The states are scaled first.
     Raises InputError where s is a pole.
     """
-    points = np.atleast_1d(np.asarray(s, dtype=complex))
+    return scaled_response(with_scaled_states(M, states), states, s)
+
+
+def with_scaled_states(M: Array, states: int) -> Array:
+    """[A B; C D] with its states scaled by powers of two; of several, by the same ones."""
     size = np.ascontiguousarray(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), dtype=float)
     scale = _scale(size.tobytes(), size.shape, states)
-    A = M[..., :states, :states] * scale[:, None] / scale
-    B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
-    D = M[..., states:, states:]
+    scaled = np.array(M)
+    scaled[..., :states, :] *= scale[:, None]
+    scaled[..., :, :states] /= scale
+    return scaled
+
+
+def scaled_response(M: Array, states: int, s: ArrayLike) -> Array:
+    """`frequency_response` of a realisation whose states are scaled already."""
+    points = np.atleast_1d(np.asarray(s, dtype=complex))
+    A, B = M[..., :states, :states], M[..., :states, states:]
+    C, D = M[..., states:, :states], M[..., states:, states:]
     result = np.empty((*M.shape[:-2], len(points), *D.shape[-2:]), complex)
     many = states >= MANY_STATES and len(points) >= MANY_POINTS
     if many and M.ndim == 2 and np.isrealobj(M) and np.isfinite(M).all():
-        scaled = np.block([[A, B], [C, D]]).astype(float)
-        form = _kept_form(scaled.tobytes(), scaled.shape, states)
+        form = _kept_form(np.asarray(M, float).tobytes(), M.shape, states)
         if form is not None:
             _need_no_pole(np.diagonal(form[0]), points)
             result[...] = triangular_response(form, points) + D

@@ -84,18 +84,27 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     if system.dt:
         raise InputError(f"the system is sampled already (dt = {system.dt}); give a continuous one")
     need_positive(period, "period")
-    whole, rest = split_delay(delay)
+    split_delay(delay)
     warn_long_period(period, system, "plant")
-    n, m = system.B.shape
-    before, old = hold(system.A, system.B, rest * period)
-    after, new = hold(system.A, system.B, (1.0 - rest) * period)
+    parts = held_matrices((system.A, system.B, system.C, system.D), period, delay)
+    return control.ss(*parts, float(period))
+
+
+def held_matrices(
+    parts: tuple[RealArray, RealArray, RealArray, RealArray], period: float, delay: float
+) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+    """A, B, C and D of `sampled`, from those of a system in continuous time."""
+    A, B, C, D = parts
+    n, m = B.shape
+    whole, rest = split_delay(delay)
+    through, new, old = held_pieces(A, B, period, rest)
     waiting = whole + (rest > 0.0)
     a = np.zeros((n + m * waiting, n + m * waiting))
     b = np.zeros((n + m * waiting, m))
-    c = np.zeros((len(system.C), n + m * waiting))
-    d = np.zeros((len(system.C), m))
-    a[:n, :n] = after @ before
-    c[:, :n] = system.C
+    c = np.zeros((len(C), n + m * waiting))
+    d = np.zeros((len(C), m))
+    a[:n, :n] = through
+    c[:, :n] = C
 
     def tap(age: int, states: RealArray, direct: RealArray) -> RealArray:
         """The columns of a matrix that multiply the input of `age` samples ago."""
@@ -104,12 +113,24 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
 
     tap(whole, a, b)[:n] += new
     if rest > 0.0:
-        tap(whole + 1, a, b)[:n] += after @ old
-    tap(waiting, c, d)[:] += system.D
+        tap(whole + 1, a, b)[:n] += old
+    tap(waiting, c, d)[:] += D
     if waiting:
         b[n : n + m] = np.eye(m)
         a[n + m :, n:-m] = np.eye(m * (waiting - 1))
-    return control.ss(a, b, c, d, float(period))
+    return a, b, c, d
+
+
+def held_pieces(
+    A: RealArray, B: RealArray, period: float, rest: float
+) -> tuple[RealArray, RealArray, RealArray]:
+    """What a sampling interval adds up to, where an input changes after the part `rest` of it.
+
+    Transition matrix of the states (n, n), then what the new and the old input leave (n, m).
+    """
+    before, old = hold(A, B, rest * period)
+    after, new = hold(A, B, (1.0 - rest) * period)
+    return after @ before, new, after @ old
 
 
 def _states_of(system: Any) -> StateSpace:

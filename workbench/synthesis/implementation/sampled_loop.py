@@ -319,7 +319,7 @@ def _unstable_from(loop: HeldPlantLoop, channel: int, end: float) -> float | Non
     own = np.eye(loop.plant.ninputs)[channel]
 
     def outside(more: float) -> float:
-        return float(np.abs(loop.closed(more * own).poles()).max(initial=0.0)) - 1.0
+        return loop.largest_pole(more * own) - 1.0
 
     for more in np.arange(SCAN_STEP, end * (1.0 - SCAN_STEP), SCAN_STEP):
         if outside(more) >= 0.0:

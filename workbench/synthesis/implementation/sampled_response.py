@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
+from workbench.systems.frequency_response import scaled_response, with_scaled_states
 from workbench.systems.generalised_plant import response
 from workbench.systems.interconnection import connected, named_realisation
 from workbench.systems.realisation import realisation
-from workbench.systems.sampling import sampled, split_delay
+from workbench.systems.sampling import held_matrices, held_pieces, split_delay
 
 SAMPLED_GRID_POINTS = 4000
 """Number of frequencies up to half the sampling rate, before those around each mode are added."""
@@ -40,24 +42,29 @@ class HeldPlantLoop:
 
         All inputs share the states of the plant; each has its own states for delayed values.
         """
+        return realisation(self._held(more), self.period)
+
+    def _held(self, more: RealArray | None) -> tuple[RealArray, RealArray, RealArray, RealArray]:
         G = self.plant
         n, m = G.nstates, G.ninputs
         delays = self.delay + (np.zeros(m) if more is None else more)
-        columns = [
-            sampled(realisation((G.A, G.B[:, [j]], G.C, G.D[:, [j]]), 0.0), self.period, delays[j])
-            for j in range(m)
-        ]
-        ends = n + np.cumsum([column.nstates - n for column in columns])
+        columns = [held_matrices(self._column(j), self.period, delays[j]) for j in range(m)]
+        ends = n + np.cumsum([len(column[0]) - n for column in columns])
         size = int(ends[-1])
         A, B = np.zeros((size, size)), np.zeros((size, m))
         C, D = np.zeros((G.noutputs, size)), np.zeros((G.noutputs, m))
-        A[:n, :n], C[:, :n] = columns[0].A[:n, :n], G.C
-        for j, (column, end) in enumerate(zip(columns, ends, strict=True)):
-            own = slice(int(end) - column.nstates + n, int(end))
-            A[:n, own], A[own, own] = column.A[:n, n:], column.A[n:, n:]
-            B[:n, j], B[own, j] = column.B[:n, 0], column.B[n:, 0]
-            C[:, own], D[:, j] = column.C[:, n:], column.D[:, 0]
-        return realisation((A, B, C, D), self.period)
+        A[:n, :n], C[:, :n] = columns[0][0][:n, :n], G.C
+        for j, ((a, b, c, d), end) in enumerate(zip(columns, ends, strict=True)):
+            own = slice(int(end) - len(a) + n, int(end))
+            A[:n, own], A[own, own] = a[:n, n:], a[n:, n:]
+            B[:n, j], B[own, j] = b[:n, 0], b[n:, 0]
+            C[:, own], D[:, j] = c[:, n:], d[:, 0]
+        return A, B, C, D
+
+    def _column(self, j: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+        """A, B, C and D of the plant in continuous time from one of its inputs."""
+        G = self.plant
+        return G.A, G.B[:, [j]], G.C, G.D[:, [j]]
 
     def closed(self, more: RealArray | None = None) -> StateSpace:
         """The closed loop with every state, for its poles; its inputs and outputs are arbitrary."""
@@ -69,6 +76,20 @@ class HeldPlantLoop:
         parts = named_realisation(self.held(more)), named_realisation(self.K)
         M, n = connected(parts, links, enters, leaves)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
+
+    def largest_pole(self, more: RealArray) -> float:
+        """The largest magnitude of a pole of `closed`, for a search that asks for many delays."""
+        A, B, C, D = self._held(more)
+        K, n = self.K, len(A)
+        # u = sign K y and y = C x + D u are solved for u, from the states of plant and controller.
+        u = np.linalg.solve(np.eye(len(K.D)) - self.sign * K.D @ D, np.hstack([K.D @ C, K.C]))
+        u *= self.sign
+        y = D @ u
+        y[:, :n] += C
+        whole = np.vstack([B @ u, K.B @ y])
+        whole[:n, :n] += A
+        whole[n:, n:] += K.A
+        return float(np.abs(np.linalg.eigvals(whole)).max(initial=0.0))
 
     def angles(self) -> RealArray:
         """Frequencies [rad/sample] in (0, pi], dense around the modes."""
@@ -89,14 +110,11 @@ class HeldPlantLoop:
         The delay of the signal is raised by `more` [samples].
         """
         m = self.plant.ninputs
-        columns = []
-        for j in range(m):
-            whole, rest = split_delay(self.delay + (more if j == channel else 0.0))
-            parts = self.plant.A, self.plant.B[:, [j]], self.plant.C, self.plant.D[:, [j]]
-            held = sampled(realisation(parts, 0.0), self.period, rest)
-            turned = np.exp(-1j * angle * whole)[:, None, None]
-            columns.append(response(held, angle / self.period) * turned)
-        L = -self.sign * response(self.K, angle / self.period) @ np.concatenate(columns, axis=-1)
+        columns = [
+            self._held_response(angle, j, self.delay + (more if j == channel else 0.0))
+            for j in range(m)
+        ]
+        L = -self.sign * response(self.K, angle / self.period) @ np.stack(columns, axis=-1)
         other = np.delete(np.arange(m), channel)
         own = L[:, channel, channel]
         if m == 1:
@@ -104,3 +122,23 @@ class HeldPlantLoop:
         others = np.eye(m - 1) + L[:, other[:, None], other]
         through = np.linalg.solve(others, L[:, other, channel, None])[..., 0]
         return own - (L[:, channel, other] * through).sum(axis=-1)
+
+    def _held_response(self, angle: RealArray, j: int, delay: float) -> ComplexArray:
+        """Response (F, outputs) of the held plant from one of its inputs, late by `delay`."""
+        n, m = self.plant.nstates, self.plant.ninputs
+        M = np.delete(self._scaled, [n + k for k in range(m) if k != j], axis=1)
+        whole, rest = split_delay(delay)
+        through, new, old = held_pieces(M[:n, :n], M[:n, n:], self.period, rest)
+        direct = np.zeros((len(M) - n, 2))
+        direct[:, [int(rest > 0.0)]] = M[n:, n:]
+        pieces = np.block([[through, new, old], [M[n:, :n], direct]])
+        found = scaled_response(pieces, n, np.exp(1j * angle))
+        # The new input came `whole` samples ago, the old one a sample before that.
+        late = np.exp(-1j * np.outer(angle, [whole, whole + 1]))
+        return np.asarray((found * late[:, None, :]).sum(axis=-1))
+
+    @cached_property
+    def _scaled(self) -> RealArray:
+        """[A B; C D] of the plant in continuous time, its states scaled."""
+        part = named_realisation(self.plant)
+        return with_scaled_states(part.M, part.states)
