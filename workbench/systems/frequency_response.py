@@ -34,7 +34,7 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     M is [A B; C D], shape (..., n + m, n + p), with n = `states`. The states are scaled first.
     Raises InputError where s is a pole.
     """
-    return scaled_response(with_scaled_states(M, states), states, s)
+    return response_of_scaled(with_scaled_states(M, states), states, s)
 
 
 def with_scaled_states(M: Array, states: int) -> Array:
@@ -47,7 +47,7 @@ def with_scaled_states(M: Array, states: int) -> Array:
     return scaled
 
 
-def scaled_response(M: Array, states: int, s: ArrayLike) -> Array:
+def response_of_scaled(M: Array, states: int, s: ArrayLike) -> Array:
     """`frequency_response` of a realisation whose states are scaled already."""
     points = np.atleast_1d(np.asarray(s, dtype=complex))
     A, B = M[..., :states, :states], M[..., :states, states:]

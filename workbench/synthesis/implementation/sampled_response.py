@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
-from workbench.systems.frequency_response import scaled_response, with_scaled_states
+from workbench.systems.frequency_response import response_of_scaled, with_scaled_states
 from workbench.systems.generalised_plant import response
 from workbench.systems.interconnection import connected, named_realisation
 from workbench.systems.realisation import realisation
@@ -132,7 +132,7 @@ class HeldPlantLoop:
         direct = np.zeros((len(M) - n, 2))
         direct[:, [int(rest > 0.0)]] = M[n:, n:]
         pieces = np.block([[through, new, old], [M[n:, :n], direct]])
-        found = scaled_response(pieces, n, np.exp(1j * angle))
+        found = response_of_scaled(pieces, n, np.exp(1j * angle))
         # The new input came `whole` samples ago, the old one a sample before that.
         late = np.exp(-1j * np.outer(angle, [whole, whole + 1]))
         return np.asarray((found * late[:, None, :]).sum(axis=-1))
