@@ -41,6 +41,13 @@ def test_the_margins_of_every_form(group):
             assert found.holds, (seed, form, found.certificate.failures)
 
 
+def test_a_crossing_beside_a_pole_that_is_made_of_rounding():
+    """The denominator there is 4e-16, from terms up to 20: doubles make the resolvent 1e10 larger."""
+    L = formed(loop_of(2576), "zpk")
+    found = classical_margins(L)
+    assert len(found.phases) == 2 and not disagreements(found, *polynomials(L), L.dt)
+
+
 @pytest.mark.parametrize("group", GROUPS)
 def test_all_margins_of_a_loop(group):
     """As a loop in one form, or of its plant and its controller."""
