@@ -19,13 +19,12 @@ from workbench.certify.realisations.parts import (
     nearest_doubles,
     split_in_balls,
     sum_errors,
-    unit_of_time,
 )
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import state_units
+from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import in_parallel, matrices_of, realisation
 
@@ -127,7 +126,7 @@ def parts_of(system: StateSpace) -> SystemParts:
     """The parts with their proven errors, without a checker."""
     A, B, C, D = matrices_of(system)
     dt = float(system.dt or 0.0)
-    rate = 1.0 if dt else unit_of_time(A, B, C)
+    rate = 1.0 if dt else speed(A, B, C)
     given = _units(A, B, C, bool(dt))
     A, B, C = A / rate * given[:, None] / given, B / rate * given[:, None], C / given
     V, (k, antistable), projector = _coordinates(A, B, C, bool(dt))
@@ -160,7 +159,7 @@ def parts_of(system: StateSpace) -> SystemParts:
 
 def _units(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> RealArray:
     """Factors of the states that balance a realisation, its time measured by its own speed."""
-    rate = 1.0 if sampled else unit_of_time(A, B, C)
+    rate = 1.0 if sampled else speed(A, B, C)
     return state_units(A / rate, B / rate, C)
 
 
@@ -202,13 +201,16 @@ def _coordinates(
     units = _units(A, B, C, sampled)
     balanced = A * units[:, None] / units
     V, k = np.eye(n), 0
-    projector = boundary_projector(A, sampled) if _may_touch(balanced, sampled) else None
+    projector = boundary_projector(A, sampled) if may_touch(balanced, sampled) else None
     if projector is not None:
         V, k = _bases(nearest_doubles(projector) * units[:, None] / units)
     if k == n:
         return V / units[:, None], (k, 0), projector
     rest = np.linalg.solve(V, balanced @ V)[k:, k:]
-    T, Q, beyond = schur(rest if sampled else -rest, sort="ouc" if sampled else "lhp")
+    try:
+        T, Q, beyond = schur(rest if sampled else -rest, sort="ouc" if sampled else "lhp")
+    except np.linalg.LinAlgError as failed:  # poles cross the boundary while they are sorted
+        raise _undecided() from failed
     turn = np.eye(n - k)
     if 0 < beyond < n - k:
         turn[:beyond, beyond:] = solve_sylvester(
@@ -218,7 +220,7 @@ def _coordinates(
     return V / units[:, None], (k, beyond), projector
 
 
-def _may_touch(A: RealArray, sampled: bool) -> bool:
+def may_touch(A: RealArray, sampled: bool) -> bool:
     """Whether rounding may put a pole on the boundary of stability."""
     n = len(A)
     if not n:

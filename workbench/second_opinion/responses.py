@@ -12,6 +12,7 @@ from scipy.linalg import matrix_balance, schur
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
+from workbench.systems.balancing import state_units
 
 NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Distances from a lightly damped pole's frequency that are looked at, in units of its damping."""
@@ -228,6 +229,32 @@ def farthest_sum(system: Any, parts: Sequence[Any]) -> float:
         scale = sum(np.linalg.norm(value) for value in values)
         apart = np.linalg.norm(values[0] - sum(values[1:]))
         worst = max(worst, float(apart / scale) if scale else 0.0)
+    return worst
+
+
+def change_of_matrices(system: Any, other: Any) -> float:
+    """By which share the matrices of a system must change to have the responses of another.
+
+    From responses between the sizes of the other's poles that are not 0, off the axis: a change dA
+    moves them by C (s - A)^-1 dA (s - A)^-1 B. Norms are those of balanced states.
+    """
+    A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
+    if not len(A):
+        return 0.0
+    sizes = np.abs(np.linalg.eigvals(np.asarray(other.A, dtype=float)))
+    sizes = sizes[sizes > 1e-9 * sizes.max()]
+    if not sizes.size:
+        sizes = np.array([float(np.linalg.norm(A)) or 1.0])
+    units = state_units(A / sizes.max(), B / sizes.max(), C)
+    A, B, C = A * units[:, None] / units, B * units[:, None], C / units
+    size, entering, leaving = (float(np.linalg.norm(part)) for part in (A, B, C))
+    worst = 0.0
+    for k, radius in enumerate(np.geomspace(sizes.min() / 2.0, sizes.max() * 2.0, tries(POINTS))):
+        s = radius * np.exp(1j * (0.5 + UNIT_TURN * k))
+        inner = float(np.linalg.norm(np.linalg.inv(s * np.eye(len(A)) - A)))
+        scale = leaving * inner * (2.0 + size * inner) * entering + float(np.linalg.norm(D))
+        apart = float(np.linalg.norm(_at(system, s) - _at(other, s)))
+        worst = max(worst, apart / scale if scale else 0.0)
     return worst
 
 

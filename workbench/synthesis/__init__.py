@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
     from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis, hinf
     from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
-    from workbench.synthesis.implementation.approximation import (
-        ApproximatedSystem,
-        approximated,
-        approximations,
-    )
+    from workbench.synthesis.implementation.approximation import approximated, approximations
     from workbench.synthesis.implementation.continuation import continuous_time
     from workbench.synthesis.implementation.discretise import discretised
     from workbench.synthesis.implementation.export import export, load_controller
@@ -57,6 +53,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
     from workbench.synthesis.records.record import NoiseEnergy, StateRecords
+    from workbench.synthesis.reduction.approximated_system import ApproximatedSystem
     from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
     from workbench.synthesis.switching.controllers import (
         controller_replaced,

@@ -13,12 +13,8 @@ from scipy.linalg import block_diag, schur
 from scipy.linalg.lapack import dtrsen
 
 from workbench.arrays import EPS, RealArray
+from workbench.systems.balancing import axis_rounding, integrators_first
 from workbench.systems.frequency_response import driven_states
-
-AXIS_ROUNDING = 100.0
-"""Multiple of a matrix's rounding error, its states balanced, up to which
-a pole lies on the axis."""
-
 
 POLE_ROUNDINGS = 4
 """Multiple of the relative rounding error of every entry of a matrix that may move its poles."""
@@ -44,9 +40,8 @@ def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
     A (n, n) has balanced states. Poles at 0 are exactly 0, and so are the real parts of simple ones
     elsewhere on the axis. The last result is the number of those at 0.
     """
-    n = len(A)
-    small = AXIS_ROUNDING * EPS * n * float(np.linalg.norm(A))
-    Q, T, k = _integrators_first(A, small)
+    small = axis_rounding(A)
+    Q, T, k = integrators_first(A, small)
     T2, Q2 = schur(T[k:, k:])
     select = np.array([_not_stable(T2, pole, small) for pole in _poles(T2)], dtype=np.int32)
     count = int(select.sum())
@@ -57,22 +52,6 @@ def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
     T[k:, k:] = T2
     _put_on_axis(T[k : k + count, k : k + count], small)
     return Q, T, k + count, k
-
-
-def _integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
-    """Q, Q^T A Q and the number k of poles at 0: its first k columns have entries above only."""
-    n = len(A)
-    Q, T, k = np.eye(n), A.copy(), 0
-    while k < n:
-        _, values, Vh = np.linalg.svd(T[k:, k:])
-        null = int((values <= small).sum())
-        if not null:
-            break
-        V = block_diag(np.eye(k), Vh[::-1].T)
-        Q, T = Q @ V, V.T @ T @ V
-        T[k:, k : k + null] = 0.0
-        k += null
-    return Q, T, k
 
 
 def _poles(T: RealArray) -> list[complex]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workbench.arrays import EPS, Array, RealArray
 
@@ -46,8 +47,37 @@ def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
     by_gain = _speed_of_integrators(A, B, C)
     if poles_at_zero(poles / by_gain) == n or _nilpotent(A):
         return by_gain
-    size = np.abs(poles)
-    return _power_of_two(float(np.median(size[size > 1e-8 * size.max()])))
+    size = np.sort(np.abs(poles))
+    own = balanced(A / size[-1], B / size[-1], C)[0]
+    k = integrators_first(own, axis_rounding(own))[2]
+    rest = size[k:] if k < n else size[-1:]
+    return _power_of_two(float(np.median(rest[rest > 1e-8 * size[-1]])))
+
+
+AXIS_ROUNDING = 100.0
+"""Multiple of a matrix's rounding error, its states balanced, up to which
+a pole lies on the axis."""
+
+
+def axis_rounding(A: RealArray) -> float:
+    """Size of changes of A (n, n), its states balanced, that count as rounding of its poles."""
+    return AXIS_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
+
+
+def integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
+    """Q, Q^T A Q and the number k of poles at 0: its first k columns have entries above only."""
+    n = len(A)
+    Q, T, k = np.eye(n), A.copy(), 0
+    while k < n:
+        _, values, Vh = np.linalg.svd(T[k:, k:])
+        null = int((values <= small).sum())
+        if not null:
+            break
+        V = block_diag(np.eye(k), Vh[::-1].T)
+        Q, T = Q @ V, V.T @ T @ V
+        T[k:, k : k + null] = 0.0
+        k += null
+    return Q, T, k
 
 
 def poles_at_zero(poles: Array) -> int:

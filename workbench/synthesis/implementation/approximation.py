@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, Literal, get_args
 
-import control
 import numpy as np
 
-from workbench.answer import Answer
-from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -20,12 +15,12 @@ from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.performance import performance_peak
-from workbench.realisations.difference import difference_bound
-from workbench.second_opinion.responses import farthest_apart
 from workbench.synthesis.implementation.reduced import deciding_peak
 from workbench.synthesis.reduction import truncation
+from workbench.synthesis.reduction.approximated_system import ApproximatedSystem, DifferenceChecker
+from workbench.synthesis.reduction.kept_part import split
 from workbench.synthesis.reduction.truncation import Weights
-from workbench.systems.bilinear import to_continuous, to_sampled
+from workbench.systems.bilinear import to_continuous
 from workbench.systems.conversion import as_system, as_weight, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of, pole_sizes, realisation
@@ -36,89 +31,8 @@ DETOUR = 8
 """States above the wanted order from which `approximations` starts again at most."""
 ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
 """Methods of order reduction; see `approximated`."""
-REPEATED_BOUND = 1e-6
-"""Share by which a bound of the gain may differ on another processor."""
-DIFFERENCE_ROUNDING = 1e-6
-"""Share of a response by which rounding may move a difference of responses."""
 SCREENED = 60
 """Frequencies at which a difference is looked at before its bound is proven."""
-
-
-@dataclass(frozen=True, eq=False)
-class DifferenceChecker(Checker):
-    """Checks the largest weighted gain of the difference to a system, in balls and by responses."""
-
-    system: StateSpace
-    output_weight: StateSpace | None = None
-    input_weight: StateSpace | None = None
-
-    @property
-    def quantifier(self) -> str:
-        return EVERY_FREQUENCY
-
-    def bound(self, other: StateSpace) -> float:
-        """The proven bound of another system."""
-        return difference_bound(self.system, other, self.output_weight, self.input_weight)
-
-    def checks(self, answer: ApproximatedSystem, tolerance: float) -> list[Check]:
-        statement = "by which share the claimed error is below the proven one"
-        found = excess(self.bound(answer), answer.error)
-        unbounded = float(not np.isfinite(answer.error))
-        return [
-            Check("error", statement, found, 0.0, proven=True),
-            Check("bounded", "whether no finite error is proven", unbounded, 0.0, proven=True),
-        ]
-
-    def second_opinion(self, answer: ApproximatedSystem) -> list[Check]:
-        apart = farthest_apart(
-            self.system, answer, answer.error, self.output_weight, self.input_weight
-        )
-        statement = "difference of responses at drawn points beyond the error, relative"
-        return [Check("responses", statement, apart, DIFFERENCE_ROUNDING)]
-
-
-class ApproximatedSystem(Answer, control.StateSpace):
-    """A StateSpace that approximates another one, with the proven error of the approximation.
-
-    What is computed from it is a StateSpace. The error is proven when it is first asked for.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import approximated
-    >>> G = control.tf([1.0], [1.0, 1.0]) + control.tf([1.0], [1.0, 100.0])
-    >>> small = approximated(G, 1, "balanced")
-    >>> bool(0.004 < small.error < 0.01), small.holds, type(small + small).__name__
-    (True, True, 'StateSpace')
-    """
-
-    __repr__ = control.StateSpace.__repr__
-    plot = Answer.plot
-
-    @classmethod
-    def of(cls, system: StateSpace, checker: DifferenceChecker) -> ApproximatedSystem:
-        """The system as an approximation of the one that the checker knows."""
-        labels = {"inputs": system.input_labels, "outputs": system.output_labels}
-        parts = system.A, system.B, system.C, system.D, system.dt
-        made: Any = cls(*parts, remove_useless_states=False, **labels)
-        return made.checked_by(checker)
-
-    @cached_property
-    def error(self) -> float:
-        """Bound of the largest gain of the difference at every frequency, with the weights.
-
-        The parts with poles on the boundary of stability agree up to rounding, and are left out.
-        It is infinite where they do not, or nothing proves a bound: no certificate holds then.
-        """
-        checker = self._checked_by[0] if self._checked_by else None
-        if not isinstance(checker, DifferenceChecker):
-            return math.nan
-        return checker.bound(self) * (1.0 + REPEATED_BOUND)
-
-    @property
-    def value(self) -> float:
-        """The proven error."""
-        return self.error
 
 
 def approximated(
@@ -203,14 +117,14 @@ def approximated(
 
 def _seen_apart(checker: DifferenceChecker, small: StateSpace) -> float:
     """The largest weighted gain of the difference at some frequencies: none is proven below it."""
-    sizes = pole_sizes(checker.system)
+    sizes = pole_sizes(checker.reference)
     sizes = sizes[sizes > 0.0]
     if not sizes.size:
         return 0.0
     omega = np.geomspace(sizes.min() / 10.0, sizes.max() * 10.0, SCREENED)
     if small.dt:
         omega = omega[omega < np.pi / float(small.dt)]
-    apart = response(checker.system, omega) - response(small, omega)
+    apart = response(checker.reference, omega) - response(small, omega)
     if checker.output_weight is not None:
         apart = response(checker.output_weight, omega) @ apart
     if checker.input_weight is not None:
@@ -292,10 +206,8 @@ def reducer(
         of_states = weighted_by_loop(K, plant, found)
         least = 0
     elif method in ("balanced", "matchdc", "hankel"):
-        parts, leaving, entering = (
-            None if one is None else _in_continuous_time(one) for one in (K, *weights)
-        )
-        assert parts is not None
+        parts = split(matrices_of(K), bool(K.dt))
+        leaving, entering = (None if one is None else _in_continuous_time(one) for one in weights)
         if method == "hankel":
             least, of_states = truncation.hankel(parts)
         else:
@@ -304,11 +216,9 @@ def reducer(
     else:
         raise InputError(f"method is {method!r}; it must be one of {get_args(ReductionMethod)}")
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}
-    dt = float(K.dt or 0.0)
 
     def of(order: int) -> StateSpace:
-        small = of_states(order)
-        return realisation(to_sampled(small) if dt else small, dt, **labels)
+        return realisation(of_states(order), float(K.dt or 0.0), **labels)
 
     return least, of
 

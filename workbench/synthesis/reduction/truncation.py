@@ -1,7 +1,8 @@
 """Methods of order reduction: balanced truncation, with fast states left out or at rest, Glover's
 approximation, closed-loop weighting.
 
-All are square-root methods in scaled time and states (see `workbench.systems.equations.gramians`).
+All are square-root methods in scaled time and states (see `workbench.systems.equations.gramians`);
+poles that are not stable are kept (see `workbench.synthesis.reduction.kept_part`).
 """
 
 from __future__ import annotations
@@ -10,13 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_sylvester, sqrtm
+from scipy.linalg import sqrtm
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.mu.frequency.peak_bounds import Peak
-from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import poles_at_zero, speed, state_units
+from workbench.synthesis.reduction.kept_part import Split, stable_part_of, timed
+from workbench.systems.balancing import speed, state_units
 from workbench.systems.equations.gramians import balancing_projections, gramian_factors
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices, in_series
@@ -31,30 +32,6 @@ divides by differences of their squares, in which they would be rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
-    """K as the sum of a kept and a stable part.
-
-    The kept part has the poles on the imaginary axis, up to rounding, or to the right of it.
-    """
-
-    kept: Matrices
-    stable: Matrices
-
-    @property
-    def count(self) -> int:
-        """Number of states of the kept part."""
-        return len(self.kept[0])
-
-    def with_stable(self, other: Matrices) -> Matrices:
-        """The sum of the kept part and another stable part, whose direct term is used."""
-        (A1, B1, C1, _), (A2, B2, C2, D) = self.kept, other
-        n, k = len(A1), len(A2)
-        A = np.zeros((n + k, n + k))
-        A[:n, :n], A[n:, n:] = A1, A2
-        return A, np.vstack([B1, B2]), np.hstack([C1, C2]), D
-
-
-@dataclass(frozen=True, eq=False)
 class Weights:
     """Stable weights of the difference W_o (K - K_r) W_i that is to be small; None is 1."""
 
@@ -62,57 +39,54 @@ class Weights:
     entering: Matrices | None = None
 
 
-def balanced_truncation(K: Matrices, weights: Weights | None = None) -> tuple[int, Reducer]:
+def balanced_truncation(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
     """Balanced truncation of the stable part (B. Moore, IEEE Trans. Automatic Control 26 (1981)).
 
     Returns the least order, which is that of the kept part, and the reducer.
     """
-    rate, parts = _scaled(K)
-    split = _split(parts)
-    A, B, C, D = split.stable
-    left, right, _ = balancing_projections(*_factors(split.stable, weights, rate))
+    A, B, C, D = K.stable
+    left, right, _ = balancing_projections(*_factors(K, weights))
 
     def of(order: int) -> Matrices:
-        T, V = left[: order - split.count], right[:, : order - split.count]
-        return _timed(split.with_stable((T @ A @ V, T @ B, C @ V, D)), rate)
+        T, V = left[: order - K.count], right[:, : order - K.count]
+        return K.with_stable((T @ A @ V, T @ B, C @ V, D))
 
-    return split.count, of
+    return K.count, of
 
 
-def matchdc(K: Matrices, weights: Weights | None = None) -> tuple[int, Reducer]:
+def matchdc(K: Split, weights: Weights | None = None) -> tuple[int, Reducer]:
     """Balanced truncation whose other states are at rest, of the stable part.
 
     The response at zero frequency stays the same, and fast states leave their gain in the direct
     term (K. Fernando, H. Nicholson, Singular perturbational model reduction of balanced systems,
     IEEE Trans. Automatic Control 27 (1982) 466-468). Returns as `balanced_truncation`.
     """
-    rate, parts = _scaled(K)
-    split = _split(parts)
-    A, B, C, D = _balanced(split.stable, *_factors(split.stable, weights, rate))[0]
+    A, B, C, D = _balanced(K.stable, *_factors(K, weights))[0]
 
     def of(order: int) -> Matrices:
-        k = min(order - split.count, len(A))
+        k = min(order - K.count, len(A))
         rest = np.linalg.solve(A[k:, k:], np.hstack([A[k:, :k], B[k:]]))
         A2, B2 = rest[:, :k], rest[:, k:]
         slow = A[:k, :k] - A[:k, k:] @ A2, B[:k] - A[:k, k:] @ B2
-        return _timed(split.with_stable((*slow, C[:, :k] - C[:, k:] @ A2, D - C[:, k:] @ B2)), rate)
+        return K.with_stable((*slow, C[:, :k] - C[:, k:] @ A2, D - C[:, k:] @ B2))
 
-    return split.count, of
+    return K.count, of
 
 
-def _factors(G: Matrices, weights: Weights | None, rate: float) -> tuple[RealArray, RealArray]:
+def _factors(K: Split, weights: Weights | None) -> tuple[RealArray, RealArray]:
     """Factors of the Gramians of a stable part, weighted as by D. Enns (CDC 1984).
 
     The controllability Gramian is the block of the part's states in that of G W_i, the
     observability Gramian their block in that of W_o G.
     """
+    G = K.stable
     n = len(G[0])
     S, R = gramian_factors(*G[:3])
     if weights is not None and weights.entering is not None and n:
-        A, B, C, units = _balanced_states(in_series(_timed(weights.entering, 1.0 / rate), G))
+        A, B, C, units = _balanced_states(in_series(timed(weights.entering, 1.0 / K.rate), G))
         S = gramian_factors(A, B, C)[0][:n] / units[:n, None]
     if weights is not None and weights.leaving is not None and n:
-        A, B, C, units = _balanced_states(in_series(G, _timed(weights.leaving, 1.0 / rate)))
+        A, B, C, units = _balanced_states(in_series(G, timed(weights.leaving, 1.0 / K.rate)))
         R = gramian_factors(A, B, C)[1][:, len(A) - n :] * units[len(A) - n :]
     if weights is not None and weights.leaving is not None and weights.entering is not None and n:
         S, R = _definite(G[0], S), _definite(G[0].T, R.T).T
@@ -139,7 +113,7 @@ def _balanced_states(G: Matrices) -> tuple[RealArray, RealArray, RealArray, Real
     return A * units[:, None] / units, B * units[:, None], C / units, units
 
 
-def hankel(K: Matrices) -> tuple[int, Reducer]:
+def hankel(K: Split) -> tuple[int, Reducer]:
     """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
     The Hankel norm of the error is the next singular value, which is the least error of any stable
@@ -150,14 +124,12 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     K. Glover, All optimal Hankel-norm approximations of linear multivariable systems and their
     L-infinity-error bounds, Int. J. Control 39 (1984) 1115-1193, theorem 6.3.
     """
-    rate, parts = _scaled(K)
-    split = _split(parts)
-    minimal, values = _balanced(split.stable, *gramian_factors(*split.stable[:3]))
+    minimal, values = _balanced(K.stable, *gramian_factors(*K.stable[:3]))
 
     def of(order: int) -> Matrices:
-        return _timed(split.with_stable(_glover(minimal, values, order - split.count)), rate)
+        return K.with_stable(_glover(minimal, values, order - K.count))
 
-    return split.count, of
+    return K.count, of
 
 
 def _balanced(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealArray]:
@@ -190,7 +162,7 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
     A_all = inner / gamma[:, None]
     B_all = (values1[:, None] * B1 + sigma * C1.T @ U) / gamma[:, None]
     C_all = C1 * values1 + sigma * U @ B1.T
-    return _split((A_all, B_all, C_all, D)).stable
+    return stable_part_of((A_all, B_all, C_all, D))
 
 
 def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -> Reducer:
@@ -246,40 +218,3 @@ def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealAr
     # The real part of a positive definite matrix is positive definite.
     left, right = D_left.real[:rows, :rows], D_right.real[:columns, :columns]
     return np.real(sqrtm(left)), np.linalg.inv(np.real(sqrtm(right)))
-
-
-def _scaled(K: Matrices) -> tuple[float, Matrices]:
-    """A rate [rad/s], and K in time scaled by it with balanced states.
-
-    The states stay as given where balancing hides that poles are 0 up to rounding.
-    """
-    A, B, C, D = K
-    rate = speed(A, B, C)
-    A, B = A / rate, B / rate
-    units = state_units(A, B, C)
-    integrators = poles_at_zero(np.linalg.eigvals(A)) if len(A) else 0
-    for factor in (units, np.ones(len(A))):
-        scaled = A * factor[:, None] / factor
-        if stable_last(scaled)[3] >= integrators:
-            return rate, (scaled, B * factor[:, None], C / factor, D)
-    raise InputError(
-        f"K has {integrators} poles that are 0 up to rounding, but its matrices do not say whether "
-        "they are integrators: give it as a transfer function or with integrators that are exact"
-    )
-
-
-def _timed(K: Matrices, rate: float) -> Matrices:
-    """K in the original time."""
-    A, B, C, D = K
-    return A * rate, B * rate, C, D
-
-
-def _split(K: Matrices) -> Split:
-    """Split K by an ordered Schur form and a Sylvester equation that removes the coupling."""
-    A, B, C, D = K
-    n = len(A)
-    Q, T, k, _ = stable_last(A)
-    X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
-    B, C = Q.T @ B, C @ Q
-    kept = T[:k, :k], B[:k] - X @ B[k:], C[:, :k], np.zeros_like(D)
-    return Split(kept, (T[k:, k:], B[k:], C[:, k:] + C[:, :k] @ X, D))

@@ -1,0 +1,60 @@
+"""By how much the matrices of a system must change to have the response of another, proven.
+
+For regular V the system V A~ V^-1, V B~, C~ V^-1, D~ has the response of A~, B~, C~, D~: what it
+lacks of the given one is a backward error, found in balls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from flint import arb, ctx
+
+from workbench.arrays import RealArray
+from workbench.certify.balls import above
+from workbench.certify.modes.modal_form import real_balls
+from workbench.certify.realisations.lyapunov import frobenius
+from workbench.certify.realisations.parts import BITS
+from workbench.systems.realisation import Matrices
+
+
+def relative_change(
+    given: Matrices, other: Matrices, coordinates: RealArray, units: RealArray
+) -> float:
+    """A bound of the change of A, B, C or D, relative to its norm; infinite where none is proven.
+
+    Parameters
+    ----------
+    given, other
+        A, B, C and D of two systems with as many states.
+    coordinates
+        V (n, n): the states of the given system are V times those of the other, nearly.
+    units
+        Factors (n,) of the given states in which changes are measured.
+    """
+    if not len(coordinates):
+        return 0.0
+    with ctx.workprec(BITS):
+        rows, columns = (real_balls(np.diag(factors)) for factors in (units, 1.0 / units))
+        A, B, C, D = (real_balls(part) for part in given)
+        A0, B0, C0, D0 = (real_balls(part) for part in other)
+        V = real_balls(coordinates)
+        try:
+            back = V.inv()
+        except ZeroDivisionError:
+            return math.inf
+        changes = (
+            (rows * (A * V - V * A0) * back * columns, rows * A * columns),
+            (rows * (B - V * B0), rows * B),
+            ((C * V - C0) * back * columns, C * columns),
+            (D - D0, D),
+        )
+        return max(_share(frobenius(change), frobenius(whole)) for change, whole in changes)
+
+
+def _share(change: arb, whole: arb) -> float:
+    """Above change / whole; 0 / 0 is 0."""
+    if change == 0:
+        return 0.0
+    return above(change / whole) if whole > 0 else math.inf
