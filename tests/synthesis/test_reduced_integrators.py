@@ -1,8 +1,11 @@
 """Reduction of systems with poles on the axis: they are kept exactly, or the order is refused."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
+from lanes import thinned
 
 from workbench.errors import InputError
 from workbench.synthesis import approximated
@@ -70,3 +73,99 @@ def test_a_repeated_undamped_pole_in_random_states(method):
         assert found(far) - found.D[0, 0] == pytest.approx(
             K(far) - 0.0, abs=1e-1 * abs(K(far)) + 1.0
         )
+
+
+def pid_with_integrators(seed):
+    """A PID times integrators and lags, and the number of poles at 0."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(0, 4))
+    den = np.array([1.0] + count * [0.0])
+    for _ in range(rng.integers(1, 5)):
+        den = np.polymul(den, [10 ** rng.uniform(-1.5, 1.5), 1.0])
+    P, slow, D = 10 ** rng.uniform(-1, 1, 3)
+    lag = 10 ** rng.uniform(-3, 0)
+    K = control.tf([P], [1]) + control.tf([slow], [1, 0]) + control.tf([D, 0], [lag, 1])
+    return K * control.tf([1.0], den), count + 1
+
+
+def formed(seed):
+    """The same as states: those of python-control, random ones, or sampled."""
+    K, count = pid_with_integrators(seed)
+    K, rng = control.ss(K), np.random.default_rng(seed)
+    if seed % 3 == 1:
+        T = rng.standard_normal((K.nstates, K.nstates))
+        K = control.ss(T @ K.A @ np.linalg.inv(T), T @ K.B, K.C @ np.linalg.inv(T), K.D)
+    return (K.sample(0.1) if seed % 3 == 2 else K), count
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("group", thinned(range(15), 5))
+def test_integrators_made_of_rounding_are_kept_exactly(method, group):
+    """Four at 3e-4 rad/s beside lags of 0.1 rad/s; two raised a LinAlgError."""
+    for seed in range(6 * group, 6 * group + 6):
+        K, count = formed(seed)
+        found = approximated(K, count + 1, method)
+        assert (found.poles() == (1.0 if K.dt else 0.0)).sum() == count, seed
+        assert np.isfinite(found.error) and found.holds, (seed, found.certificate.failures)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("others", [[], [-1.0], [1.0], [1.0, 1.0]])
+def test_poles_at_minus_one_are_kept_exactly(method, others):
+    G = control.tf([1.0, 0.2], np.poly([-1.0, *others, 0.3, 0.5]), 0.1)
+    for given in (G, control.ss(G)):
+        small = approximated(given, 2 + len(others), method)
+        kept = sorted(pole.real for pole in small.poles() if abs(abs(pole) - 1.0) < 1e-6)
+        assert kept == sorted([-1.0, *others])
+        assert 0.0 < small.error < 10.0 and small.holds
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "given",
+    [
+        control.tf([1.0], np.polymul([1.0, 0.0, 2.0, 0.0, 1.0], [1.0, 3.0, 2.0])),
+        control.ss(control.tf([1.0], np.polymul([1.0, 0.0, 1.0], [1.0, 3.0, 2.0]))).sample(0.1),
+        control.tf([1.0], np.polymul([1.0, -1.0, 1.0], [1.0, 0.3, 0.02]), 0.1),
+    ],
+    ids=["repeated pair", "sampled pair", "sampled pair of coefficients"],
+)
+def test_the_error_beside_undamped_pairs_is_proven(method, given):
+    """Rounding moves the pair a little; both systems are given the same one."""
+    kept = int((abs(abs(given.poles()) - 1.0) < 1e-6).sum())
+    small = approximated(given, kept + 1, method)
+    assert np.isfinite(small.error) and small.holds, small.certificate.failures
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("unit", [1e-150, 1e150])
+def test_far_units_of_time_and_of_signals(method, unit):
+    """A gain of 1e150 was told to have two poles that are not stable."""
+    lags = control.tf([1.0], [1.0, unit]) + control.tf([3.0], [1.0, 5.0 * unit])
+    slow = control.tf([1.0], [1.0, 1.0]) + control.tf([3.0], [1.0, 5.0])
+    plain = approximated(slow, 1, method).error
+    for given, size in ((unit * lags, plain), (unit * slow, unit * plain)):
+        small = approximated(given, 1, method)
+        assert small.error == pytest.approx(size, rel=1e-4) and small.holds
+
+
+def test_integrators_beside_fast_and_slow_poles():
+    """With time measured by the fastest pole no error was proven, or a LinAlgError raised."""
+    for slow in (0.015, 0.1):
+        den = np.polymul(np.poly([-714.0, -8.4, -1.1, -0.23, -slow]), [1.0, 0.0, 0.0, 0.0, 0.0])
+        small = approximated(control.tf([1.0, 1.0], den), 6, "balanced")
+        assert np.isfinite(small.error) and small.holds
+
+
+def test_another_reference_is_noticed():
+    """Exact poles with another gain: the change is proven to be large, and responses tell it."""
+    K, count = formed(1)
+    small = approximated(K, count + 1, "balanced")
+    checker = small._checked_by[0]
+    one = checker.references[0]
+    assert one.coordinates is not None and one.change(K) < 1e-12
+    wrong = replace(one, system=control.ss(one.system.A, 2.0 * one.system.B, one.system.C, 0.0))
+    assert wrong.change(K) > 1e-4
+    checker.references[:] = [wrong]
+    assert "kept poles" in " ".join(str(one) for one in small.certificate.failures)
+    assert not {one.name: one for one in checker.second_opinion(small)}["given"].holds

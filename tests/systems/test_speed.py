@@ -71,3 +71,25 @@ def test_many_integrators_are_measured_by_their_gain(scale):
     A = np.diag(np.full(59, scale), 1)
     B, C = np.eye(60)[:, -1:], scale * np.eye(60)[:1]
     assert speed(A, B, C) == pytest.approx(scale, rel=0.5)
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("seed", range(8))
+def test_integrators_that_rounding_moves_are_no_poles(unit, seed):
+    """Four of seven lay at 3e-4 rad/s, and the median was theirs."""
+    rng = np.random.default_rng(seed)
+    lags = -(10 ** rng.uniform(-1, 2, 3))
+    slow = control.ss(control.tf([1.0, 1.0, 1.0], np.poly([*lags, 0.0, 0.0, 0.0, 0.0])))
+    found = speed(slow.A * unit, slow.B * unit, slow.C) / unit
+    assert found == pytest.approx(np.median(abs(lags)), rel=0.5)
+
+
+@pytest.mark.parametrize("gain", [1e-150, 1e20, 1e150])
+def test_a_large_gain_makes_no_integrators(gain):
+    lags = as_system(control.tf([4.0, 8.0], [1.0, 6.0, 5.0]), "G")
+    assert speed(lags.A, gain * lags.B, lags.C) == speed(lags.A, lags.B, lags.C)
+
+
+def test_squares_of_entries_may_overflow():
+    lags = as_system(control.tf([1e300], [1.0, 1e150, 1e300]), "G")
+    assert speed(lags.A, lags.B, lags.C) == pytest.approx(1e150, rel=0.5)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.certify.realisations.parts import (
     boundary_part_error,
@@ -13,7 +16,8 @@ from workbench.certify.realisations.parts import (
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.realisations.system_parts import parts_of
-from workbench.systems.realisation import in_series, matrices_of, realisation
+from workbench.systems.balancing import speed
+from workbench.systems.realisation import Matrices, in_series, matrices_of, realisation
 
 SAME_BOUNDARY = 1e-9
 """Share by which parts on the boundary of stability may differ and still be rounding of one."""
@@ -28,8 +32,15 @@ def difference_bound(
     """A bound of the largest gain of W_o (G - H) W_i over all frequencies.
 
     Beside the parts with poles on the boundary of stability, which must agree up to rounding.
-    Infinite where nothing proves one. Weights are stable; None is 1.
+    Infinite where nothing proves one. Weights are stable; None is 1. What both have as their first
+    states, apart from the rest, is left out.
     """
+    system, other = _without_shared_states(system, other)
+    if not system.dt:  # gains are the same in another unit of time, a power of two
+        rate = speed(*matrices_of(system)[:3])
+        system, other = _timed(system, rate), _timed(other, rate)
+        leaving = None if leaving is None else _timed(leaving, rate)
+        entering = None if entering is None else _timed(entering, rate)
     try:
         parts, its = parts_of(system), parts_of(other)
     except InputError:  # poles that rounding cannot tell from the boundary
@@ -50,3 +61,32 @@ def difference_bound(
     # The products of direct terms, and the sums of states of a series, are rounded.
     rounding = 1.0 + 1e-12
     return (certified_norm(realisation(between, dt)) + factor * beside) * rounding
+
+
+def _timed(system: StateSpace, rate: float) -> StateSpace:
+    """The system with its time measured by a rate."""
+    A, B, C, D = matrices_of(system)
+    return realisation((A / rate, B / rate, C, D), 0.0)
+
+
+def _without_shared_states(one: StateSpace, other: StateSpace) -> tuple[StateSpace, StateSpace]:
+    """The systems without the first states that they share, decoupled from the others."""
+    parts = matrices_of(one), matrices_of(other)
+    k = min(len(A) for A, _, _, _ in parts)
+    while k and not (_shared(*parts, k) and all(_decoupled(A, k) for A, _, _, _ in parts)):
+        k -= 1
+    if not k:
+        return one, other
+    dt = float(one.dt or 0.0)
+    left = [realisation((A[k:, k:], B[k:], C[:, k:], D), dt) for A, B, C, D in parts]
+    return left[0], left[1]
+
+
+def _shared(one: Matrices, other: Matrices, k: int) -> bool:
+    (A, B, C, _), (A2, B2, C2, _) = one, other
+    pairs = (A[:k, :k], A2[:k, :k]), (B[:k], B2[:k]), (C[:, :k], C2[:, :k])
+    return all(np.array_equal(part, its) for part, its in pairs)
+
+
+def _decoupled(A: RealArray, k: int) -> bool:
+    return not A[:k, k:].any() and not A[k:, :k].any()

@@ -19,12 +19,13 @@ from workbench.certify.realisations.parts import (
     nearest_doubles,
     split_in_balls,
     sum_errors,
+    unit_of_time,
 )
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import farthest_sum
 from workbench.systems.axis_poles import stable_last
-from workbench.systems.balancing import speed, state_units
+from workbench.systems.balancing import state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import in_parallel, matrices_of, realisation
 
@@ -126,7 +127,7 @@ def parts_of(system: StateSpace) -> SystemParts:
     """The parts with their proven errors, without a checker."""
     A, B, C, D = matrices_of(system)
     dt = float(system.dt or 0.0)
-    rate = 1.0 if dt else speed(A, B, C)
+    rate = 1.0 if dt else unit_of_time(A, B, C)
     given = _units(A, B, C, bool(dt))
     A, B, C = A / rate * given[:, None] / given, B / rate * given[:, None], C / given
     V, (k, antistable), projector = _coordinates(A, B, C, bool(dt))
@@ -159,7 +160,7 @@ def parts_of(system: StateSpace) -> SystemParts:
 
 def _units(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> RealArray:
     """Factors of the states that balance a realisation, its time measured by its own speed."""
-    rate = 1.0 if sampled else speed(A, B, C)
+    rate = 1.0 if sampled else unit_of_time(A, B, C)
     return state_units(A / rate, B / rate, C)
 
 

@@ -12,7 +12,6 @@ from scipy.linalg import matrix_balance, schur
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
-from workbench.systems.balancing import state_units
 
 NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Distances from a lightly damped pole's frequency that are looked at, in units of its damping."""
@@ -245,8 +244,11 @@ def change_of_matrices(system: Any, other: Any) -> float:
     sizes = sizes[sizes > 1e-9 * sizes.max()]
     if not sizes.size:
         sizes = np.array([float(np.linalg.norm(A)) or 1.0])
-    units = state_units(A / sizes.max(), B / sizes.max(), C)
-    A, B, C = A * units[:, None] / units, B * units[:, None], C / units
+    whole = np.zeros((len(A) + max(D.shape),) * 2)
+    whole[: len(A), : len(A)], whole[: len(A), len(A) :][:, : D.shape[1]] = A, B
+    whole[len(A) :][: D.shape[0], : len(A)] = sizes.max() * C
+    units = matrix_balance(whole, permute=False, separate=True)[1][0][: len(A)]
+    A, B, C = A / units[:, None] * units, B / units[:, None], C * units
     size, entering, leaving = (float(np.linalg.norm(part)) for part in (A, B, C))
     worst = 0.0
     for k, radius in enumerate(np.geomspace(sizes.min() / 2.0, sizes.max() * 2.0, tries(POINTS))):

@@ -43,15 +43,24 @@ def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
     n = len(A)
     if not n:
         return 1.0
-    poles = np.linalg.eigvals(A)
+    size = np.sort(np.abs(np.linalg.eigvals(A)))
     by_gain = _speed_of_integrators(A, B, C)
-    if poles_at_zero(poles / by_gain) == n or _nilpotent(A):
+    # A large gain is a unit of time in which no pole is seen, and units of states hide some.
+    alone = _integrators(A) == n and _integrators(_in_units(A, B, C, by_gain)) == n
+    if alone or not size[-1] or _nilpotent(A):
         return by_gain
-    size = np.sort(np.abs(poles))
-    own = balanced(A / size[-1], B / size[-1], C)[0]
-    k = integrators_first(own, axis_rounding(own))[2]
-    rest = size[k:] if k < n else size[-1:]
+    rest = size[min(_integrators(_in_units(A, B, C, size[-1])), n - 1) :]
     return _power_of_two(float(np.median(rest[rest > 1e-8 * size[-1]])))
+
+
+def _in_units(A: RealArray, B: RealArray, C: RealArray, rate: float) -> RealArray:
+    """A with its time measured by a rate, its states balanced."""
+    return balanced(A / rate, B / rate, C)[0]
+
+
+def _integrators(A: RealArray) -> int:
+    """How many poles are 0 up to rounding of the matrix."""
+    return integrators_first(A, axis_rounding(A))[2]
 
 
 AXIS_ROUNDING = 100.0
@@ -105,14 +114,16 @@ def _nilpotent(A: RealArray) -> bool:
 
 def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
     """h^(1/k) of the largest entry h of the first C A^(k-1) B that is not 0."""
-    rows, bound, taken = C, np.abs(C), 0.0
+    units = [float(np.frexp(np.abs(part).max(initial=0.0))[1]) for part in (A, B, C)]
+    A, B, C = (np.ldexp(part, -int(unit)) for part, unit in zip((A, B, C), units, strict=True))
+    rows, bound, taken = C, np.abs(C), units[1] + units[2]
     for k in range(1, len(A) + 1):
         h = np.abs(rows @ B)
         h = h[h > ZERO * len(A) * EPS * (bound @ np.abs(B))]
         if h.size:
             return float(np.exp2(np.round((np.log2(h.max()) + taken) / k)))
         rows, bound, exponent = _within_doubles(rows @ A, bound @ np.abs(A))
-        taken += exponent
+        taken += exponent + units[0]
     return 1.0
 
 

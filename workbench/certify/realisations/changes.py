@@ -24,6 +24,9 @@ def relative_change(
 ) -> float:
     """A bound of the change of A, B, C or D, relative to its norm; infinite where none is proven.
 
+    That of D is relative to the sum of its norm and the product of those of C and B: a sampled
+    response is made of both.
+
     Parameters
     ----------
     given, other
@@ -44,13 +47,14 @@ def relative_change(
             back = V.inv()
         except ZeroDivisionError:
             return math.inf
+        entering, leaving = frobenius(rows * B), frobenius(C * columns)
         changes = (
-            (rows * (A * V - V * A0) * back * columns, rows * A * columns),
-            (rows * (B - V * B0), rows * B),
-            ((C * V - C0) * back * columns, C * columns),
-            (D - D0, D),
+            (rows * (A * V - V * A0) * back * columns, frobenius(rows * A * columns)),
+            (rows * (B - V * B0), entering),
+            ((C * V - C0) * back * columns, leaving),
+            (D - D0, frobenius(D) + leaving * entering),
         )
-        return max(_share(frobenius(change), frobenius(whole)) for change, whole in changes)
+        return max(_share(frobenius(change), size) for change, size in changes)
 
 
 def _share(change: arb, whole: arb) -> float:

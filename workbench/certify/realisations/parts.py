@@ -132,9 +132,13 @@ def split_in_balls(
 
 
 def unit_of_time(A: RealArray, B: RealArray, C: RealArray) -> float:
-    """A power of two near the size of the largest pole, or the `speed` of integrators alone."""
-    largest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
-    return float(nearest_power_of_two(largest)) if largest else speed(A, B, C)
+    """A power of two near the median size of poles that are not 0, or the `speed` of integrators.
+
+    Beside the fastest of poles that differ widely, integrators and slow ones would be rounding.
+    """
+    sizes = np.abs(np.linalg.eigvals(A))
+    used = sizes[sizes > 1e-8 * sizes.max(initial=0.0)]
+    return float(nearest_power_of_two(float(np.median(used)))) if used.size else speed(A, B, C)
 
 
 def sum_errors(

@@ -105,26 +105,23 @@ def approximated(
         return ApproximatedSystem.of(of_order(K, order, method, (least, of)), checker)
     assert error is not None
     need_positive(error, "error")
-    for k in range(least, K.nstates + 1):
-        small = ApproximatedSystem.of(K if k == K.nstates else of(k), checker)
+    for k in range(least, K.nstates):
+        small = ApproximatedSystem.of(of(k), checker)
         if _seen_apart(checker, small) <= error and small.error <= error:
             return small
-    raise InputError(
-        f"error is {error:.6g}; no order up to {K.nstates}, that of K, is proven to reach it: K's "
-        "own states are known no better"
-    )
+    return ApproximatedSystem.of(K, checker)
 
 
 def _seen_apart(checker: DifferenceChecker, small: StateSpace) -> float:
     """The largest weighted gain of the difference at some frequencies: none is proven below it."""
-    sizes = pole_sizes(checker.reference)
+    sizes = pole_sizes(checker.references[0].system)
     sizes = sizes[sizes > 0.0]
     if not sizes.size:
         return 0.0
     omega = np.geomspace(sizes.min() / 10.0, sizes.max() * 10.0, SCREENED)
     if small.dt:
         omega = omega[omega < np.pi / float(small.dt)]
-    apart = response(checker.reference, omega) - response(small, omega)
+    apart = response(checker.references[0].system, omega) - response(small, omega)
     if checker.output_weight is not None:
         apart = response(checker.output_weight, omega) @ apart
     if checker.input_weight is not None:

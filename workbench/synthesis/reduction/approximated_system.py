@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 from workbench.answer import Answer
-from workbench.arrays import EPS
+from workbench.arrays import EPS, RealArray
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker, excess
 from workbench.certify.realisations.changes import relative_change
 from workbench.certify.realisations.parts import boundary_projector, states_of
@@ -20,7 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.realisations.difference import difference_bound
 from workbench.realisations.system_parts import may_touch
 from workbench.second_opinion.responses import change_of_matrices, farthest_apart
-from workbench.synthesis.reduction.kept_part import with_exact_poles
+from workbench.synthesis.reduction.kept_part import split, with_exact_poles
 from workbench.systems.balancing import AXIS_ROUNDING
 from workbench.systems.realisation import matrices_of, realisation
 
@@ -35,64 +35,94 @@ class DifferenceChecker(Checker):
     """Checks the largest weighted gain of the difference to a system, in balls and by responses.
 
     Where poles of the system lie within rounding of the boundary of stability and not on it, the
-    ``reference`` is the system that has them there, and the change of the matrices is proven.
+    error is proven of a system that differs by rounding, and so is the change of its matrices.
     """
 
     system: StateSpace
     output_weight: StateSpace | None = None
     input_weight: StateSpace | None = None
 
-    @cached_property
-    def _moved(self) -> tuple[StateSpace, float] | None:
-        """The system with exact poles and the relative change; None where it has none to move."""
-        given, dt = matrices_of(self.system), float(self.system.dt or 0.0)
-        try:
-            near, coordinates, units = with_exact_poles(given, bool(dt))
-        except InputError:  # nothing says whether its poles are integrators
-            return None
-        exact = _poles_on_boundary(near[0], dt)
-        if not exact or exact == _poles_on_boundary(given[0], dt):
-            return None
-        return realisation(near, dt), relative_change(given, near, coordinates, units)
-
-    @property
-    def reference(self) -> StateSpace:
-        """The system that the error is proven of."""
-        return self.system if self._moved is None else self._moved[0]
-
     @property
     def quantifier(self) -> str:
         return EVERY_FREQUENCY
 
-    def bound(self, other: StateSpace) -> float:
-        """The proven bound of another system."""
-        return difference_bound(self.reference, other, self.output_weight, self.input_weight)
+    @cached_property
+    def references(self) -> list[Reference]:
+        """Systems within rounding of the given one, of which an error may be proven."""
+        given, dt = matrices_of(self.system), float(self.system.dt or 0.0)
+        try:
+            near = with_exact_poles(given, bool(dt))
+            parts = split(given, bool(dt))
+        except InputError:  # nothing says whether its poles are integrators
+            return [Reference(self.system)]
+        exact = _poles_on_boundary(near[0][0], dt)
+        if exact and exact != _poles_on_boundary(given[0], dt):
+            found = [Reference(realisation(near[0], dt), *near[1:])]
+        else:
+            found = [Reference(self.system)]
+        if parts.count:
+            whole = realisation(parts.with_stable(parts.stable), dt)
+            found.append(Reference(whole, parts.coordinates, parts.units))
+        return found
+
+    def proven(self, other: StateSpace) -> tuple[float, Reference]:
+        """The bound of another system, and the system that it is proven of."""
+        for one in self.references:
+            found = difference_bound(one.system, other, self.output_weight, self.input_weight)
+            if np.isfinite(found):
+                return found, one
+        return math.inf, self.references[0]
 
     def checks(self, answer: ApproximatedSystem, tolerance: float) -> list[Check]:
+        bound, reference = self.proven(answer)
         statement = "by which share the claimed error is below the proven one"
-        found = excess(self.bound(answer), answer.error)
         unbounded = float(not np.isfinite(answer.error))
-        checks = [
-            Check("error", statement, found, 0.0, proven=True),
+        found = [
+            Check("error", statement, excess(bound, answer.error), 0.0, proven=True),
             Check("bounded", "whether no finite error is proven", unbounded, 0.0, proven=True),
         ]
-        if self._moved is not None:
-            limit = 2.0 * AXIS_ROUNDING * self.system.nstates**2 * EPS
-            statement = "relative change of the given matrices that makes integrators exact"
-            checks.append(Check("integrators", statement, self._moved[1], limit, proven=True))
-        return checks
+        if reference.coordinates is not None:
+            change = reference.change(self.system)
+            statement = "relative change of the given matrices that makes kept poles exact"
+            found.append(Check("kept poles", statement, change, self._rounding, proven=True))
+        return found
+
+    @property
+    def _rounding(self) -> float:
+        """Largest relative change of the given matrices: each pole that is moved takes one."""
+        return 2.0 * AXIS_ROUNDING * self.system.nstates**2 * EPS
 
     def second_opinion(self, answer: ApproximatedSystem) -> list[Check]:
+        _, reference = self.proven(answer)
         apart = farthest_apart(
-            self.reference, answer, answer.error, self.output_weight, self.input_weight
+            reference.system, answer, answer.error, self.output_weight, self.input_weight
         )
         statement = "difference of responses at drawn points beyond the error, relative"
         found = [Check("responses", statement, apart, DIFFERENCE_ROUNDING)]
-        if self._moved is not None:
-            share = change_of_matrices(self.system, self.reference)
-            statement = "share by which matrices must change, told from responses"
-            found.append(Check("given", statement, share, DIFFERENCE_ROUNDING))
+        if reference.coordinates is not None:
+            share = change_of_matrices(self.system, reference.system)
+            statement = "least share by which matrices must change, told from responses"
+            found.append(Check("given", statement, share, self._rounding))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A system of which an error is proven: the given one, or one that differs by rounding.
+
+    The given states are ``coordinates`` (n, n) times its own; ``units`` (n,) are the factors of the
+    given states in which rounding is judged.
+    """
+
+    system: StateSpace
+    coordinates: RealArray | None = None
+    units: RealArray | None = None
+
+    def change(self, given: StateSpace) -> float:
+        """A bound of the relative change of the given matrices that leads here."""
+        assert self.coordinates is not None and self.units is not None
+        parts = matrices_of(given), matrices_of(self.system)
+        return relative_change(*parts, self.coordinates, self.units)
 
 
 class ApproximatedSystem(Answer, control.StateSpace):
@@ -126,12 +156,14 @@ class ApproximatedSystem(Answer, control.StateSpace):
         """Bound of the largest gain of the difference at every frequency, with the weights.
 
         The parts with poles on the boundary of stability agree up to rounding, and are left out.
-        It is infinite where they do not, or nothing proves a bound: no certificate holds then.
+        Where rounding has moved such poles of the given system, the error is that to the system
+        with exact poles, whose matrices are proven to differ by rounding. It is infinite where the
+        parts do not agree, or nothing proves a bound: no certificate holds then.
         """
         checker = self._checked_by[0] if self._checked_by else None
         if not isinstance(checker, DifferenceChecker):
             return math.nan
-        return checker.bound(self) * (1.0 + REPEATED_BOUND)
+        return checker.proven(self)[0] * (1.0 + REPEATED_BOUND)
 
     @property
     def value(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_sylvester
+from scipy.linalg import block_diag, solve_sylvester
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
@@ -30,13 +30,17 @@ class Split:
     """K as the sum of a kept and a stable part.
 
     ``kept`` is in K's own time. ``stable`` is continuous, its time measured by ``rate`` [rad/s];
-    where K is ``sampled`` it is that of the bilinear transformation.
+    where K is ``sampled`` it is that of the bilinear transformation. The states of K are
+    ``coordinates`` (n, n) times those of both parts, up to rounding; ``units`` (n,) are the factors
+    of K's states in which that was judged.
     """
 
     kept: Matrices
     stable: Matrices
     rate: float
     sampled: bool
+    coordinates: RealArray
+    units: RealArray
 
     @property
     def count(self) -> int:
@@ -59,11 +63,12 @@ def split(K: Matrices, sampled: bool = False) -> Split:
     """
     if not sampled:
         return _of_continuous(K, False)
-    (A, B, C, D), _, _, k = _exact_at_the_ends(K)
-    first, rest = _apart(A, B, C, k)
+    (A, B, C, D), coordinates, units, k = _exact_at_the_ends(K)
+    first, rest, own = _apart(A, B, C, k)
     others = _of_continuous((*rest, D), True)
     kept = in_parallel((*first, 0.0 * D), others.kept)
-    return Split(kept, others.stable, others.rate, True)
+    coordinates = coordinates @ own @ block_diag(np.eye(k), others.coordinates)
+    return Split(kept, others.stable, others.rate, True, coordinates, units)
 
 
 def with_exact_poles(K: Matrices, sampled: bool) -> tuple[Matrices, RealArray, RealArray]:
@@ -93,10 +98,11 @@ def timed(K: Matrices, rate: float) -> Matrices:
 
 def _of_continuous(K: Matrices, sampled: bool) -> Split:
     """The parts of a continuous system, or by way of one."""
-    rate, parts, _ = _scaled(to_continuous(K) if sampled else K)
-    kept, stable = _split(parts)
+    rate, parts, units = _scaled(to_continuous(K) if sampled else K)
+    kept, stable, own = _split(parts)
     kept = timed(kept, rate)
-    return Split(to_sampled(kept) if sampled else kept, stable, rate, sampled)
+    kept = to_sampled(kept) if sampled else kept
+    return Split(kept, stable, rate, sampled, own / units[:, None], units)
 
 
 def _exact_at_the_ends(K: Matrices) -> tuple[Matrices, RealArray, RealArray, int]:
@@ -139,18 +145,25 @@ def stable_part_of(K: Matrices) -> Matrices:
     return _split(K)[1]
 
 
-def _split(K: Matrices) -> tuple[Matrices, Matrices]:
-    """The kept and the stable part, by an ordered Schur form."""
+def _split(K: Matrices) -> tuple[Matrices, Matrices, RealArray]:
+    """The kept and the stable part, by an ordered Schur form, and coordinates of their states."""
     A, B, C, D = K
     Q, T, k, _ = stable_last(A)
-    kept, stable = _apart(T, Q.T @ B, C @ Q, k)
-    return (*kept, np.zeros_like(D)), (*stable, D)
+    kept, stable, own = _apart(T, Q.T @ B, C @ Q, k)
+    return (*kept, np.zeros_like(D)), (*stable, D), Q @ own
 
 
-def _apart(
-    T: RealArray, B: RealArray, C: RealArray, k: int
-) -> tuple[tuple[RealArray, RealArray, RealArray], tuple[RealArray, RealArray, RealArray]]:
-    """Both parts of a block triangular form, by a Sylvester equation that removes the coupling."""
+Part = tuple[RealArray, RealArray, RealArray]
+"""A, B and C."""
+
+
+def _apart(T: RealArray, B: RealArray, C: RealArray, k: int) -> tuple[Part, Part, RealArray]:
+    """Both parts of a block triangular form, and coordinates of their states.
+
+    A Sylvester equation removes the coupling.
+    """
     first, coupling, last = T[:k, :k], T[:k, k:], T[k:, k:]
     X = solve_sylvester(first, -last, -coupling) if 0 < k < len(T) else np.zeros_like(coupling)
-    return (first, B[:k] - X @ B[k:], C[:, :k]), (last, B[k:], C[:, k:] + C[:, :k] @ X)
+    own = np.eye(len(T))
+    own[:k, k:] = X
+    return (first, B[:k] - X @ B[k:], C[:, :k]), (last, B[k:], C[:, k:] + C[:, :k] @ X), own

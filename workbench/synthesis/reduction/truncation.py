@@ -125,11 +125,20 @@ def hankel(K: Split) -> tuple[int, Reducer]:
     L-infinity-error bounds, Int. J. Control 39 (1984) 1115-1193, theorem 6.3.
     """
     minimal, values = _balanced(K.stable, *gramian_factors(*K.stable[:3]))
+    # The largest value becomes about 1: squares of values far from that leave doubles.
+    half = int(np.frexp(values.max(initial=0.0))[1]) // 2
+    minimal, values = _amplified(minimal, -half), np.ldexp(values, -2 * half)
 
     def of(order: int) -> Matrices:
-        return K.with_stable(_glover(minimal, values, order - K.count))
+        return K.with_stable(_amplified(_glover(minimal, values, order - K.count), half))
 
     return K.count, of
+
+
+def _amplified(G: Matrices, power: int) -> Matrices:
+    """4^power G, balanced if G is."""
+    A, B, C, D = G
+    return A, np.ldexp(B, power), np.ldexp(C, power), np.ldexp(D, 2 * power)
 
 
 def _balanced(G: Matrices, S: RealArray, R: RealArray) -> tuple[Matrices, RealArray]:
