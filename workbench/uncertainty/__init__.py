@@ -7,21 +7,18 @@ from workbench.on_demand import on_demand
 if TYPE_CHECKING:
     from workbench.systems.connection import generalised_plant
     from workbench.systems.generalised_plant import GeneralisedPlant
-    from workbench.uncertainty.algebra.functions import (
-        append,
-        block,
-        complex_scalar,
-        delay,
-        dynamics,
-        feedback,
-        real,
-        ss,
-        tf,
-    )
+    from workbench.uncertainty.algebra.coefficients import ss, tf
+    from workbench.uncertainty.algebra.connections import append, block, feedback
     from workbench.uncertainty.algebra.interconnect import interconnect
     from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
     from workbench.uncertainty.algebra.rational_delays import without_dead_time
     from workbench.uncertainty.algebra.system import UncertainSystem
+    from workbench.uncertainty.algebra.uncertain_elements import (
+        complex_scalar,
+        delay,
+        dynamics,
+        real,
+    )
     from workbench.uncertainty.covers.circle_cover import CircleCover
     from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
     from workbench.uncertainty.covers.of_estimate import cover_of_estimate

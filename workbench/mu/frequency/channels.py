@@ -21,7 +21,8 @@ from workbench.systems.equations.gramians import balancing_projections, gramian_
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation, worst_pole
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
+from workbench.uncertainty.algebra.lft import INTEGRATOR
+from workbench.uncertainty.algebra.reduction import without_channels
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 SELF_ROUNDING = 1e-13
@@ -90,13 +91,11 @@ def in_loops(found: UncertainSystem) -> UncertainSystem:
     _, loops = connected_components(csr_array(inner != 0), connection="strong")
     closed = (np.bincount(loops)[loops] > 1) | (np.abs(np.diagonal(inner)) > SELF_ROUNDING)
     looped = {name for name, there in zip(value.names, closed, strict=True) if there}
-    keep = np.array([name in looped or name == INTEGRATOR for name in value.names], dtype=bool)
-    rows, columns = (np.append(keep, np.ones(size, dtype=bool)) for size in value.shape)
-    names = tuple(name for name, there in zip(value.names, keep, strict=True) if there)
+    idle = set(value.names) - looped - {INTEGRATOR}
     elements = {
         name: one for name, one in found.elements.items() if looped.intersection(one.channels)
     }
-    return replace(found, value=LFT(value.M[np.ix_(rows, columns)], names), elements=elements)
+    return replace(found, value=without_channels(value, idle), elements=elements)
 
 
 def _powers(plane: StateSpace, structure: Structure) -> tuple[np.ndarray, np.ndarray]:

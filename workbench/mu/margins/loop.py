@@ -27,8 +27,8 @@ from workbench.mu.margins.measured import (
 from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
+from workbench.uncertainty.algebra.connections import append, feedback
 from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
-from workbench.uncertainty.algebra.functions import append, feedback
 from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 from workbench.uncertainty.responses.plants import Responses

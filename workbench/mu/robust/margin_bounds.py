@@ -16,7 +16,8 @@ from workbench.heavy_types import Figure
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_is_borne, delay_is_lost
 from workbench.second_opinion import peaks
-from workbench.uncertainty.algebra.system import IllPosedError, UncertainSystem
+from workbench.uncertainty.algebra.closing import IllPosedError
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 SHORTER = 1 - 1e-6
 """Share of a delay that is proven again: a search stops where the proof has no room left."""

@@ -64,8 +64,8 @@ def worst_case_gain(
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
-    if isinstance(system, UncertainSystem) and structure is None and _is_certain(system):
-        structure, system = system.structure, _without_effect(system)
+    if isinstance(system, UncertainSystem) and structure is None and system.cancelling:
+        structure, system = system.structure, _without_influence(system)
     prepared = isinstance(system, UncertainSystem) and structure is None
     if isinstance(system, UncertainPart) and structure is None:
         system, structure = system.system, system.structure
@@ -100,20 +100,16 @@ def worst_case_gain(
     return found.checked_by(WorstCaseChecker(system, structure, dt=period))
 
 
-def _is_certain(system: UncertainSystem) -> bool:
-    """Whether the elements cancel, as k in k - k, so that the system is its nominal."""
-    return bool(system.elements) and not system.reduced().elements
-
-
-def _without_effect(system: UncertainSystem) -> StateSpace:
-    """The nominal with channels of the perturbation that lead nowhere."""
-    nominal, structure = system.nominal, system.structure
-    before = np.zeros((nominal.nstates, structure.rows))
-    after = np.zeros((structure.columns, nominal.nstates))
-    D = np.zeros((structure.columns + nominal.noutputs, structure.rows + nominal.ninputs))
-    D[structure.columns :, structure.rows :] = nominal.D
-    B, C = np.hstack([before, nominal.B]), np.vstack([after, nominal.C])
-    return realisation((nominal.A, B, C, D), nominal.dt or 0.0)
+def _without_influence(system: UncertainSystem) -> StateSpace:
+    """The system whose channels of elements that cancel lead nowhere."""
+    whole, idle, place = system.system, [], 0
+    for block in system.structure:
+        channels = list(range(place, place + block.rows))
+        idle += channels if block.name in system.cancelling else []
+        place += block.rows
+    B, C, D = whole.B.copy(), whole.C.copy(), whole.D.copy()
+    B[:, idle], C[idle], D[idle], D[:, idle] = 0.0, 0.0, 0.0, 0.0
+    return realisation((whole.A, B, C, D), whole.dt or 0.0)
 
 
 def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:

@@ -48,7 +48,9 @@ def approximated(
     """Approximate a plant or a controller by a system with at most `order` states.
 
     The result has fewer states where the minimal part of K has fewer, or where Hankel singular
-    values coincide. Poles on the boundary of stability and beyond it are kept, those on it exactly.
+    values coincide. Poles on the boundary of stability and beyond it are kept. Integrators
+    (sampled: poles at z = 1, and at z = -1) are exact in the result, also those that rounding has
+    moved in K, as ``control.ss`` of a transfer function does.
 
     Parameters
     ----------
@@ -74,10 +76,10 @@ def approximated(
     ------
     InputError
         Neither an order nor an error is given, or both; the order is below 0, above that of K, or
-        below the number of poles that the method keeps; no order up to that of K reaches the error;
-        a weight is not stable, has another sampling time or belongs to another method; the method
-        is "weighted" and there is no plant, or it or K is sampled, or K does not stabilise it;
-        sampled: K has a pole at z = -1.
+        below the number of poles that the method keeps; a weight is not stable, has another
+        sampling time or belongs to another method; the method is "weighted" and there is no plant,
+        or it or K is sampled, or K does not stabilise it; or poles of K are 0 up to rounding, and
+        its matrices do not say whether they are integrators.
 
     Examples
     --------

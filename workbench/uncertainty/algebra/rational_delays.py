@@ -9,9 +9,9 @@ import numpy as np
 
 from workbench.input_checks import need_count
 from workbench.uncertainty.algebra import dead_time
-from workbench.uncertainty.algebra.functions import dynamics
 from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.uncertain_elements import dynamics
 
 
 def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:

@@ -53,6 +53,14 @@ def reduced(lft: LFT, keep: Collection[str] = ()) -> LFT:
             return lft
 
 
+def without_channels(lft: LFT, names: Collection[str]) -> LFT:
+    """The LFT with some of its scalars 0."""
+    keep = [name not in names for name in lft.names]
+    rows, columns = (np.append(keep, np.ones(size, dtype=bool)) for size in lft.shape)
+    left = tuple(name for name, there in zip(lft.names, keep, strict=True) if there)
+    return LFT(lft.M[np.ix_(rows.astype(bool), columns.astype(bool))], left)
+
+
 def grouped(lft: LFT, order: Sequence[str]) -> LFT:
     """The same LFT with the channels of each scalar together, in the given order of scalars."""
     for name in order:

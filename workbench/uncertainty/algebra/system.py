@@ -27,10 +27,12 @@ from workbench.systems.range_hints import warn_far_frequencies
 from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.uncertainty.algebra import dead_time
 from workbench.uncertainty.algebra.bundles import bundle
+from workbench.uncertainty.algebra.closing import closed_above
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse
-from workbench.uncertainty.algebra.reduction import grouped, reduced
+from workbench.uncertainty.algebra.identities import without_effect
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, over, series
+from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
 MOST_VERTICES = 4096
 """Largest number of vertices that are listed."""
@@ -60,10 +62,10 @@ class Algebraic(UncertainPart):
         return _combined(other, self, lambda a, b: a - b)
 
     def __mul__(self, other: Any) -> Any:
-        return _combined(self, other, _series)
+        return _combined(self, other, series)
 
     def __rmul__(self, other: Any) -> Any:
-        return _combined(other, self, _series)
+        return _combined(other, self, series)
 
     def __matmul__(self, other: Any) -> Any:
         return _combined(self, other, lambda a, b: a @ b)
@@ -72,17 +74,13 @@ class Algebraic(UncertainPart):
         return _combined(other, self, lambda a, b: a @ b)
 
     def __truediv__(self, other: Any) -> Any:
-        return _combined(self, other, _over)
+        return _combined(self, other, over)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return _combined(other, self, _over)
+        return _combined(other, self, over)
 
     def __neg__(self) -> Any:
-        return _combined(-1.0, self, _series)
-
-
-class IllPosedError(InputError):
-    """Values of uncertain elements at which a system divides by zero."""
+        return _combined(-1.0, self, series)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,37 +201,19 @@ class UncertainSystem(Algebraic):
         InputError
             A value does not fit its element, or the system is not well posed there.
         """
-        import control
-
         for name in values:
             if name not in self.elements:
                 raise UnknownNameError("uncertain element", name, list(self.elements))
         for late in dead_time.dead_times(self.elements).values():
             raise InputError(late.refusal)
-        n, lft = self.nstates, self._grouped
-        r = len(lft.names) - n
-        M = lft.M
-        whole = realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.dt or 0.0)
-        if not r:
-            return whole
-        parts: list[StateSpace] = []
+        n, M = self.nstates, self._grouped.M
+        parts = (M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:])
         counts = self.value.repetitions()
-        for name, element in self.elements.items():
-            times, size = counts[element.channels[0]], len(element.channels)
-            delta = element.delta(values[name]) if name in values else 0.0
-            if not isinstance(delta, control.StateSpace):
-                parts.append(control.ss([], [], [], delta * np.eye(times * size)))
-                continue
-            parts.append(_repeated(delta, times, size))
-        Delta = control.append(*parts) if len(parts) > 1 else parts[0]
-        loop = np.eye(r) - whole.D[:r, :r] @ Delta.D
-        if not np.isfinite(loop).all():
-            raise InputError(f"the system overflows doubles at {values}")
-        if np.linalg.cond(loop) > 1e13:
-            raise IllPosedError(
-                f"the system is not well posed at {values}: it divides by zero there"
-            )
-        return _upper(whole, Delta, r)
+        deltas = [
+            (one.delta(values[name]) if name in values else 0.0, counts[one.channels[0]], one)
+            for name, one in self.elements.items()
+        ]
+        return closed_above(realisation(parts, self.dt or 0.0), deltas, values)
 
     def vertices(self) -> list[StateSpace]:
         """The systems at all ends of the real parameters, the others nominal."""
@@ -277,13 +257,27 @@ class UncertainSystem(Algebraic):
         """
         return bundle(self.nominal, self.sample(samples, seed))
 
+    @cached_property
+    def cancelling(self) -> list[str]:
+        """Elements on which no coefficient depends, as on k and j in k * j - j * k, by name."""
+        n, M = self.nstates, self._grouped.M
+        channels = self._grouped.names[n:]
+        scalars = {
+            one.channels[0]: name for name, one in self.elements.items() if len(one.channels) == 1
+        }
+        # The states become the last inputs and outputs.
+        found = without_effect(LFT(np.roll(M, -n, (0, 1)), channels), list(scalars))
+        return [scalars[channel] for channel in found]
+
     def reduced(self) -> UncertainSystem:
         """The same system with fewer repetitions of its elements, and with all its states."""
         kept = [INTEGRATOR]
         for one in self.elements.values():
             exact = len(one.channels) > 1 or isinstance(one, dead_time.DeadTime)
             kept += one.channels if exact else ()
-        return replace(self, value=reduced(self._grouped, keep=kept))._used()
+        idle = {self.elements[name].channels[0] for name in self.cancelling}
+        value = without_channels(self._grouped, idle)
+        return replace(self, value=reduced(value, keep=kept))._used()
 
     def __getitem__(self, key: Any) -> UncertainSystem:
         """Some outputs and inputs, by number or slice: ``P[0, 1]``, ``P[:2, :]``."""
@@ -367,43 +361,3 @@ def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:
     parts = [uncertain(first), uncertain(second)]
     elements, dt = combined_elements(parts), common_time(parts)
     return UncertainSystem(operation(*(part.value for part in parts)), elements, dt)._used()
-
-
-def _series(a: LFT, b: LFT) -> LFT:
-    """The product in series; one of a single input and output multiplies each entry."""
-    scalar = (1, 1) in (a.shape, b.shape) and a.shape[1] != b.shape[0]
-    return a * b if scalar else a @ b
-
-
-def _repeated(delta: StateSpace, times: int, size: int) -> StateSpace:
-    """Dynamics that occur several times, for channels (channel, occurrence) padded to `size`."""
-    one = np.eye(times)
-    B, C = np.zeros((delta.nstates, size)), np.zeros((size, delta.nstates))
-    D = np.zeros((size, size))
-    B[:, : delta.ninputs], C[: delta.noutputs] = delta.B, delta.C
-    D[: delta.noutputs, : delta.ninputs] = delta.D
-    parts = [np.asarray(np.kron(part, one)) for part in (delta.A, B, C, D)]
-    return realisation((parts[0], parts[1], parts[2], parts[3]), 0.0)
-
-
-def _over(a: LFT, b: LFT) -> LFT:
-    """a / b. A scalar's reciprocal stands in front, where the rows of a matrix share it."""
-    return inverse(b) @ a if a.shape == b.shape == (1, 1) else _series(a, inverse(b))
-
-
-def _upper(whole: StateSpace, Delta: StateSpace, r: int) -> StateSpace:
-    """F_u(whole, Delta) with Delta closing the first r channels, all states kept."""
-    n, k = whole.nstates, Delta.nstates
-    A, B, C, D = whole.A, whole.B, whole.C, whole.D
-    # y = D11 w + ..., w = Delta y: w = (I - Dd D11)^-1 (Cd xd + Dd (C1 x + D12 u))
-    left = np.linalg.inv(np.eye(r) - Delta.D @ D[:r, :r])
-    w_x, w_d, w_u = left @ Delta.D @ C[:r], left @ Delta.C, left @ Delta.D @ D[:r, r:]
-    y_x, y_d, y_u = C[:r] + D[:r, :r] @ w_x, D[:r, :r] @ w_d, D[:r, r:] + D[:r, :r] @ w_u
-    joined_A = np.block(
-        [[A + B[:, :r] @ w_x, B[:, :r] @ w_d], [Delta.B @ y_x, Delta.A + Delta.B @ y_d]]
-    )
-    joined_B = np.vstack([B[:, r:] + B[:, :r] @ w_u, Delta.B @ y_u])
-    joined_C = np.hstack([C[r:] + D[r:, :r] @ w_x, D[r:, :r] @ w_d])
-    joined_D = D[r:, r:] + D[r:, :r] @ w_u
-    assert joined_A.shape == (n + k, n + k)
-    return realisation((joined_A, joined_B, joined_C, joined_D), whole.dt)

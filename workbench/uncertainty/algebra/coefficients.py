@@ -1,0 +1,125 @@
+"""Systems with uncertain coefficients: matrices of states, and transfer functions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.input_checks import as_list, is_real
+from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.elements import Element
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, lift, matrix
+from workbench.uncertainty.algebra.system import UncertainSystem, combined_elements, uncertain
+
+
+def ss(A: Any, B: Any, C: Any, D: Any, dt: float | None = 0.0) -> UncertainSystem:
+    """A state-space system whose matrices have uncertain entries.
+
+    Each is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain
+    numbers. Repetitions of elements are reduced as far as `UncertainSystem.reduced` does.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import real, ss
+    >>> k = real("k", 4, percent=25)
+    >>> G = ss([[0, 1], [-k, -0.5]], [[0], [1]], [[1, 0]], [[0]])
+    >>> float(G.at(k=5.0).dcgain())
+    0.2
+    """
+    if all(isinstance(part, list | tuple) and not any(part) for part in (A, B, C)):
+        direct = _matrix(D, "D")  # as python-control's ss([], [], [], D): a static system
+        return replace(direct, dt=dt or direct.dt)
+    parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
+    states = parts[0].noutputs
+    if parts[0].ninputs != states:
+        raise InputError(f"A has shape {parts[0].value.shape}; it must be square")
+    if parts[3].value.shape == (1, 1) and _is_zero(parts[3]):  # as of python-control, for no D
+        parts[3] = uncertain(np.zeros((parts[2].noutputs, parts[1].ninputs)))
+    whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
+    return _with_states(lift(whole), states, combined_elements(parts), dt)
+
+
+def tf(num: Any, den: Any, dt: float | None = 0.0) -> UncertainSystem:
+    """A transfer function whose coefficients, the highest power first, may be uncertain.
+
+    Each coefficient enters the realisation once, so that bounds of what it does are tight.
+    """
+    above = [_number(one, "num") for one in _coefficients(num, "num")]
+    below = [_number(one, "den") for one in _coefficients(den, "den")]
+    while below and _is_zero(below[0]):
+        below = below[1:]
+    while above and _is_zero(above[0]):
+        above = above[1:]
+    if not below:
+        raise InputError("den is zero; a coefficient other than 0 is needed")
+    order = len(below) - 1
+    if len(above) - 1 > order:
+        raise InputError(
+            f"num has degree {len(above) - 1}, above that of den, {order}: the system is improper"
+        )
+    if singular(below[0].nominal.D):
+        raise InputError("the highest coefficient of den is 0 at the nominal")
+    b = [uncertain(0.0)] * (order + 1 - len(above)) + above
+    if not order:
+        return b[0] / below[0]
+    # a_n y = x_1 + b_n u and x_i' = x_(i+1) + b_(n-i) u - a_(n-i) y: each coefficient stands once.
+    first = [*np.eye(order)[0], b[0].value]
+    chain = [[*row, one.value] for row, one in zip(np.eye(order, k=1), b[1:], strict=True)]
+    output = lift(matrix([first])) / below[0].value
+    back = matrix([*([-one.value] for one in below[1:]), [1.0]])
+    whole = lift(matrix([*chain, [0.0] * (order + 1)])) + lift(back) @ output
+    return _with_states(whole, order, combined_elements([*b, *below]), dt)
+
+
+def _with_states(
+    whole: LFT, states: int, elements: dict[str, Element], dt: float | None
+) -> UncertainSystem:
+    """The system of [A B; C D] with so many states, its repetitions of elements reduced."""
+    value = LFT(whole.M, whole.names + (INTEGRATOR,) * states)
+    return UncertainSystem(value, elements, dt)._used().reduced()
+
+
+def _matrix(given: Any, name: str) -> UncertainSystem:
+    """An uncertain matrix from what people write for one."""
+    if isinstance(given, UncertainSystem):
+        return _constant(given, name)
+    if not isinstance(given, list | tuple):
+        try:
+            whole = np.atleast_2d(given) if np.ndim(given) else given
+        except (RuntimeError, TypeError, ValueError) as error:
+            raise InputError(f"{name} is no matrix: {error}") from None
+        return _constant(uncertain(whole, name), name)
+    rows = [as_list(row, f"a row of {name}") for row in given]
+    parts = [[_number(entry, name) for entry in row] for row in rows]
+    if len({len(row) for row in parts}) != 1:
+        raise InputError(f"{name} has rows of lengths {[len(row) for row in parts]}; one is needed")
+    value = matrix([[entry.value for entry in row] for row in parts])
+    flat = [entry for row in parts for entry in row]
+    return UncertainSystem(value, combined_elements(flat))
+
+
+def _coefficients(given: Any, name: str) -> list[Any]:
+    """The coefficients of a polynomial, from a list or from one number."""
+    one = is_real(given) or isinstance(given, UncertainSystem)
+    return [given] if one else as_list(given, name)
+
+
+def _number(given: Any, name: str) -> UncertainSystem:
+    found = _constant(uncertain(given, f"an entry of {name}"), name)
+    if found.value.shape != (1, 1):
+        raise InputError(f"an entry of {name} has shape {found.value.shape}; a number is needed")
+    return found
+
+
+def _constant(found: UncertainSystem, name: str) -> UncertainSystem:
+    """An uncertain constant; raises InputError where it has states."""
+    if found.nstates:
+        raise InputError(f"{name} holds a system with {found.nstates} states; constants are needed")
+    return found
+
+
+def _is_zero(found: UncertainSystem) -> bool:
+    return not found.elements and not found.value.M.any()

@@ -1,0 +1,107 @@
+"""Connections of uncertain systems: beside each other, in blocks, and in a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag as block_diagonal
+
+from workbench.errors import InputError
+from workbench.input_checks import as_list
+from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.lft import diagonal, linked
+from workbench.uncertainty.algebra.system import (
+    UncertainSystem,
+    combined_elements,
+    common_time,
+    uncertain,
+)
+
+
+def append(*systems: Any) -> UncertainSystem:
+    """Systems beside each other: the inputs and outputs of the first, then of the second, ...
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import append, real, tf
+    >>> two = append(tf([1], [1, real("a", 1, percent=20)]), 3.0)
+    >>> two.noutputs, two.ninputs
+    (2, 2)
+    """
+    if not systems:
+        raise InputError("append needs at least one system")
+    parts = [uncertain(one, f"system {k}") for k, one in enumerate(systems, start=1)]
+    value = diagonal(*(part.value for part in parts))
+    return UncertainSystem(value, combined_elements(parts), common_time(parts))
+
+
+def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
+    """A system of blocks as `numpy.block` puts arrays together: [[a, b], [c, d]].
+
+    Blocks of a row have the same outputs, those of a column the same inputs. Each is a system or a
+    model of any kind, a number or an array; no element occurs more often than in the blocks.
+
+    Raises InputError for rows of different lengths, sizes or sampling times that do not fit.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import block, real, tf
+    >>> G = tf([1], [1, real("a", 1, percent=20)])
+    >>> block([[G, 1.0], [0.0, G]]).noutputs
+    2
+    """
+    given = [as_list(row, f"row {i}") for i, row in enumerate(as_list(rows, "rows"), start=1)]
+    lengths = {len(row) for row in given}
+    if len(lengths) != 1 or not lengths.pop():
+        raise InputError(f"rows have {[len(row) for row in given]} blocks; they need the same")
+    parts = [
+        [uncertain(one, f"block {i}, {j}") for j, one in enumerate(row, start=1)]
+        for i, row in enumerate(given, start=1)
+    ]
+    heights, widths = [row[0].noutputs for row in parts], [one.ninputs for one in parts[0]]
+    for i, row in enumerate(parts, start=1):
+        for j, one in enumerate(row, start=1):
+            if (one.noutputs, one.ninputs) != (heights[i - 1], widths[j - 1]):
+                raise InputError(
+                    f"block {i}, {j} has {one.noutputs} outputs and {one.ninputs} inputs; its row "
+                    f"has {heights[i - 1]} outputs, its column {widths[j - 1]} inputs"
+                )
+    flat = [one for row in parts for one in row]
+    whole = diagonal(*(one.value for one in flat))
+    outputs, inputs = whole.shape
+    enters = np.vstack([block_diagonal(*(np.eye(width) for width in widths))] * len(parts))
+    leaves = block_diagonal(*(np.hstack([np.eye(height)] * len(widths)) for height in heights))
+    value = linked(whole, np.zeros((inputs, outputs)), enters, leaves)
+    return UncertainSystem(value, combined_elements(flat), common_time(flat))
+
+
+def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
+    """The loop y = first (u + sign second y); no element occurs more often than before.
+
+    Raises
+    ------
+    InputError
+        Sizes or sampling times do not fit; the sign is not -1 or 1; or the loop is singular through
+        the direct terms at the nominal.
+    """
+    a, b = uncertain(first, "first"), uncertain(second, "second")
+    if b.value.shape == (1, 1) and not b.nstates and not b.elements and a.noutputs > 1:
+        b = uncertain(float(b.value.M[0, 0]) * np.eye(a.noutputs))
+    if (b.noutputs, b.ninputs) != (a.ninputs, a.noutputs):
+        raise InputError(
+            f"first has {a.ninputs} inputs and {a.noutputs} outputs, second {b.ninputs} and "
+            f"{b.noutputs}; they must fit each other"
+        )
+    if isinstance(sign, bool) or sign not in (-1, 1):
+        raise InputError(f"sign is {sign!r}; it must be -1 or 1")
+    whole = diagonal(a.value, b.value)
+    p, m = a.value.shape
+    # v = [u; 0] + [0, sign I; I, 0] [y; x], x = second y
+    links = np.block([[np.zeros((m, p)), sign * np.eye(m)], [np.eye(p), np.zeros((p, m))]])
+    if singular(np.eye(m + p) - links @ whole.blocks[3]):
+        raise InputError("the loop is singular through the direct terms of its parts")
+    value = linked(whole, links, np.eye(m + p, m), np.eye(p, p + m))
+    parts = [a, b]
+    return UncertainSystem(value, combined_elements(parts), common_time(parts))
