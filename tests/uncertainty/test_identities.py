@@ -20,7 +20,7 @@ CANCELLING = {
     "dynamics": (dynamics("d", 1, 1) * K - K * dynamics("d", 1, 1), {"d", "k"}),
     "once": (K * J, set()),
     "repeated": (K * J - K, set()),
-    "beside what is large": (1e9 * (K * J - J * K) + M + 1e-9 * J, {"k"}),
+    "beside what is large": (1e6 * (K * J - J * K) + M + 1e-3 * J, {"k"}),
 }
 
 
