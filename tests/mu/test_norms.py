@@ -83,3 +83,13 @@ def test_what_has_no_norm_is_named():
         assert h2_norm(almost).upper == math.inf
     except InputError as error:
         assert "within rounding of the boundary" in str(error)
+
+
+@pytest.mark.parametrize("unit", [1e-150, 1e-75, 1e75, 1e150])
+def test_far_units_of_time(unit):
+    """As a transfer function 1 / (s / 1e150 + 1) had an H2 norm from 0 to infinity."""
+    for lag in (control.tf([unit], [1.0, unit]), control.ss([[-unit]], [[unit]], [[1.0]], 0.0)):
+        found = h2_norm(lag)
+        assert found.lower == pytest.approx((unit / 2) ** 0.5, rel=1e-9)
+        assert found.upper == pytest.approx((unit / 2) ** 0.5, rel=1e-9) and found.holds
+        assert h_infinity_norm(lag).upper == pytest.approx(1.0, rel=1e-5)

@@ -18,13 +18,17 @@ from workbench.mu import (
     destabilising,
     frequency_sweep,
     gradient,
+    loop_margins,
     lower_bound,
     peak,
+    robust_stability,
     skew_bounds,
     upper_bound,
     worst_case_gain,
 )
+from workbench.uncertainty import feedback
 
+SAMPLED = control.tf([1], [1, -0.5], 0.1)
 MIXED = Structure([Real(1, "a"), Complex(1, "b"), Full(2, 2, "c")])
 M = np.random.default_rng(0).normal(size=(4, 4)) + 0.5j * np.eye(4)
 LIGHT = control.tf([1], [1, 0.02, 1])
@@ -129,3 +133,19 @@ def test_a_destabilising_system_needs_the_structure_of_the_peak():
     found = peak(system, Structure([Full(4, 4)]))
     with pytest.raises(InputError, match="has not the structure"):
         destabilising(found, system, Structure([Complex(4)]))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: worst_case_gain(LIGHT), "no uncertain elements of its own: give the structure"),
+        (lambda: worst_case_gain(None), "system must be a StateSpace"),
+        (lambda: loop_margins(LIGHT, SAMPLED), r"sampling times \[0.0, 0.1\] s.*discretise the"),
+        (lambda: loop_margins(2.0, -0.5), r"not well posed.*\[\[2.0\]\] of first and \[\[-0.5"),
+        (lambda: feedback(-1.0, 1.0), "not well posed.*give one of them a lag, or another gain"),
+        (lambda: robust_stability(LIGHT), "no uncertain element; there is nothing"),
+    ],
+)
+def test_what_to_do_is_said(call, words):
+    with pytest.raises(InputError, match=words):
+        call()

@@ -160,3 +160,8 @@ def test_what_is_on_the_boundary_must_agree():
 def test_bad_input_is_told(given, message):
     with pytest.raises(InputError, match=message):
         approximated(G, **{"order": None, "method": "balanced"} | given)
+
+
+def test_a_sampling_time_that_is_not_given_stays_so():
+    small = approximated(tf([1.0, 0.1], [1.0, -0.5, 0.06], True), 1, "balanced")
+    assert small.dt is True and small.holds

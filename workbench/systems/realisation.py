@@ -149,7 +149,7 @@ def companion(system: Any) -> tuple[Array, int]:
     M[n] = [*(num[1:] - num[0] * den[1:]), num[0]]
     rows, columns = balancing(M, n)
     rows[n:] = columns[n:] = 1.0
-    return rows[:, None] * M * columns, n
+    return M * (rows[:, None] * columns), n
 
 
 def with_all_poles(system: Any) -> StateSpace:

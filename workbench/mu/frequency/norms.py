@@ -22,7 +22,7 @@ from workbench.mu.frequency.peak_bounds import Peak
 from workbench.second_opinion import peaks
 from workbench.second_opinion.powers import root_energy
 from workbench.structure import Full, Structure
-from workbench.systems.balancing import with_state_units
+from workbench.systems.balancing import speed, with_state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import matrices_of
 
@@ -151,14 +151,18 @@ def _energy(system: StateSpace) -> tuple[float, float]:
     dt, D = float(system.dt or 0.0), np.asarray(system.D, dtype=float)
     if D.any() and not dt:
         return math.inf, math.inf
-    low, high = energy_bounds(system.A, system.B, system.C, dt)
-    direct = float(np.sum(D**2))
+    A, B, C, _ = matrices_of(system)
+    # In units of time and of signals, powers of two, in which squares stay within doubles.
+    root = 1.0 if dt else float(np.exp2(np.round(np.log2(speed(A, B, C)) / 2)))
+    A, B, C, D = with_state_units(A / root**2, B / root**2, C, D)
+    entering, leaving = (np.ldexp(1.0, np.frexp(abs(part).max(initial=0.0))[1]) for part in (B, C))
+    low, high = energy_bounds(A, B / entering, C / leaving, dt)
+    direct = float(np.sum((D / entering / leaving) ** 2))
     rounding = 4.0 * D.size * np.finfo(float).eps
     low, high = low + direct * (1.0 - rounding), high + direct * (1.0 + rounding)
-    return (
-        float(np.nextafter(math.sqrt(low), 0.0)) if low else 0.0,
-        float(np.nextafter(math.sqrt(high), math.inf)) if high else 0.0,
-    )
+    ends = (math.sqrt(end) * entering * leaving * root for end in (low, high))
+    least, most = (float(end) for end in ends)
+    return float(np.nextafter(least, 0.0)), float(np.nextafter(most, math.inf)) if most else 0.0
 
 
 class GainChecker(PartsChecker):

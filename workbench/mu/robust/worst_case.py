@@ -31,6 +31,7 @@ from workbench.mu.robust.skewed_bounds import (
 )
 from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Structure
+from workbench.systems.conversion import as_system
 from workbench.systems.joints import UncertainPart
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -69,8 +70,13 @@ def worst_case_gain(
     prepared = isinstance(system, UncertainSystem) and structure is None
     if isinstance(system, UncertainPart) and structure is None:
         system, structure = system.system, system.structure
+    if structure is None:
+        as_system(system, "system")
+        raise InputError(
+            "the system has no uncertain elements of its own: give the structure of its "
+            "perturbation, or an uncertain system"
+        )
     need_structure(structure)
-    assert structure is not None
     stable, period = stable_system(system, sampled=True), 0.0
     D = stable.D
     performance, exogenous = D.shape[0] - structure.columns, D.shape[1] - structure.rows

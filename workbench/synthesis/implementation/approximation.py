@@ -217,7 +217,7 @@ def reducer(
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}
 
     def of(order: int) -> StateSpace:
-        return realisation(of_states(order), float(K.dt or 0.0), **labels)
+        return realisation(of_states(order), K.dt, **labels)
 
     return least, of
 

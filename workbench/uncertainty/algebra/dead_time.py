@@ -89,7 +89,10 @@ def closed_with(pulled: LFT, parts: Sequence[LFT]) -> LFT:
     links = np.zeros((d + m + d, d + p + d))
     links[:d, d + p :], links[d + m :, :d] = np.eye(d), np.eye(d)
     if singular(np.eye(len(links)) - links @ whole.blocks[3]):
-        raise InputError("the loop is singular through the direct terms of its parts")
+        raise InputError(
+            "the loop is not well posed: it is singular through the direct terms of its parts at "
+            "the nominal; give one of them a lag, or another gain"
+        )
     enters, leaves = np.zeros((d + m + d, m)), np.zeros((p, d + p + d))
     enters[d : d + m], leaves[:, d : d + p] = np.eye(m), np.eye(p)
     return linked(whole, links, enters, leaves)

@@ -353,7 +353,10 @@ def common_time(parts: list[UncertainSystem]) -> float | None:
     """Sampling time of several systems; raises InputError where they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:
-        raise InputError(f"systems with sampling times {sorted(times)} do not go together")
+        raise InputError(
+            f"systems with sampling times {sorted(times)} s do not go together (0 is continuous "
+            "time): discretise the continuous ones, or bring the others back by continuous_time"
+        )
     return times.pop() if times else None
 
 
