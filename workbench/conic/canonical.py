@@ -105,8 +105,8 @@ def canonical_form(problem: Any) -> Canonical:
             data, chain, inverse = problem.get_problem_data(FormSolver())
     except SolverError as error:
         raise InputError(
-            "the problem needs a cone without proofs here, such as an exponential or a power cone; those of "
-            f"{', '.join(ConeKind)} have them (CVXPY says: {error})"
+            "the problem needs a cone without proofs here, such as an exponential or a power cone; "
+            f"those of {', '.join(ConeKind)} have them (CVXPY says: {error})"
         ) from None
     if any(type(step).__name__ == "ApproxCone2Cone" for step in chain.reductions):
         raise InputError(

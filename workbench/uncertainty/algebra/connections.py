@@ -101,16 +101,19 @@ def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
     # v = [u; 0] + [0, sign I; I, 0] [y; x], x = second y
     links = np.block([[np.zeros((m, p)), sign * np.eye(m)], [np.eye(p), np.zeros((p, m))]])
     if singular(np.eye(m + p) - links @ whole.blocks[3]):
-        raise InputError(
-            "the loop is not well posed: it is singular through the direct terms of its parts at "
-            f"the nominal, {_direct(a)} of first and {_direct(b)} of second, sign {sign}; give one "
-            "of them a lag, or another gain"
-        )
+        raise not_well_posed("first", a, "second", b)
     value = linked(whole, links, np.eye(m + p, m), np.eye(p, p + m))
     parts = [a, b]
     return UncertainSystem(value, combined_elements(parts), common_time(parts))
 
 
-def _direct(system: UncertainSystem) -> str:
-    """The nominal direct term, for people."""
-    return str(system.nominal.D.tolist())
+def not_well_posed(
+    first: str, one: UncertainSystem, second: str, other: UncertainSystem
+) -> InputError:
+    """The refusal of a loop of two systems by name, whose direct terms make it singular."""
+    direct = (str(each.value.blocks[3].tolist()) for each in (one, other))
+    return InputError(
+        "the loop is not well posed: it is singular through the direct terms of its parts at the "
+        f"nominal, {next(direct)} of {first} and {next(direct)} of {second}; give one of them a "
+        "lag, or another gain"
+    )
