@@ -2,7 +2,8 @@
 
 Every default of a function or a field, and every constant of a module, that its docstring gives a
 unit of time, frequency, length or voltage is found in the sources. 0 and infinity have no unit, and
-angles and samples are none.
+angles and samples are none. So is
+every range that `geomspace` or `logspace` spreads between two numbers.
 """
 
 import ast
@@ -45,6 +46,24 @@ LEFT = {
         fitting/factored.py: MISSING_ZERO_FACTOR""",
     "what squares of doubles hold, in any unit": """
         systems/equations/riccati.py: FAR""",
+    "a range of multiples of the model's fastest pole": """
+        diagnosis/generators/exact.py: SENSITIVITY_GRID from 0.01 to 100""",
+    "a range of shares of half the sampling rate, or of multiples of it": """
+        diagnosis/generators/exact.py: _combination from 0.001 to 1
+        diagnosis/generators/exact.py: _normalised from 0.001 to 1
+        synthesis/implementation/discretise.py: CHECKED_NYQUIST_RATIOS from 0 to 4
+        synthesis/implementation/implementation_checks.py: follows from 1e-05 to 1
+        synthesis/implementation/second_order.py: CHECKED_ANGLES from -6 to 0""",
+    "a range of multiples of a scale of the system": """
+        synthesis/implementation/sampled_response.py: MODE_OFFSETS from -2 to 2
+        synthesis/implementation/sampled_response.py: MODE_OFFSETS from 2 to -2
+        synthesis/mu/structured/starts.py: _idle from 0.3 to 3
+        synthesis/records/riccati.py: MULTIPLIERS from 1e-08 to 1e+08
+        systems/margins.py: highest_crossover from 1e-12 to 0.5""",
+    "factors on a controller": """
+        synthesis/designs.py: DESIGN_GAINS from 0.5 to 4""",
+    "a system without poles and zeros, whose response is the same everywhere": """
+        identification/rational_models/model.py: _points from 0.1 to 10""",
 }
 """Why the numbers of some places belong to no system. The list only shrinks."""
 
@@ -71,6 +90,7 @@ def places(source: str, path: str) -> Iterator[str]:
             constants[name] = numbers(node.value)
             if constants[name] and (UNIT.search(text) or NAMES.search(name)):
                 yield f"{path}: {name}"
+    yield from ranges(tree, path)
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             text = ast.get_docstring(node) or ""
@@ -78,6 +98,34 @@ def places(source: str, path: str) -> Iterator[str]:
                 given = isinstance(default, ast.Name) and constants.get(default.id)
                 if (given or numbers(default)) and (NAMES.search(name) or has_unit(name, text)):
                     yield f"{path}: {node.name}({name})"
+
+
+def ranges(tree: ast.Module, path: str) -> Iterator[str]:
+    """Ranges between two numbers, and the function or the constant that has them."""
+    for outer in ast.walk(tree):
+        if not isinstance(outer, ast.FunctionDef) and outer not in tree.body:
+            continue
+        if isinstance(outer, ast.ClassDef):
+            continue
+        name = getattr(outer, "name", "")
+        if isinstance(outer, ast.Assign) and isinstance(outer.targets[0], ast.Name):
+            name = outer.targets[0].id
+        for call in ast.walk(outer):
+            if not isinstance(call, ast.Call) or len(call.args) < 2:
+                continue
+            if getattr(call.func, "attr", "") in ("geomspace", "logspace"):
+                ends = [literal(end) for end in call.args[:2]]
+                if None not in ends:
+                    yield f"{path}: {name} from {ends[0]:g} to {ends[1]:g}"
+
+
+def literal(node: ast.expr) -> float | None:
+    """The number that an expression is written as."""
+    try:
+        found = ast.literal_eval(node)
+    except ValueError:
+        return None
+    return float(found) if isinstance(found, int | float) else None
 
 
 def defaults(node: ast.FunctionDef | ast.ClassDef) -> list[tuple[str, ast.expr]]:
@@ -117,9 +165,14 @@ def test_what_is_left_is_listed_with_its_reason():
         ('def f(end_hz=10):\n    """No unit said."""', "f(end_hz)"),
         ('END = 3.0\ndef f(*, end=END):\n    """To `end` [rad/s]."""', "f(end)"),
         ('class Law:\n    """Has a corner [Hz] of Q."""\n    corner: float = 200.0', "Law(corner)"),
+        ("def f():\n    return np.geomspace(1.0, 1e5, 30)", "f from 1 to 100000"),
+        ('GRID = np.logspace(-2, 2)\n"""Of a search."""', "GRID from -2 to 2"),
+        ("def f(low):\n    return np.geomspace(low, 10 * low, 30)", ""),
         ('def f(dt=0.0):\n    """Sampling time dt [s]."""', ""),
         ('SHARE = 0.1\n"""Of the fastest pole."""', ""),
     ],
 )
 def test_a_number_with_a_unit_is_found(source, found):
-    assert list(places(source, "m")) == [f"m: {name}" for name in found.split()]
+    assert list(places(source, "m")) == (
+        [f"m: {found}"] if " from " in found else [f"m: {name}" for name in found.split()]
+    )

@@ -29,7 +29,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm
 
 DESIGN_GAINS = tuple(np.geomspace(0.5, 4.0, 13))
-SIGNAL_SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
+"""Factors on the reference controller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ class DesignTask:
     reference
         A controller that stabilises, G with negative feedback and `plant` with u = K y: the shape
         of loop shaping, and the start of the fixed-order method.
+    sizes
+        Sizes of the perturbation's signals that are tried with a full block, in units of these.
     gains
         Factors on `reference` that are tried as the shape of the loop.
-    sizes
-        Sizes of the perturbation's signals that are tried with a full block.
 
     Raises
     ------
@@ -95,6 +95,7 @@ class DesignTask:
     ...     W_S=control.tf([0.4], [1.0, 0.01]),
     ...     W_KS=0.1,
     ...     reference=K,
+    ...     sizes=[0.1, 1.0, 10.0],
     ... )
     >>> DESIGNS["reference"](task, Context()) is K
     True
@@ -107,8 +108,8 @@ class DesignTask:
     W_S: Any
     W_KS: Any
     reference: StateSpace
+    sizes: Sequence[float]
     gains: Sequence[float] = DESIGN_GAINS
-    sizes: Sequence[float] = SIGNAL_SIZES
 
     def __post_init__(self) -> None:
         if self.plant.structure is None or self.regular.structure is None:

@@ -6,6 +6,8 @@ CD-players (2003).
 
 from __future__ import annotations
 
+import numpy as np
+
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import DesignTask
 from workbench.uncertainty import ParametricModel, UncertaintyModel
@@ -16,6 +18,8 @@ from ..control_problem import control_weight, generalised, optical_gain, perform
 from ..design import synthesis_plant
 
 CHANNELS = ("z_p", "z_u")
+SIGNAL_SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
+"""Sizes of the perturbation's signals, in units of these, that are tried with a full block."""
 FULL_ORDER = ("LQG", "mixed sensitivity", "loop shaping", "full block", "D-K", "(mu,D)-K")
 """Methods whose controllers have the order of the plant with its weights, or more."""
 
@@ -43,6 +47,7 @@ def design_task(axis: Axis, uncertain: UncertaintyModel | ParametricModel) -> De
         W_S=performance_weight(axis),
         W_KS=float(control_weight(axis).D[0, 0]) * optical_gain(axis),
         reference=control.ss(controller(axis)),
+        sizes=SIGNAL_SIZES,
     )
 
 
