@@ -14,7 +14,7 @@ from workbench.certify.interval import proven_in_doubles
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.frequency.complex_part import with_complex_part
 from workbench.mu.frequency.sweep import bounds_at
-from workbench.structure import Structure
+from workbench.structure import Real, Structure
 from workbench.systems.frequency_grid import starting_grid
 
 Band = tuple[float, float]
@@ -27,9 +27,12 @@ PROMISING = 0.98
 COMPLEX_SHARES = (0.1, 1e-3, 1e-6)
 """Complex parts of the parameters for which multipliers are chosen, the first that serves. Those of
 real parameters alone hold on far narrower intervals; poles near the axis leave room for little."""
-ROUNDS = 3
-"""Rounds in which the middles of what is open are bounded too."""
-MOST_GAPS = 12
+MANY = 5
+"""Real parameters from which on a part is cut only where its bound at a frequency asks for it: to
+halve each of p takes 2^p parts, to halve the intervals of frequency about twice the time."""
+ROUNDS, MANY_ROUNDS = 3, 12
+"""Rounds in which the middles of what is open are bounded too, of few parameters and of many."""
+MOST_GAPS, MANY_GAPS = 12, 200
 """Gaps from which a part is cut rather than covered further."""
 
 AT_ONCE = 32
@@ -62,21 +65,30 @@ def open_bands(
         first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
     bands = _covered(system, first, bands, late)
+    many = sum(isinstance(block, Real) for block in structure) >= MANY
+    rounds, gaps = (MANY_ROUNDS, MANY_GAPS) if many else (ROUNDS, MOST_GAPS)
+    if many and bands and not late():
+        sharp = _with_real_blocks(system, structure, COMPLEX_SHARES[-1])(_middles(bands))
+        if sharp.upper.max() >= 1.0:
+            return bands, sharp.M[int(np.argmax(sharp.upper))]
     for share in COMPLEX_SHARES:
         mixed, before = _with_real_blocks(system, structure, share), bands
-        for _ in range(ROUNDS):
-            if not bands or len(bands) > MOST_GAPS or late():
+        for _ in range(rounds):
+            if not bands or len(bands) > gaps or late():
                 return bands, worst
             last = bands
             for at in (plain, mixed):
                 if bands and not late():
-                    found = at(np.unique([_middle(*b) for b in bands]))
-                    bands = _covered(system, found, bands, late)
+                    bands = _covered(system, at(_middles(bands)), bands, late)
             if bands == last:
                 break
-        if bands != before:
+        if bands != before and not many:
             break
     return bands, worst
+
+
+def _middles(bands: tuple[Band, ...]) -> RealArray:
+    return np.unique([_middle(*band) for band in bands])
 
 
 def _covered(
