@@ -1,4 +1,4 @@
-"""Systems of ten to sixteen real parameters: an aircraft, random matrices, and lags in series."""
+"""Systems of ten to sixteen real parameters: an aircraft, random matrices, lags, and chains."""
 
 import math
 from itertools import product
@@ -84,6 +84,51 @@ def lags_in_series(seed):
         time = real(f"T{i}", float(10 ** rng.uniform(-2, 1)), percent=20)
         loop = loop * tf([gain], [time, 1])
     return feedback(loop, 1)
+
+
+def chain(damping, seed, gain=0.5):
+    """Five masses in a row, 15 parameters within 10 %, and rate feedback from the last to the first.
+
+    The feedback has a share of the gain that makes the nominal unstable.
+    """
+    rng = np.random.default_rng(seed)
+    masses, springs = rng.uniform(0.5, 2, 5), rng.uniform(2, 8, 5)
+    values = [1 / masses, springs, 2 * damping * np.sqrt(springs * masses)]
+    B, C = np.zeros((10, 1)), np.zeros((1, 10))
+    B[5], C[0, 9] = 1.0, 1.0
+    nominal, most = np.array(_chained(*values)), 1.0
+    while _stays(nominal - most * B @ C):
+        most *= 2.0
+    low, high = 0.0, most
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _stays(nominal - middle * B @ C) else (low, middle)
+    parts = [
+        [real(f"{name}{i}", float(value), percent=10) for i, value in enumerate(part)]
+        for name, part in zip("mkc", values, strict=True)
+    ]
+    return feedback(ss(_chained(*parts), B, C, 0), gain * low)
+
+
+def _chained(inverse, springs, dampers):
+    """Rows of A of masses between a wall and a free end."""
+    n = len(inverse)
+    rows = [[float(j == n + i) for j in range(2 * n)] for i in range(n)]
+    for i in range(n):
+        row = [0.0] * (2 * n)
+        for start, part in ((0, springs), (n, dampers)):
+            after = part[i + 1] if i + 1 < n else 0.0
+            row[start + i] = -(inverse[i] * (part[i] + after))
+            if i:
+                row[start + i - 1] = inverse[i] * part[i]
+            if i + 1 < n:
+                row[start + i + 1] = inverse[i] * after
+        rows.append(row)
+    return rows
+
+
+def _stays(A):
+    return np.linalg.eigvals(A).real.max() < 0
 
 
 def best_vertex(given):
