@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from workbench.systems.connection import generalised_plant
     from workbench.systems.generalised_plant import GeneralisedPlant
     from workbench.uncertainty.algebra.coefficients import ss, tf
-    from workbench.uncertainty.algebra.connections import append, block, feedback
+    from workbench.uncertainty.algebra.connections import append, block, feedback, series
     from workbench.uncertainty.algebra.interconnect import interconnect
     from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
     from workbench.uncertainty.algebra.rational_delays import without_dead_time
@@ -91,6 +91,7 @@ __all__ = [
     "parametric",
     "real",
     "samples",
+    "series",
     "smooth",
     "ss",
     "tf",

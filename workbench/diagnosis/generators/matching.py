@@ -130,7 +130,7 @@ def model_matching(
     K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).K
     names = [f"r{i + 1}" for i in range(k)]
     generator = ResidualGenerator(
-        series(K, base.Q, names), series(K, R, names), model.faults, model.noise
+        followed_by(base.Q, K, names), followed_by(R, K, names), model.faults, model.noise
     )
     error = generalised.close(K)
     if not stability_of(error).holds:
@@ -241,7 +241,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
     return realisation((M_r.A, M_r.B, M_r.C, M_r.D), model.dt)
 
 
-def series(K: StateSpace, first: StateSpace, names: list[str]) -> StateSpace:
+def followed_by(first: StateSpace, K: StateSpace, names: list[str]) -> StateSpace:
     """The series connection: K after the first system, with the states of both."""
     matrices = (
         np.block([[first.A, np.zeros((first.nstates, K.nstates))], [K.B @ first.C, K.A]]),

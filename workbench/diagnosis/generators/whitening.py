@@ -18,7 +18,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
 
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.diagnosis.generators.generator import Poles, ResidualGenerator
-from workbench.diagnosis.generators.matching import null_space_generator, series
+from workbench.diagnosis.generators.matching import followed_by, null_space_generator
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
@@ -109,8 +109,8 @@ def whitened_residual(
     )
     names = list(base.Q.output_labels)
     generator = ResidualGenerator(
-        series(whitening, base.Q, names),
-        series(whitening, base.R, names),
+        followed_by(base.Q, whitening, names),
+        followed_by(base.R, whitening, names),
         model.faults,
         model.noise,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,25 +11,107 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real
 from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.connections import block
 from workbench.uncertainty.algebra.elements import Element
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, lift, matrix
+from workbench.uncertainty.algebra.signals import Call, call_of, named, python_controls_errors
 from workbench.uncertainty.algebra.system import UncertainSystem, combined_elements, uncertain
 
 
-def ss(A: Any, B: Any, C: Any, D: Any, dt: float | None = 0.0) -> UncertainSystem:
+def ss(*args: Any, **kwargs: Any) -> UncertainSystem:
     """A state-space system whose matrices have uncertain entries.
 
-    Each is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain
-    numbers. Repetitions of elements are reduced as far as `UncertainSystem.reduced` does.
+    ``ss(A, B, C, D)``, with the sampling time [s] after them or as ``dt=``: each is an array of
+    numbers, an uncertain matrix, or a list of rows of numbers and uncertain numbers. Repetitions of
+    elements are reduced as far as `UncertainSystem.reduced` does. ``ss(system)`` takes a system of
+    any kind. Keywords name the system and its signals, as those of `control.ss` do.
 
     Examples
     --------
     >>> from workbench.uncertainty import real, ss
     >>> k = real("k", 4, percent=25)
-    >>> G = ss([[0, 1], [-k, -0.5]], [[0], [1]], [[1, 0]], [[0]])
-    >>> float(G.at(k=5.0).dcgain())
-    0.2
+    >>> G = ss([[0, 1], [-k, -0.5]], [[0], [1]], [[1, 0]], [[0]], inputs="force")
+    >>> float(G.at(k=5.0).dcgain()), G.input_labels
+    (0.2, ['force'])
     """
+    call = call_of("ss", args, kwargs, before_dt=4)
+    if len(call.given) == 1:
+        return named(_converted(call, kwargs), call.naming)
+    if len(call.given) != 4:
+        raise InputError(
+            f"ss was given {len(call.given)} arguments; A, B, C, D or a system is needed"
+        )
+    return named(_state_space(*call.given, call.dt), call.naming)
+
+
+def tf(*args: Any, **kwargs: Any) -> Any:
+    """A transfer function whose coefficients, the highest power first, may be uncertain.
+
+    ``tf(num, den)``, with the sampling time [s] after them or as ``dt=``. Each coefficient enters
+    the realisation once, so that bounds of what it does are tight. Of several inputs and outputs,
+    num and den are lists of rows of polynomials. ``tf(system)`` takes a system of any kind, and
+    ``tf([[G, H]])`` an array of them. ``tf("s")`` and ``tf("z")`` are python-control's own.
+    Keywords name the system and its signals, as those of `control.tf` do.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import real, tf
+    >>> a = real("a", 2, percent=20)
+    >>> float(tf([1], [1, a]).at(a=1.6).dcgain())
+    0.625
+    >>> two = tf([[[1], [2]]], [[[1, a], [1, 1]]])
+    >>> two.noutputs, two.ninputs
+    (1, 2)
+    """
+    import control
+
+    call = call_of("tf", args, kwargs, before_dt=2)
+    if len(call.given) == 1:
+        (only,) = call.given
+        if isinstance(only, str):
+            if only not in ("s", "z"):
+                raise InputError(f'tf was given {only!r}; of texts it takes "s" and "z"')
+            with python_controls_errors():
+                return control.tf(only, **kwargs)
+        return named(_converted(call, kwargs), call.naming)
+    if len(call.given) != 2:
+        raise InputError(f"tf was given {len(call.given)} arguments; num and den are needed")
+    num, den = call.given
+    if not _has_rows(num):
+        return named(_fraction(num, den, call.dt), call.naming)
+    if not _has_rows(den) or [len(row) for row in num] != [len(row) for row in den]:
+        raise InputError("num has rows of polynomials; den needs as many in rows as long")
+    rows = [
+        [_fraction(above, below, call.dt) for above, below in zip(*pair, strict=True)]
+        for pair in zip(num, den, strict=True)
+    ]
+    return named(block(rows), call.naming)
+
+
+def _converted(call: Call, kwargs: Mapping[str, Any]) -> UncertainSystem:
+    """A system that is given as a whole, or as an array of systems."""
+    (given,) = call.given
+    rows = isinstance(given, list | tuple) or (
+        isinstance(given, np.ndarray) and given.dtype.hasobject
+    )
+    found = block(given) if rows else uncertain(given, "system")
+    if "dt" in kwargs and call.dt != found.dt:
+        if found.nstates:
+            raise InputError(f"the system has dt = {found.dt}; it cannot be given dt = {call.dt}")
+        return replace(found, dt=call.dt)
+    return found
+
+
+def _has_rows(given: Any) -> bool:
+    """Whether it is a list of rows of polynomials, as of several inputs and outputs."""
+    for _ in range(2):
+        if not isinstance(given, list | tuple | np.ndarray) or not len(given):
+            return False
+        given = given[0]
+    return isinstance(given, list | tuple | np.ndarray)
+
+
+def _state_space(A: Any, B: Any, C: Any, D: Any, dt: float | None) -> UncertainSystem:
     if all(isinstance(part, list | tuple) and not any(part) for part in (A, B, C)):
         direct = _matrix(D, "D")  # as python-control's ss([], [], [], D): a static system
         return replace(direct, dt=dt or direct.dt)
@@ -42,11 +125,8 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float | None = 0.0) -> UncertainSyste
     return _with_states(lift(whole), states, combined_elements(parts), dt)
 
 
-def tf(num: Any, den: Any, dt: float | None = 0.0) -> UncertainSystem:
-    """A transfer function whose coefficients, the highest power first, may be uncertain.
-
-    Each coefficient enters the realisation once, so that bounds of what it does are tight.
-    """
+def _fraction(num: Any, den: Any, dt: float | None) -> UncertainSystem:
+    """A transfer function of one input and one output."""
     above = [_number(one, "num") for one in _coefficients(num, "num")]
     below = [_number(one, "den") for one in _coefficients(den, "den")]
     while below and _is_zero(below[0]):

@@ -12,6 +12,7 @@ from workbench.errors import InputError
 from workbench.input_checks import as_list
 from workbench.systems.balancing import singular
 from workbench.uncertainty.algebra.lft import diagonal, linked
+from workbench.uncertainty.algebra.signals import named, need_naming
 from workbench.uncertainty.algebra.system import (
     UncertainSystem,
     combined_elements,
@@ -20,8 +21,10 @@ from workbench.uncertainty.algebra.system import (
 )
 
 
-def append(*systems: Any) -> UncertainSystem:
+def append(*sys: Any, **kwargs: Any) -> UncertainSystem:
     """Systems beside each other: the inputs and outputs of the first, then of the second, ...
+
+    Keywords name the result and its signals, as those of `control.append` do.
 
     Examples
     --------
@@ -30,11 +33,37 @@ def append(*systems: Any) -> UncertainSystem:
     >>> two.noutputs, two.ninputs
     (2, 2)
     """
-    if not systems:
-        raise InputError("append needs at least one system")
-    parts = [uncertain(one, f"system {k}") for k, one in enumerate(systems, start=1)]
+    need_naming("append", kwargs)
+    parts = _systems(sys, "append")
     value = diagonal(*(part.value for part in parts))
-    return UncertainSystem(value, combined_elements(parts), common_time(parts))
+    return named(UncertainSystem(value, combined_elements(parts), common_time(parts)), kwargs)
+
+
+def series(*sys: Any, **kwargs: Any) -> UncertainSystem:
+    """Systems one after the other, the first one first: series(G, H) is H G.
+
+    Keywords name the result and its signals, as those of `control.series` do.
+
+    Raises InputError for sizes or sampling times that do not fit.
+
+    Examples
+    --------
+    >>> from workbench.uncertainty import real, series, tf
+    >>> float(series(tf([1], [1, real("a", 2, percent=20)]), 3.0).nominal.dcgain())
+    1.5
+    """
+    need_naming("series", kwargs)
+    first, *others = _systems(sys, "series")
+    for other in others:
+        first = other * first
+    return named(first, kwargs)
+
+
+def _systems(given: tuple[Any, ...], function: str) -> list[UncertainSystem]:
+    """At least one system."""
+    if not given:
+        raise InputError(f"{function} needs at least one system")
+    return [uncertain(one, f"system {k}") for k, one in enumerate(given, start=1)]
 
 
 def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
@@ -77,8 +106,10 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
     return UncertainSystem(value, combined_elements(flat), common_time(flat))
 
 
-def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
-    """The loop y = first (u + sign second y); no element occurs more often than before.
+def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> UncertainSystem:
+    """The loop y = sys1 (u + sign sys2 y); no element occurs more often than before.
+
+    Keywords name the result and its signals, as those of `control.feedback` do.
 
     Raises
     ------
@@ -86,25 +117,26 @@ def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
         Sizes or sampling times do not fit; the sign is not -1 or 1; or the loop is singular through
         the direct terms at the nominal.
     """
-    a, b = uncertain(first, "first"), uncertain(second, "second")
+    need_naming("feedback", kwargs)
+    a, b = uncertain(sys1, "sys1"), uncertain(sys2, "sys2")
     if b.value.shape == (1, 1) and not b.nstates and not b.elements and a.noutputs > 1:
         b = uncertain(float(b.value.M[0, 0]) * np.eye(a.noutputs))
     if (b.noutputs, b.ninputs) != (a.ninputs, a.noutputs):
         raise InputError(
-            f"first has {a.ninputs} inputs and {a.noutputs} outputs, second {b.ninputs} and "
+            f"sys1 has {a.ninputs} inputs and {a.noutputs} outputs, sys2 {b.ninputs} and "
             f"{b.noutputs}; they must fit each other"
         )
     if isinstance(sign, bool) or sign not in (-1, 1):
         raise InputError(f"sign is {sign!r}; it must be -1 or 1")
     whole = diagonal(a.value, b.value)
     p, m = a.value.shape
-    # v = [u; 0] + [0, sign I; I, 0] [y; x], x = second y
+    # v = [u; 0] + [0, sign I; I, 0] [y; x], x = sys2 y
     links = np.block([[np.zeros((m, p)), sign * np.eye(m)], [np.eye(p), np.zeros((p, m))]])
     if singular(np.eye(m + p) - links @ whole.blocks[3]):
         raise not_well_posed("first", a, "second", b)
     value = linked(whole, links, np.eye(m + p, m), np.eye(p, p + m))
     parts = [a, b]
-    return UncertainSystem(value, combined_elements(parts), common_time(parts))
+    return named(UncertainSystem(value, combined_elements(parts), common_time(parts)), kwargs)
 
 
 def not_well_posed(

@@ -7,36 +7,69 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_list
 from workbench.systems.balancing import singular
-from workbench.systems.interconnection import Names, names_of, sum_of
+from workbench.systems.interconnection import names_of, sum_of
 from workbench.uncertainty.algebra.lft import LFT, diagonal, linked
+from workbench.uncertainty.algebra.signals import (
+    need_naming,
+    python_controls_errors,
+    signals_of,
+    stand_in,
+)
 from workbench.uncertainty.algebra.system import (
+    SignalNames,
     UncertainSystem,
     combined_elements,
     common_time,
     uncertain,
 )
 
+LEFT_OPEN = {
+    **dict.fromkeys(("inplist", "outlist", "params", "ignore_inputs", "ignore_outputs")),
+    **{"check_unused": True, "add_unused": False, "warn_duplicate": None, "debug": False},
+}
+"""Settings of python-control's wiring as they are where nobody gives them."""
+
 
 def interconnect(
-    blocks: Sequence[Any], sums: Mapping[str, str], *, inputs: Names, outputs: Names
+    syslist: Sequence[Any],
+    connections: Any = None,
+    inplist: Any = None,
+    outlist: Any = None,
+    params: Any = None,
+    check_unused: bool = True,
+    add_unused: bool = False,
+    ignore_inputs: Any = None,
+    ignore_outputs: Any = None,
+    warn_duplicate: bool | None = None,
+    debug: bool = False,
+    **kwargs: Any,
 ) -> UncertainSystem:
-    """Connect uncertain systems by the names of their signals, as `control.interconnect` others.
+    """Connect uncertain systems, as `control.interconnect` connects others.
 
-    A signal is driven in one place, a block's output, a sum or an input of the whole, and read in
-    any number of places. An element that occurs in several blocks is one element.
+    By names alone, a signal is driven in one place, a system's output, a sum or an input of the
+    whole, and read in any number of places; what is read and not driven is an error. An element
+    that occurs in several systems is one element.
 
     Parameters
     ----------
-    blocks
-        (System, input names, output names), the system an `UncertainSystem` or anything that stands
-        for one; or a system of python-control whose signals have names.
-    sums
-        Summing junctions such as {"e": "r - y"}.
-    inputs, outputs
-        Names of the signals that come in and go out.
+    syslist
+        Systems whose signals have names, such as ``tf(..., inputs="u", outputs="y")`` or those of
+        python-control; or (system, input names, output names), the system anything that stands for
+        one.
+    connections
+        Summing junctions by name, such as {"e": "r - y"}; or python-control's list of connections.
+        None: signals of one name are connected.
+    inplist, outlist, params, check_unused, add_unused, ignore_inputs, ignore_outputs, \
+warn_duplicate, debug
+        As of `control.interconnect`. Any of them, or a list of connections, leaves the wiring to
+        python-control, with its rules and warnings.
+    **kwargs
+        ``inputs`` and ``outputs``, names of the signals that come in and go out; ``name``; and
+        what else `control.interconnect` takes.
 
     Raises
     ------
@@ -44,33 +77,91 @@ def interconnect(
         A signal that is read but driven by nothing.
     InputError
         A signal driven twice, an input that nothing reads, names that do not fit their system, or a
-        loop without dynamics that is singular.
+        loop without dynamics that is singular; or what python-control refuses.
 
     Examples
     --------
     >>> from workbench.uncertainty import interconnect, real, tf
-    >>> G = tf([1], [1, real("a", 1, percent=20)])
-    >>> S = interconnect([(G, "u", "y")], {"e": "r - y", "u": "e"}, inputs="r", outputs=["e", "y"])
+    >>> G = tf([1], [1, real("a", 1, percent=20)], inputs="u", outputs="y")
+    >>> S = interconnect([G], {"e": "r - y", "u": "e"}, inputs="r", outputs=["e", "y"])
     >>> S.noutputs, [block.name for block in S.structure]
     (2, ['a'])
     """
-    if not isinstance(sums, Mapping):
-        raise InputError(f'sums must be a mapping such as {{"e": "r - y"}}, not {sums!r}')
-    parts: list[UncertainSystem] = []
-    read: list[str] = []
-    driven: list[str] = []
-    for number, given in enumerate(as_list(blocks, "blocks"), start=1):
-        part, into, out = _named(given, f"block {number}")
-        parts.append(part)
-        read += into
-        driven += out
+    rules = {
+        "inplist": inplist,
+        "outlist": outlist,
+        "params": params,
+        "check_unused": check_unused,
+        "add_unused": add_unused,
+        "ignore_inputs": ignore_inputs,
+        "ignore_outputs": ignore_outputs,
+        "warn_duplicate": warn_duplicate,
+        "debug": debug,
+    }
+    sums = connections if isinstance(connections, Mapping) else {}
+    given = as_list(syslist, "syslist")
+    left_open = all(
+        value is None or value is (rule == "check_unused") for rule, value in rules.items()
+    )
+    if left_open and (connections is None or connections is sums):
+        parts = [_labelled(one, f"system {k}", True) for k, one in enumerate(given, start=1)]
+        return _by_names([*parts, *_junctions(sums)], **kwargs)
+    parts = [_labelled(one, f"system {k}", False) for k, one in enumerate(given, start=1)]
+    wires = None if connections is sums else connections
+    return _by_python_control([*parts, *_junctions(sums)], wires, rules, kwargs)
+
+
+def _labelled(given: Any, name: str, needed: bool) -> UncertainSystem:
+    """A system with the names of its signals; raises InputError where `needed` ones are missing."""
+    labels: SignalNames | None
+    if isinstance(given, tuple):
+        if len(given) != 3:
+            raise InputError(f"{name} is {given!r}; (system, inputs, outputs) are needed")
+        system, into, out = given
+        part = uncertain(system, name)
+        labels = SignalNames("", names_of(into), names_of(out))
+    else:
+        part = uncertain(given, name)
+        labels = part.signals
+        if not isinstance(given, UncertainSystem) and hasattr(given, "input_labels"):
+            labels = signals_of(given)
+    if labels is None:
+        if needed:
+            raise InputError(
+                f"{name} has no names of signals; make it with inputs= and outputs=, or give "
+                "(system, inputs, outputs)"
+            )
+        return part
+    if (len(labels.inputs), len(labels.outputs)) != (part.ninputs, part.noutputs):
+        raise InputError(
+            f"{name} has {part.ninputs} inputs and {part.noutputs} outputs, but was given the "
+            f"names {list(labels.inputs)} and {list(labels.outputs)}"
+        )
+    return part.with_signals(labels)
+
+
+def _junctions(sums: Mapping[str, str]) -> list[UncertainSystem]:
+    """Summing junctions as systems."""
+    found = []
     for item in sums.items():
         junction = sum_of(*item)
-        parts.append(uncertain(np.asarray(junction.M)))
-        read += junction.inputs
-        driven += junction.outputs
+        labels = SignalNames("", tuple(junction.inputs), tuple(junction.outputs))
+        found.append(uncertain(np.asarray(junction.M)).with_signals(labels))
+    return found
+
+
+def _by_names(
+    parts: list[UncertainSystem], *, inputs: Any = None, outputs: Any = None, **naming: Any
+) -> UncertainSystem:
+    """SignalNames of one name are one signal."""
+    if inputs is None or outputs is None:
+        raise InputError(
+            "interconnect needs inputs= and outputs=, the names of what goes in and out"
+        )
     if not parts:
-        raise InputError("there is nothing to connect: give blocks or sums")
+        raise InputError("there is nothing to connect: give systems or sums")
+    read = [name for part in parts for name in part.input_labels]
+    driven = [name for part in parts for name in part.output_labels]
     enter, leave = names_of(inputs), names_of(outputs)
     signals = [*driven, *enter]
     for name in dict.fromkeys(signals):
@@ -88,33 +179,51 @@ def interconnect(
         for names in (read, leave)
     )
     split = len(driven)
+    maps = reads[:, :split], reads[:, split:], leaves[:, :split], leaves[:, split:]
+    need_naming("interconnect", naming)
+    return _connected(parts, *maps).with_signals(SignalNames(naming.get("name", ""), enter, leave))
+
+
+def _by_python_control(
+    parts: list[UncertainSystem], connections: Any, rules: Mapping[str, Any], kwargs: Any
+) -> UncertainSystem:
+    """Systems of python-control with the same signals are connected, and say which goes where."""
+    import control
+
+    systems = [stand_in(part, **_naming(part)) for part in parts]
+    with python_controls_errors():
+        wired = control.interconnect(systems, connections, **rules, **kwargs)
+    outputs = sum(part.noutputs for part in parts)
+    links, enters = np.asarray(wired.connect_map), np.asarray(wired.input_map)
+    outgoing, incoming = wired.output_map[:, :outputs], wired.output_map[:, outputs:]
+    found = _connected(parts, links, enters, outgoing + incoming @ links, incoming @ enters)
+    return found.with_signals(signals_of(wired))
+
+
+def _naming(part: UncertainSystem) -> dict[str, Any]:
+    """Keywords of python-control for the names of a system."""
+    if part.signals is None:
+        return {}
+    named = {"name": part.signals.name} if part.signals.name else {}
+    return {"inputs": part.input_labels, "outputs": part.output_labels, **named}
+
+
+def _connected(
+    parts: list[UncertainSystem],
+    links: RealArray,
+    enters: RealArray,
+    leaves: RealArray,
+    through: RealArray,
+) -> UncertainSystem:
+    """All inputs are links y + enters w, for all outputs y; what goes out is leaves y + through w.
+
+    Raises InputError where a loop without dynamics is singular.
+    """
     whole = diagonal(*(part.value for part in parts))
-    links = reads[:, :split]
-    direct = whole.blocks[3]
-    if singular(np.eye(len(read)) - links @ direct):
+    if singular(np.eye(len(links)) - links @ whole.blocks[3]):
         raise InputError("a loop without dynamics is singular; check signs and direct terms")
-    value = linked(whole, links, reads[:, split:], leaves[:, :split])
-    through = np.zeros(value.M.shape)
-    through[len(value.names) :, len(value.names) :] = leaves[:, split:]
-    found = LFT(value.M + through, value.names)
+    value = linked(whole, links, enters, leaves)
+    passing = np.zeros(value.M.shape)
+    passing[len(value.names) :, len(value.names) :] = through
+    found = LFT(value.M + passing, value.names)
     return UncertainSystem(found, combined_elements(parts), common_time(parts))
-
-
-def _named(given: Any, name: str) -> tuple[UncertainSystem, list[str], list[str]]:
-    """A block, and the names of its inputs and outputs."""
-    if isinstance(given, tuple):
-        if len(given) != 3:
-            raise InputError(f"{name} is {given!r}; (system, inputs, outputs) are needed")
-        system, into, out = given
-        part, read, driven = uncertain(system, name), names_of(into), names_of(out)
-    else:
-        part = uncertain(given, name)
-        if not hasattr(given, "input_labels"):
-            raise InputError(f"{name} has no names of signals; give (system, inputs, outputs)")
-        read, driven = tuple(given.input_labels), tuple(given.output_labels)
-    if (len(read), len(driven)) != (part.ninputs, part.noutputs):
-        raise InputError(
-            f"{name} has {part.ninputs} inputs and {part.noutputs} outputs, but was given the "
-            f"names {list(read)} and {list(driven)}"
-        )
-    return part, list(read), list(driven)

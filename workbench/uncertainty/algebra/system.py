@@ -7,7 +7,7 @@ inverses of systems are those of LFTs (`workbench.uncertainty.algebra.lft`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar
@@ -31,7 +31,7 @@ from workbench.uncertainty.algebra.closing import closed_above
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
 from workbench.uncertainty.algebra.identities import without_effect
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, over, series
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, chained, inverse, over
 from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
 MOST_VERTICES = 4096
@@ -39,7 +39,7 @@ MOST_VERTICES = 4096
 
 
 class Algebraic(UncertainPart):
-    """What can be added, multiplied and divided, with systems, numbers and arrays on either side.
+    """What can be added, chained and divided, with systems, numbers and arrays on either side.
 
     ``*`` is the product of systems in series; one of a single input and output multiplies each
     entry.
@@ -62,10 +62,10 @@ class Algebraic(UncertainPart):
         return _combined(other, self, lambda a, b: a - b)
 
     def __mul__(self, other: Any) -> Any:
-        return _combined(self, other, series)
+        return _combined(self, other, chained)
 
     def __rmul__(self, other: Any) -> Any:
-        return _combined(other, self, series)
+        return _combined(other, self, chained)
 
     def __matmul__(self, other: Any) -> Any:
         return _combined(self, other, lambda a, b: a @ b)
@@ -74,13 +74,27 @@ class Algebraic(UncertainPart):
         return _combined(other, self, lambda a, b: a @ b)
 
     def __truediv__(self, other: Any) -> Any:
+        import control
+
+        if isinstance(other, control.TransferFunction) and other.issiso():
+            # 1 / (s + 1) has a realisation, s + 1 has none.
+            return _combined(self, 1 / other, chained)
         return _combined(self, other, over)
 
     def __rtruediv__(self, other: Any) -> Any:
         return _combined(other, self, over)
 
     def __neg__(self) -> Any:
-        return _combined(-1.0, self, series)
+        return _combined(-1.0, self, chained)
+
+
+@dataclass(frozen=True)
+class SignalNames:
+    """The name of a system, "" for none, and the names of its inputs and outputs."""
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +106,14 @@ class UncertainSystem(Algebraic):
     `feedback` repeats no element.
 
     ``value`` is its LFT and ``elements`` are what is uncertain, by name; ``dt`` is the sampling
-    time [s], 0 for continuous time, None for a constant.
+    time [s], 0 for continuous time, None for a constant. ``signals`` are names for `interconnect`,
+    None where nobody gave any.
     """
 
     value: LFT
     elements: Mapping[str, Element]
     dt: float | None = None
+    signals: SignalNames | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         need_time_base(self.dt)
@@ -119,8 +135,28 @@ class UncertainSystem(Algebraic):
         """Number of states."""
         return self.value.names.count(INTEGRATOR)
 
+    @property
+    def name(self) -> str:
+        """Its name, "" where nobody gave one."""
+        return self.signals.name if self.signals else ""
+
+    @property
+    def input_labels(self) -> list[str]:
+        """Names of the inputs, u[0], u[1], ... where nobody gave any."""
+        return list(self.signals.inputs if self.signals else _numbered("u", self.ninputs))
+
+    @property
+    def output_labels(self) -> list[str]:
+        """Names of the outputs, y[0], y[1], ... where nobody gave any."""
+        return list(self.signals.outputs if self.signals else _numbered("y", self.noutputs))
+
+    def with_signals(self, signals: SignalNames | None) -> UncertainSystem:
+        """The same system with names of its signals."""
+        return replace(self, signals=signals)
+
     def __repr__(self) -> str:
-        size = f"UncertainSystem: {self.noutputs} outputs, {self.ninputs} inputs"
+        called = f" {self.name}" if self.name else ""
+        size = f"UncertainSystem{called}: {self.noutputs} outputs, {self.ninputs} inputs"
         late = dead_time.dead_times(self.elements)
         inside = f"{self.nstates} states" if late else f"nominal of {in_words(self.nominal)}"
         lines = [f"{size}, {inside}"]
@@ -288,7 +324,12 @@ class UncertainSystem(Algebraic):
             for part, size in zip(key, self.value.shape, strict=True)
         )
         chosen = np.eye(self.noutputs)[rows] @ self.value @ np.eye(self.ninputs)[:, columns]
-        return replace(self, value=chosen)._used()
+        signals = self.signals and SignalNames(
+            "",
+            tuple(self.signals.inputs[j] for j in columns),
+            tuple(self.signals.outputs[i] for i in rows),
+        )
+        return replace(self, value=chosen, signals=signals)._used()
 
     # --- arithmetic -------------------------------------------------------------------------------
 
@@ -301,17 +342,22 @@ class UncertainSystem(Algebraic):
         value = LFT(np.eye(self.noutputs))
         for _ in range(abs(int(exponent))):
             value = value @ base
-        return replace(self, value=value)._used()
+        return replace(self, value=value, signals=None)._used()
 
     def inverse(self) -> UncertainSystem:
         """The inverse; raises InputError where its direct term is singular at the nominal."""
-        return replace(self, value=inverse(self.value))
+        return replace(self, value=inverse(self.value), signals=None)
 
     def _used(self) -> UncertainSystem:
         """Without elements that no channel is left of."""
         left = set(self.value.names)
         used = {name: one for name, one in self.elements.items() if left & set(one.channels)}
         return replace(self, elements=used)
+
+
+def _numbered(prefix: str, count: int) -> list[str]:
+    """Names of signals that nobody gave, as python-control numbers them."""
+    return [f"{prefix}[{k}]" for k in range(count)]
 
 
 def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
