@@ -87,7 +87,7 @@ def lags_in_series(seed):
 
 
 def chain(damping, seed, gain=0.5):
-    """Five masses in a row, 15 parameters within 10 %, and rate feedback from the last to the first.
+    """Five masses in a row with rate feedback from the last to the first; 15 parameters, 10 %.
 
     The feedback has a share of the gain that makes the nominal unstable.
     """

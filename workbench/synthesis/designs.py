@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -109,7 +109,7 @@ class DesignTask:
     W_KS: Any
     reference: StateSpace
     sizes: Sequence[float]
-    gains: Sequence[float] = DESIGN_GAINS
+    gains: Sequence[float] = field(default=DESIGN_GAINS, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.plant.structure is None or self.regular.structure is None:

@@ -30,9 +30,9 @@ real parameters alone hold on far narrower intervals; poles near the axis leave 
 MANY = 5
 """Real parameters from which on a part is cut only where its bound at a frequency asks for it: to
 halve each of p takes 2^p parts, to halve the intervals of frequency about twice the time."""
-ROUNDS, MANY_ROUNDS = 3, 20
+ROUNDS, MANY_ROUNDS = 3, 12
 """Rounds in which the middles of what is open are bounded too, of few parameters and of many."""
-MOST_GAPS, MANY_GAPS = 12, 1000
+MOST_GAPS, MANY_GAPS = 12, 200
 """Gaps from which a part is cut rather than covered further."""
 
 AT_ONCE = 32

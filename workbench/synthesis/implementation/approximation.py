@@ -18,7 +18,7 @@ from workbench.mu.robust.performance import performance_peak
 from workbench.synthesis.implementation.reduced import deciding_peak
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.approximated_system import ApproximatedSystem, DifferenceChecker
-from workbench.synthesis.reduction.kept_part import split
+from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.synthesis.reduction.truncation import Weights
 from workbench.systems.bilinear import to_continuous
 from workbench.systems.conversion import as_system, as_weight, need_plant
@@ -205,7 +205,7 @@ def reducer(
         of_states = weighted_by_loop(K, plant, found)
         least = 0
     elif method in ("balanced", "matchdc", "hankel"):
-        parts = split(matrices_of(K), bool(K.dt))
+        parts = kept_and_stable(matrices_of(K), bool(K.dt))
         leaving, entering = (None if one is None else _in_continuous_time(one) for one in weights)
         if method == "hankel":
             least, of_states = truncation.hankel(parts)

@@ -20,7 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.realisations.difference import difference_bound
 from workbench.realisations.system_parts import may_touch
 from workbench.second_opinion.responses import change_of_matrices, farthest_apart
-from workbench.synthesis.reduction.kept_part import split, with_exact_poles
+from workbench.synthesis.reduction.kept_part import kept_and_stable, with_exact_poles
 from workbench.systems.balancing import AXIS_ROUNDING
 from workbench.systems.realisation import matrices_of, realisation
 
@@ -52,7 +52,7 @@ class DifferenceChecker(Checker):
         given, dt = matrices_of(self.system), float(self.system.dt or 0.0)
         try:
             near = with_exact_poles(given, bool(dt))
-            parts = split(given, bool(dt))
+            parts = kept_and_stable(given, bool(dt))
         except InputError:  # nothing says whether its poles are integrators
             return [Reference(self.system)]
         exact = _poles_on_boundary(near[0][0], dt)

@@ -53,7 +53,7 @@ class Split:
         return in_parallel(self.kept, to_sampled(other) if self.sampled else other)
 
 
-def split(K: Matrices, sampled: bool = False) -> Split:
+def kept_and_stable(K: Matrices, sampled: bool = False) -> Split:
     """The parts of a system.
 
     Raises
@@ -81,7 +81,7 @@ def with_exact_poles(K: Matrices, sampled: bool) -> tuple[Matrices, RealArray, R
     Raises
     ------
     InputError
-        As `split`.
+        As `kept_and_stable`.
     """
     if sampled:
         return _exact_at_the_ends(K)[:3]

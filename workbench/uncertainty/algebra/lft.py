@@ -314,12 +314,12 @@ def linked(whole: LFT, links: RealArray, enters: RealArray, leaves: RealArray) -
     return LFT(np.vstack([top, leaves @ low]), whole.names)
 
 
-def chained(a: LFT, b: LFT) -> LFT:
+def lft_series(a: LFT, b: LFT) -> LFT:
     """The product in series; one of a single input and output multiplies each entry."""
     scalar = (1, 1) in (a.shape, b.shape) and a.shape[1] != b.shape[0]
     return a * b if scalar else a @ b
 
 
-def over(a: LFT, b: LFT) -> LFT:
+def lft_quotient(a: LFT, b: LFT) -> LFT:
     """a / b. A scalar's reciprocal stands in front, where the rows of a matrix share it."""
-    return inverse(b) @ a if a.shape == b.shape == (1, 1) else chained(a, inverse(b))
+    return inverse(b) @ a if a.shape == b.shape == (1, 1) else lft_series(a, inverse(b))

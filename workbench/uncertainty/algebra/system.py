@@ -31,7 +31,7 @@ from workbench.uncertainty.algebra.closing import closed_above
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
 from workbench.uncertainty.algebra.identities import without_effect
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, chained, inverse, over
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, lft_quotient, lft_series
 from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
 MOST_VERTICES = 4096
@@ -39,7 +39,7 @@ MOST_VERTICES = 4096
 
 
 class Algebraic(UncertainPart):
-    """What can be added, chained and divided, with systems, numbers and arrays on either side.
+    """What can be added, lft_series and divided, with systems, numbers and arrays on either side.
 
     ``*`` is the product of systems in series; one of a single input and output multiplies each
     entry.
@@ -62,10 +62,10 @@ class Algebraic(UncertainPart):
         return _combined(other, self, lambda a, b: a - b)
 
     def __mul__(self, other: Any) -> Any:
-        return _combined(self, other, chained)
+        return _combined(self, other, lft_series)
 
     def __rmul__(self, other: Any) -> Any:
-        return _combined(other, self, chained)
+        return _combined(other, self, lft_series)
 
     def __matmul__(self, other: Any) -> Any:
         return _combined(self, other, lambda a, b: a @ b)
@@ -78,14 +78,14 @@ class Algebraic(UncertainPart):
 
         if isinstance(other, control.TransferFunction) and other.issiso():
             # 1 / (s + 1) has a realisation, s + 1 has none.
-            return _combined(self, 1 / other, chained)
-        return _combined(self, other, over)
+            return _combined(self, 1 / other, lft_series)
+        return _combined(self, other, lft_quotient)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return _combined(other, self, over)
+        return _combined(other, self, lft_quotient)
 
     def __neg__(self) -> Any:
-        return _combined(-1.0, self, chained)
+        return _combined(-1.0, self, lft_series)
 
 
 @dataclass(frozen=True)

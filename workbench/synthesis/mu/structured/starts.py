@@ -18,7 +18,7 @@ from workbench.synthesis.mu.dk import iterated
 from workbench.synthesis.mu.families import Modal
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.reduction import truncation
-from workbench.synthesis.reduction.kept_part import split
+from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.realisation import Matrices, realisation
 
 DETOUR = 6
@@ -128,9 +128,9 @@ def _reduced(program: MuSynthesis, context: Context) -> Iterator[StateSpace]:
     closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
     ways: list[tuple[int, Callable[[int], Matrices]]] = [
         (0, truncation.weighted(parts, program.plant, closed, answer.peak)),
-        truncation.balanced_truncation(split(parts)),
-        truncation.matchdc(split(parts)),
-        truncation.hankel(split(parts)),
+        truncation.balanced_truncation(kept_and_stable(parts)),
+        truncation.matchdc(kept_and_stable(parts)),
+        truncation.hankel(kept_and_stable(parts)),
     ]
     for least, way in ways:
         if least <= order:
@@ -139,7 +139,7 @@ def _reduced(program: MuSynthesis, context: Context) -> Iterator[StateSpace]:
         for least, way in ways:
             if least > higher:
                 continue
-            fewer, again = truncation.balanced_truncation(split(way(higher)))
+            fewer, again = truncation.balanced_truncation(kept_and_stable(way(higher)))
             if fewer <= order:
                 yield _system(again(order))
 
