@@ -39,7 +39,7 @@ MOST_VERTICES = 4096
 
 
 class Algebraic(UncertainPart):
-    """What can be added, lft_series and divided, with systems, numbers and arrays on either side.
+    """What can be added, multiplied and divided, with systems, numbers and arrays on either side.
 
     ``*`` is the product of systems in series; one of a single input and output multiplies each
     entry.
@@ -76,7 +76,8 @@ class Algebraic(UncertainPart):
     def __truediv__(self, other: Any) -> Any:
         import control
 
-        if isinstance(other, control.TransferFunction) and other.issiso():
+        one = isinstance(other, control.TransferFunction) and other.issiso()
+        if one and len(other.num[0][0]) > len(other.den[0][0]):
             # 1 / (s + 1) has a realisation, s + 1 has none.
             return _combined(self, 1 / other, lft_series)
         return _combined(self, other, lft_quotient)
