@@ -19,13 +19,13 @@ from workbench.mu import (
     frequency_sweep,
     gradient,
     guaranteed_probability,
+    loop_margins,
     lower_bound,
     nu_gap,
     peak,
     performance_peak,
     rank_one_mu,
     sensitivity,
-    set_margins,
     skew_bounds,
     upper_bound,
     with_complex_part,
@@ -99,7 +99,7 @@ MORE = {
     "coprime_margin": (coprime_margin, {"plant": LAG, "controller": 1.0, "tolerance": 0.01}),
     "gap_metric": (gap_metric, {"first": LAG, "second": LAG * 2}),
     "set_margins": (
-        set_margins,
+        loop_margins,
         {"plant": G, "controller": 1.0, "tolerance": 0.1, "parts": 10},
     ),
     "guaranteed_probability": (

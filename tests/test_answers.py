@@ -132,17 +132,23 @@ ANSWERS = {
     "conditions, unstable": lambda: mu.conditions(plant(), -GAIN),
     "gain_room": lambda: mu.gain_room(plant(1.0), GAIN, tolerance=0.05),
     "loop_margins": lambda: mu.loop_margins(PARAMETRIC, LEAD, tolerance=1e-2),
-    "classical_margins": lambda: mu.classical_margins(control.tf([25], [1, 10, 10, 10])),
-    "classical_margins with a direct term": lambda: mu.classical_margins(
+    "loop_margins of a loop": lambda: mu.loop_margins(control.tf([25], [1, 10, 10, 10])),
+    "loop_margins with a direct term": lambda: mu.loop_margins(
         control.ss(control.tf([-0.5, 1.0], [1.0, 2.0]))
     ),
-    "classical_margins, sampled": lambda: mu.classical_margins(OSCILLATOR.sample(0.1)),
-    "classical_margins, unstable": lambda: mu.classical_margins(control.tf([5], [1, 1, 1, 1])),
-    "classical_margins with dead time": lambda: mu.classical_margins(
+    "loop_margins, sampled": lambda: mu.loop_margins(OSCILLATOR.sample(0.1)),
+    "loop_margins, unstable": lambda: mu.loop_margins(control.tf([5], [1, 1, 1, 1])),
+    "loop_margins with dead time": lambda: mu.loop_margins(
         tf([5], [1, 1]) * delay("late", 0.3, 0.3)
     ),
     "loop_margins of data": lambda: mu.loop_margins(measured_loop()),
-    "set_margins": lambda: mu.set_margins(PARAMETRIC, LEAD, tolerance=0.1)["input"],
+    "loop_margins of every plant": lambda: mu.loop_margins(
+        PARAMETRIC, LEAD, tolerance=0.1
+    ).every_plant["input"],
+    "loop_margins, crossings": lambda: mu.loop_margins(control.tf([25], [1, 10, 10, 10])).classical[
+        "loop"
+    ],
+    "loop_margins of data of one plant": lambda: mu.loop_margins(measured_loop()).classical["loop"],
     "nu_gap": lambda: mu.nu_gap(LAG, FAST),
     "coprime_margin": lambda: mu.coprime_margin(LAG, GAIN),
     "margin_sensitivity": lambda: mu.margin_sensitivity(CLOSED, tolerance=1e-2),
@@ -209,9 +215,10 @@ ANSWERS = {
 EAGER = {"hinf", "fit_response", "fit_rational_model", "fit_parameters"}
 """Functions that refuse what their certificate does not confirm, and so make it at once."""
 WITHOUT_NUMBER = {
-    *("conditions", "conditions, unstable", "gain_room", "loop_margins", "set_margins"),
-    *("classical_margins", "classical_margins, sampled", "classical_margins, unstable"),
-    *("classical_margins with a direct term", "classical_margins with dead time"),
+    *("conditions", "conditions, unstable", "gain_room", "loop_margins"),
+    *("loop_margins of a loop", "loop_margins of every plant", "loop_margins, crossings"),
+    *("loop_margins, sampled", "loop_margins, unstable", "loop_margins of data of one plant"),
+    *("loop_margins with a direct term", "loop_margins with dead time"),
     "loop_margins of data",
     *("reduce_order", "sampled_conditions", "gramians"),
 }
@@ -304,8 +311,10 @@ def test_a_changed_answer_has_no_certificate():
 
 
 def test_a_failing_certificate_is_printed():
-    margins = mu.classical_margins(control.tf([25], [1, 10, 10, 10]))
-    missed = dataclasses.replace(margins, phases=margins.phases[:0], delays=margins.delays[:0])
+    margins = mu.loop_margins(control.tf([25], [1, 10, 10, 10])).classical["loop"]
+    missed = dataclasses.replace(
+        margins, phases_deg=margins.phases_deg[:0], delays=margins.delays[:0]
+    )
     missed.checked_by(margins._checked_by[0])
     assert not missed.holds and "missed" in repr(missed)
 

@@ -18,7 +18,6 @@ from test_misuses import (
 from workbench.errors import WorkbenchError
 from workbench.mu import (
     bundle_plot,
-    classical_margins,
     loop_margins,
     margin_sensitivity,
     monte_carlo,
@@ -170,16 +169,13 @@ CALLS = {
         loop_margins,
         {"plant": G, "controller": 1.0},
         {
-            "plant": (*NOT_A_SYSTEM, None, UNSTABLE, -2.0 * G),
+            "plant": (*NOT_A_SYSTEM, None),
             "controller": (*NOT_A_SYSTEM, None, np.eye(2), SAMPLED),
             "skew": (*NOT_A_NUMBER, math.inf),
             "tolerance": NOT_POSITIVE,
+            "parts": (*NOT_A_COUNT, 0),
+            "time_limit": NOT_POSITIVE,
         },
-    ),
-    "classical_margins": (
-        classical_margins,
-        {"loop": LAG},
-        {"loop": (*NOT_AN_OBJECT, control.append(LAG, LAG), np.eye(2))},
     ),
     "monte_carlo": (
         monte_carlo,

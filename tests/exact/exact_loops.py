@@ -20,11 +20,11 @@ from exact_cases import (
 )
 from flint import arb
 
-from workbench.mu import classical_margins, coprime_margin, loop_margins, nu_gap, set_margins
+from workbench.mu import coprime_margin, loop_margins, nu_gap
 from workbench.uncertainty import real, tf
 
 CROSSINGS = 1e-6
-"""Rounding that `classical_margins` grants its crossings."""
+"""Rounding that `loop_margins` grants its crossings."""
 NEVER = arb(float("inf"))
 
 
@@ -103,17 +103,17 @@ def classical_case(rng):
     loop = control.ss(A, B, C, 0.0, dt)
 
     def ask():
-        found = classical_margins(loop)
+        found = loop_margins(loop).classical["loop"]
         claims = [
             about("gain", found.gain[1], gain),
-            about("phase", found.phase, degrees(phase)),
+            about("phase", found.phase_deg, degrees(phase)),
             about("delay", found.delay, phase / omega),
         ]
         if modulus is not None:
             claims.append(Claim("modulus", found.modulus * (1 - CROSSINGS), math.inf, modulus))
         return found, claims
 
-    return Case(f"{name}{', units' * (time != 1.0)}", "classical_margins", ask)
+    return Case(f"{name}{', units' * (time != 1.0)}", "loop_margins, crossings", ask)
 
 
 @precise
@@ -156,14 +156,15 @@ def set_case(rng):
     delay = phase / root(k_**2 - p_**2)
 
     def ask():
-        found = next(iter(set_margins(tf([k], [1, -1 * p]), tolerance=0.05, parts=200).values()))
+        margins = loop_margins(tf([k], [1, -1 * p]), tolerance=0.05, parts=200)
+        found = margins.every_plant["loop"]
         return found, [
             Claim("fall", found.gain_lost[0], found.gain[0], p_ / k_),
-            Claim("phase", found.phase, found.phase_lost, degrees(phase)),
+            Claim("phase", found.phase_deg, found.phase_lost_deg, degrees(phase)),
             Claim("delay", found.delay, found.delay_lost, delay),
         ]
 
-    return Case("unstable members", "set_margins", ask)
+    return Case("unstable members", "loop_margins, every plant", ask)
 
 
 # --- two plants -----------------------------------------------------------------------------------

@@ -158,7 +158,7 @@ class Truth:
     """Crossings (K, 2) with omega [rad/s], stability, and the distance of L from -1."""
 
     gains: np.ndarray
-    phases: np.ndarray
+    phases_deg: np.ndarray
     delays: np.ndarray
     modulus: float
     stable: bool
@@ -166,9 +166,9 @@ class Truth:
 
     def told(self, omega):
         """Without crossovers that are not clear, except at these frequencies."""
-        near = abs(self.phases[:, 1:] - omega) <= 1e-6 * omega
+        near = abs(self.phases_deg[:, 1:] - omega) <= 1e-6 * omega
         kept = self.clear | near.any(axis=1)
-        return replace(self, phases=self.phases[kept], delays=self.delays[kept])
+        return replace(self, phases_deg=self.phases_deg[kept], delays=self.delays[kept])
 
     @property
     def gain(self):
@@ -176,8 +176,8 @@ class Truth:
         return factors[factors < 1].max(initial=0.0), factors[factors > 1].min(initial=np.inf)
 
     @property
-    def phase(self):
-        return min(self.phases[:, 0], key=abs, default=np.inf)
+    def phase_deg(self):
+        return min(self.phases_deg[:, 0], key=abs, default=np.inf)
 
     @property
     def delay(self):
@@ -265,18 +265,18 @@ def disagreements(found, N, D, dt):
     A number may differ by what changes of the coefficients by half a last place make of it. Where
     changes by some last places decide on the stability, the verdict may be "unstable".
     """
-    omega = found.phases[:, 1]
+    omega = found.phases_deg[:, 1]
     exact = truth(N, D, dt).told(omega)
     pairs = list(zip(_numbers(found), _numbers(exact), strict=True))
     close = [x == y or abs(x - y) <= 1e-12 + 1e-9 * abs(y) for x, y in pairs]
     told = []
-    if len(found.phases) != len(exact.phases):
-        told.append(f"{len(found.phases)} crossovers, not {len(exact.phases)}")
+    if len(found.phases_deg) != len(exact.phases_deg):
+        told.append(f"{len(found.phases_deg)} crossovers, not {len(exact.phases_deg)}")
     if all(close) and found.stable == exact.stable and not told:
         return []
     rng = np.random.default_rng(0)
     near = [truth(_rounded(N, rng), _rounded(D, rng), dt).told(omega) for _ in range(8)]
-    if any(len(one.phases) != len(exact.phases) for one in near):
+    if any(len(one.phases_deg) != len(exact.phases_deg) for one in near):
         told = []
     if found.stable != exact.stable and (found.stable or not _doubtful(N, D, dt, rng)):
         told.append(f"stable {found.stable}, not {exact.stable}")
@@ -295,7 +295,7 @@ NUMBERS = ("gain down", "1 / gain up", "1 / phase", "1 / delay", "modulus")
 
 def _numbers(margins):
     low, high = margins.gain
-    inverse = [1.0 / max(x, 1e-300) for x in (abs(margins.phase), margins.delay)]
+    inverse = [1.0 / max(x, 1e-300) for x in (abs(margins.phase_deg), margins.delay)]
     return [low, 1.0 / high, *inverse, margins.modulus if margins.stable else 0.0]
 
 

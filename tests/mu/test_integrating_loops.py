@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from workbench.mu import classical_margins, loop_margins
+from workbench.mu import loop_margins
+from workbench.mu.margins.classical import classical_margins
 from workbench.systems.conversion import as_system
 
 
@@ -28,8 +29,8 @@ def test_a_pi_on_an_integrator(seed):
     plant, controller, crossover, phase = pi_on_an_integrator(seed)
     for loop in (plant * controller, control.series(plant, controller)):
         found = classical_margins(loop)
-        assert found.phase == pytest.approx(phase, rel=1e-6)
-        assert found.phases[:, 1] == pytest.approx([crossover], rel=1e-6)
+        assert found.phase_deg == pytest.approx(phase, rel=1e-6)
+        assert found.phases_deg[:, 1] == pytest.approx([crossover], rel=1e-6)
         assert found.delay == pytest.approx(np.radians(phase) / crossover, rel=1e-6)
         assert found.stable and found.gain == (0.0, np.inf)
 
@@ -40,7 +41,7 @@ def test_all_margins_of_such_a_loop(seed):
     for found in (loop_margins(plant * controller), loop_margins(plant, controller)):
         assert found.holds, found.certificate.failures
         for margins in found.classical.values():
-            assert margins.phase == pytest.approx(phase, rel=1e-6)
+            assert margins.phase_deg == pytest.approx(phase, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -53,8 +54,8 @@ def test_three_integrators_and_a_double_zero(seed):
     crossover = np.roots([1.0, -k, 0.0, -k * z * z])
     w = float(crossover[np.abs(crossover.imag) < 1e-9 * np.abs(crossover)].real.max())
     phase = 2 * np.degrees(np.arctan2(w, z)) - 90.0  # -270 + 180 + 2 atan(w / z)
-    assert found.phases[:, 1] == pytest.approx([w], rel=1e-6)
-    assert found.phases[:, 0] == pytest.approx([phase], abs=1e-5)
+    assert found.phases_deg[:, 1] == pytest.approx([w], rel=1e-6)
+    assert found.phases_deg[:, 0] == pytest.approx([phase], abs=1e-5)
     # On the real axis at w = z, where L = k (2 j z^2) / (-j z^3) = -2 k / z.
     assert found.gains[0] == pytest.approx([z / (2 * k), z], rel=1e-6)
 

@@ -8,7 +8,8 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.identification import ResponseEstimate
-from workbench.mu import classical_margins, loop_margins
+from workbench.mu import loop_margins
+from workbench.mu.margins.classical import classical_margins
 from workbench.uncertainty import Responses
 
 LOOP = control.tf([4], [1, 3, 3, 1])
@@ -29,7 +30,7 @@ def estimate(seed=0, degrees=np.inf, values=EXACT):
 def test_data_of_a_loop_have_nearly_its_margins():
     truth, found = classical_margins(LOOP), loop_margins(control.frd(EXACT, OMEGA))
     assert found.gain == (0.0, pytest.approx(truth.gain[1], rel=5e-3))
-    assert found.phase_deg == pytest.approx(truth.phase, abs=0.2)
+    assert found.phase_deg == pytest.approx(truth.phase_deg, abs=0.2)
     assert found.delay == pytest.approx(truth.delay, rel=1e-2)
     assert np.isnan(found.phases_deg[:, 2:]).all()
     assert found.holds, found.certificate.failures
@@ -49,9 +50,9 @@ def test_ranges_hold_the_truth_as_often_as_they_say():
     truth, held = classical_margins(LOOP), []
     for seed in range(300):
         found = loop_margins(estimate(seed))
-        at = int(np.abs(found.phases_deg[:, 1] - truth.phases[0, 1]).argmin())
+        at = int(np.abs(found.phases_deg[:, 1] - truth.phases_deg[0, 1]).argmin())
         pairs = (
-            (found.phases_deg[at], truth.phase),
+            (found.phases_deg[at], truth.phase_deg),
             (found.delays[at], truth.delay),
             (found.gains[0], truth.gain[1]),
         )
@@ -86,9 +87,24 @@ def test_several_plants_are_told_by_name():
     values = np.stack([EXACT, 1.5 * EXACT], axis=1)
     plants = Responses(OMEGA, values, plants=["a", "b"], variance=0.03**2 * np.abs(values) ** 2)
     found = loop_margins(plants)
-    assert list(found) == ["a", "b"]
-    assert found["a"].gain[1] == pytest.approx(1.5 * found["b"].gain[1])
-    assert np.isfinite(found["a"].phases_deg).all()
+    a, b = found.classical["a"], found.classical["b"]
+    assert list(found.classical) == ["a", "b"]
+    assert a.gain[1] == pytest.approx(1.5 * b.gain[1])
+    assert np.isfinite(a.phases_deg).all()
+    assert (found.gain[1], found.phase_deg, found.delay) == (b.gain[1], b.phase_deg, b.delay)
+    assert found.modulus == min(a.modulus[0], b.modulus[0])
+    assert found.stable is None and "| a" in repr(found)
+    assert found.holds, found.certificate.failures
+    with pytest.raises(InputError, match="each of a, b has crossings of its own"):
+        _ = found.phases_deg
+
+
+def test_data_have_no_disks():
+    found = loop_margins(control.frd(EXACT, OMEGA))
+    for ask in (lambda: found.disks, lambda: found.first, lambda: found.loops):
+        with pytest.raises(InputError, match="measured responses tell nothing between"):
+            ask()
+    assert found.every_plant == {} and found.plot()
 
 
 def test_a_plant_that_was_not_measured_everywhere_keeps_its_own_frequencies():
@@ -96,6 +112,7 @@ def test_a_plant_that_was_not_measured_everywhere_keeps_its_own_frequencies():
     present = np.ones(values.shape, bool)
     present[::2, 0] = False
     found = loop_margins(Responses(OMEGA, values, present))
+    found = found.classical
     assert found["1"]._checked_by[0].data.omega.size == OMEGA.size // 2
     assert found["2"]._checked_by[0].data.omega.size == OMEGA.size
 
@@ -144,13 +161,13 @@ def test_what_has_no_margins_is_refused(data, controller, words):
 
 @pytest.mark.parametrize("field", ["gains", "phases_deg", "delays", "modulus"])
 def test_margins_that_the_data_do_not_have_fail(field):
-    found = loop_margins(estimate(0))
+    found = loop_margins(estimate(0)).classical["loop"]
     wrong = replace(found, **{field: getattr(found, field) * 1.01})
     assert not wrong.checked_by(found._checked_by[0]).holds
 
 
 def test_a_second_opinion_alone_notices_what_is_missing_or_too_narrow():
-    found = loop_margins(estimate(0))
+    found = loop_margins(estimate(0)).classical["loop"]
     checker = found._checked_by[0]
     narrow = found.phases_deg.copy()
     narrow[:, 2:] = narrow[:, :1] + (narrow[:, 2:] - narrow[:, :1]) / 2

@@ -9,7 +9,8 @@ from lanes import thinned
 from ordinary_loops import DIGITS, FORMS, disagreements, loop_of, polynomials, truth
 
 from workbench.errors import InputError
-from workbench.mu import classical_margins, loop_margins
+from workbench.mu import loop_margins
+from workbench.mu.margins.classical import classical_margins
 
 TOGETHER = 5
 """Loops in a test."""
@@ -76,8 +77,8 @@ class Unstable:
     """The truth, but for the verdict that the loop is unstable."""
 
     def __init__(self, exact):
-        self.gains, self.phases, self.delays = exact.gains, exact.phases, exact.delays
-        self.gain, self.phase, self.delay = exact.gain, exact.phase, exact.delay
+        self.gains, self.phases_deg, self.delays = exact.gains, exact.phases_deg, exact.delays
+        self.gain, self.phase_deg, self.delay = exact.gain, exact.phase_deg, exact.delay
         self.modulus, self.stable = 0.0, False
 
 
@@ -86,7 +87,7 @@ def test_between_gains_above_and_below_1_there_is_a_crossover(group):
     for seed, loop in loops(group).items():
         L = formed(loop, FORMS[seed % 6])
         N, D = polynomials(L)
-        crossovers = classical_margins(L).phases[:, 1]
+        crossovers = classical_margins(L).phases_deg[:, 1]
         middle = crossovers.mean() if crossovers.size else 1.0 / (L.dt or 1.0)
         end = np.pi / L.dt if L.dt else np.inf
         omega = np.geomspace(1e-3, 1e3, 26) * middle  # not at a crossover
@@ -123,9 +124,12 @@ def test_a_change_of_the_unit_of_time_changes_nothing_else(group):
             if form in ("tf", "product", "series"):
                 assert one.stable == other.stable, (seed, form)
                 assert other.gains[:, 0].tolist() == one.gains[:, 0].tolist(), (seed, form)
-                assert other.phases[:, 0].tolist() == one.phases[:, 0].tolist(), (seed, form)
+                assert other.phases_deg[:, 0].tolist() == one.phases_deg[:, 0].tolist(), (
+                    seed,
+                    form,
+                )
                 assert other.modulus == pytest.approx(one.modulus, rel=1e-12), (seed, form)
-                assert (other.phases[:, 1] * unit).tolist() == one.phases[:, 1].tolist()
+                assert (other.phases_deg[:, 1] * unit).tolist() == one.phases_deg[:, 1].tolist()
             else:
                 L = formed(there, form)
                 assert not disagreements(other, *polynomials(L), 0), (seed, form)

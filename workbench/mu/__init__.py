@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from workbench.mu.frequency.sweep import Sweep, frequency_sweep
     from workbench.mu.lower.bound import lower_bound
     from workbench.mu.lower.program import LowerBound, MuLowerBound
-    from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+    from workbench.mu.margins.classical import ClassicalMargins
     from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
     from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
-    from workbench.mu.margins.loop import LoopMargins, loop_margins
+    from workbench.mu.margins.loop import loop_margins
     from workbench.mu.margins.measured import MeasuredMargins
-    from workbench.mu.margins.of_sets import SetMargins, set_margins
+    from workbench.mu.margins.of_sets import SetMargins
+    from workbench.mu.margins.result import LoopMargins
     from workbench.mu.members.bundle import bundle_plot
     from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
     from workbench.mu.robust.branch import branch_and_bound
@@ -78,7 +79,6 @@ __all__ = [
     "WorstCaseGain",
     "branch_and_bound",
     "bundle_plot",
-    "classical_margins",
     "condition_systems",
     "conditions",
     "coprime_margin",
@@ -104,7 +104,6 @@ __all__ = [
     "robust_performance",
     "robust_stability",
     "sensitivity",
-    "set_margins",
     "skew_bounds",
     "skewed_peak",
     "upper_bound",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.heavy_types import StateSpace
-from workbench.mu import classical_margins
+from workbench.mu import loop_margins
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,10 @@ MARGIN_UNITS = {
 
 def nearest_margins(loop: StateSpace) -> NearestMargins:
     """The nearest margins of a stable loop that is closed with negative feedback."""
-    found = classical_margins(loop)
+    found = loop_margins(loop)
     low, high = found.gain
     factors, at = found.gains.T
-    phases, crossovers = found.phases.T
+    phases, crossovers = found.phases_deg.T
     nearest = int(np.argmin(np.abs(phases))) if phases.size else None
 
     def hz(factor: float) -> float:

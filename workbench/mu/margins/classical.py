@@ -24,21 +24,31 @@ from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.rational_delays import rational_part
 from workbench.uncertainty.algebra.system import UncertainSystem
 
+UNSTABLE = "the closed loop is UNSTABLE"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClassicalMargins(Answer):
     """Every crossing of a loop that is closed with negative feedback, and the least margins.
 
     ``gains`` (K, 2): factors on the loop's gain with which the closed loop has a pole at a
-    frequency [rad/s]. ``phases`` (K, 2): phase margin [deg] at each frequency with |L| = 1;
+    frequency [rad/s]. ``phases_deg`` (K, 2): phase margin [deg] at each frequency with |L| = 1;
     negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] with which the
     closed loop has a pole at each of these. ``modulus`` is the distance of L from -1, a proven
     lower bound; 0 where the loop is not ``stable``, or where rounding of its entries decides that.
     ``dt`` [s] is the sampling time, 0 in continuous time.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.mu import ClassicalMargins, loop_margins
+    >>> found = loop_margins(control.tf([4], [1, 3, 3, 1])).classical["loop"]
+    >>> isinstance(found, ClassicalMargins), round(found.gain[1], 6)
+    (True, 2.0)
     """
 
     gains: RealArray
-    phases: RealArray
+    phases_deg: RealArray
     delays: RealArray
     modulus: float
     stable: bool
@@ -52,31 +62,33 @@ class ClassicalMargins(Answer):
     @property
     def gain_db(self) -> float:
         """The least change of the gain, up or down [dB]."""
-        low, high = self.gain
-        with np.errstate(divide="ignore"):
-            return float(20 * min(np.log10(high), -np.log10(low)))
+        return least_db(self.gain)
 
     @property
-    def phase(self) -> float:
+    def phase_deg(self) -> float:
         """The least phase margin [deg], negative against lead; infinite without a crossing."""
-        return least_phase(self.phases)
+        return least_phase(self.phases_deg)
 
     @property
     def delay(self) -> float:
         """The least delay margin [s]; infinite without a crossing."""
         return least_delay(self.delays)
 
-    def said(self) -> str:
-        state = "" if self.stable else "the closed loop is UNSTABLE; "
+    def lines(self) -> list[str]:
+        """The least margins with their frequencies, a line each."""
         low, high = (f"{factor:.4g}{_at(self.gains, factor)}" for factor in self.gain)
-        samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
-        lines = [
-            f"ClassicalMargins: {state}gain from {low} to {high}",
-            f"  phase {self.phase:.4g} degrees{_at(self.phases, self.phase)}",
-            f"  delay {self.delay:.4g} s{samples}{_at(self.delays, self.delay)}",
-            f"  modulus {self.modulus:.4g}",
+        late = in_samples(self.delay, self.dt)
+        return [
+            f"gain from {low} to {high}",
+            f"phase {self.phase_deg:.4g} degrees{_at(self.phases_deg, self.phase_deg)}",
+            f"delay {late}{_at(self.delays, self.delay)}",
+            f"modulus {self.modulus:.4g}",
         ]
-        return "\n".join(lines)
+
+    def said(self) -> str:
+        state = "" if self.stable else f"{UNSTABLE}; "
+        first, *others = self.lines()
+        return "\n  ".join([f"ClassicalMargins: {state}{first}", *others])
 
 
 def nearest_factors(gains: RealArray) -> tuple[float, float]:
@@ -94,6 +106,18 @@ def least_phase(phases: RealArray) -> float:
 def least_delay(delays: RealArray) -> float:
     """The least delay of a table of crossings; infinite without one."""
     return float(delays[:, 0].min(initial=math.inf))
+
+
+def least_db(gain: tuple[float, float]) -> float:
+    """The least change of a gain, down or up to a factor [dB]."""
+    low, high = gain
+    with np.errstate(divide="ignore"):
+        return float(20 * min(np.log10(high), -np.log10(max(low, 0.0))))
+
+
+def in_samples(delay: float, dt: float) -> str:
+    """A delay [s] in words, of a sampled loop in samples too."""
+    return f"{delay:.4g} s ({delay / dt:.4g} samples)" if dt else f"{delay:.4g} s"
 
 
 def in_both_units(omega: float) -> str:
@@ -122,14 +146,6 @@ def classical_margins(loop: Any) -> ClassicalMargins:
         L has several inputs or outputs, or is sampled with a sampling time that is not given; or
         its dead time is not in series with all of the rest, or |L| with it is 1 or more at
         infinity.
-
-    Examples
-    --------
-    >>> from workbench.mu import classical_margins
-    >>> from workbench.uncertainty import delay, tf
-    >>> found = classical_margins(tf([1], [1, 0]) * delay("tau", 1.0, 1.0))
-    >>> round(found.gain[1], 6), round(found.phase, 4)  # pi / 2, 90 degrees - 1 rad
-    (1.570796, 32.7042)
     """
     late = _late(loop)
     if late is None:
@@ -138,6 +154,11 @@ def classical_margins(loop: Any) -> ClassicalMargins:
         if L.dt is True:
             raise InputError(
                 "the loop is sampled, but its sampling time is not given: set its dt [s]"
+            )
+        if L.D[0, 0] == -1.0:
+            raise InputError(
+                "the loop is singular through its direct term: 1 + L is 0 at infinite frequency; a "
+                "lag in plant or controller mends it"
             )
         exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
         return margins_of(exact).checked_by(ClassicalChecker(L, exact))
@@ -154,8 +175,7 @@ def _late(loop: Any) -> UncertainSystem | None:
 def _need_single(L: Any) -> None:
     if (L.noutputs, L.ninputs) != (1, 1):
         raise InputError(
-            f"loop has {L.noutputs} outputs and {L.ninputs} inputs; one of each is needed: "
-            "`loop_margins` takes plants and controllers of several channels"
+            f"loop has {L.noutputs} outputs and {L.ninputs} inputs; one of each is needed"
         )
 
 
@@ -193,9 +213,8 @@ def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
     gains = np.array([[-1.0 / one.value.real, one.omega] for one in negative]).reshape(-1, 2)
     omega = np.array([one.omega for one in unit])
     phase = np.degrees(np.angle([-one.value for one in unit]))
-    phases = np.column_stack([phase, omega])
     delays = np.column_stack([np.radians(np.mod(phase, 360.0)) / omega, omega])
     stable = exact.stable()
     modulus = exact.modulus() if stable else 0.0
     dt = exact.period if isinstance(exact, ExactLoop) else 0.0
-    return ClassicalMargins(gains, phases, delays, modulus, stable, dt=dt)
+    return ClassicalMargins(gains, np.column_stack([phase, omega]), delays, modulus, stable, dt=dt)

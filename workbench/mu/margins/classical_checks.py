@@ -52,7 +52,7 @@ class ClassicalChecker(Checker):
 
     def checks(self, answer: Any, tolerance: float) -> list[Check]:
         factor, at = answer.gains.T
-        phase, omega = answer.phases.T
+        phase, omega = answer.phases_deg.T
         L = self.exact.response(omega)
         turned = np.angle(-L * np.exp(-1j * np.radians(phase)))
         delay = np.radians(np.mod(phase, 360.0)) / np.maximum(omega, 1e-300)
@@ -77,7 +77,7 @@ class ClassicalChecker(Checker):
         ]
 
     def second_opinion(self, answer: Any) -> list[Check]:
-        found = [self._missed(answer.phases[:, 1])]
+        found = [self._missed(answer.phases_deg[:, 1])]
         if answer.stable:
             found.append(self._between(*answer.gain))
         return found
@@ -154,7 +154,7 @@ class DelayedChecker(ClassicalChecker):
         """Crossings of |L| are those of |R|; poles of the closed loop are counted by turns."""
         assert isinstance(self.exact, DelayedLoop)
         T = float(self.exact.delay)
-        found = [self._missed(answer.phases[:, 1])]
+        found = [self._missed(answer.phases_deg[:, 1])]
         claimed = "number of closed-loop poles right of the axis, by the argument principle"
         if not answer.stable:
             return found

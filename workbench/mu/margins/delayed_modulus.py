@@ -1,15 +1,29 @@
-"""The least distance of L = R exp(-s T) from -1, by branch and bound over frequency in balls."""
+"""Least distances of L = R exp(-s T) from -1, by branch and bound over frequency in balls.
+
+With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor f of `workbench.mu.margins.disk`
+breaks the loop where delta = (1 + L) / (b + a L): of a disk in one channel |delta| is the least
+one, and the distance itself is that of e = 1. Where plant and controller have a factor each, mu of
+the two is that of [[A, B], [C, A]] with A = (b + a L) / (1 + L) and B C = -L / (1 + L)^2, which is
+the largest singular value with |B| = |C|, as D-scaling is exact for two blocks. So the least
+size of delta is, squared,
+
+    |1 + L|^2 / (p + sqrt(p^2 - d^2)),  p = |b + a L|^2 + |L|,  d = |b^2 + (2 a b + 1) L + a^2 L^2|.
+
+For |L| below a number r < 1 it is least on |L| = r: 1 / mu is logarithmically subharmonic in L.
+"""
 
 from __future__ import annotations
 
 import heapq
+import math
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
 from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
 
 TOLERANCE = 1e-6
-"""Share by which the bound may be below the least distance."""
+"""Share by which the bound may be below the least distance, unless another one is asked for."""
 LIMIT_TOLERANCE = 1e-3
 """The same where |L| keeps a size at infinity, about which it turns endlessly."""
 BITS = 128
@@ -18,80 +32,188 @@ FIRST = 16
 """Frequencies between which the search begins, beside those that double from there on."""
 MOST = 20_000
 """Most bands of frequency that are examined: the bound is what is proven by then."""
+ARCS, MOST_ARCS = 8, 400
+"""Arcs of a half circle on which L of any phase lies at first, and the most of them."""
+ROUNDED = 2.0**-50
+"""Share by which a double is rounded outward."""
+
+
+@dataclass(frozen=True)
+class LeastSize:
+    """No factor with |delta| below ``lower`` breaks the loop; one of ``upper`` does at ``omega``.
+
+    ``omega`` [rad/s] is infinite where ``upper`` is approached at infinite frequency only.
+    """
+
+    lower: float
+    upper: float
+    omega: float
 
 
 def least_distance(N: fmpq_poly, D: fmpq_poly, delay: Fraction, tail: float) -> float:
-    """A lower bound of |1 + L| over all frequencies, L = N / D exp(-s delay).
+    """A lower bound of |1 + L| over all frequencies; the rest as of `least_size`."""
+    return least_size(N, D, delay, tail, skew=1.0).lower
 
-    Beyond ``tail`` [rad/s] |L| is monotone, and its limit is below 1.
+
+def least_size(
+    N: fmpq_poly,
+    D: fmpq_poly,
+    delay: Fraction,
+    tail: float,
+    *,
+    skew: float,
+    pair: bool = False,
+    tolerance: float = TOLERANCE,
+) -> LeastSize:
+    """Bounds of the least |delta| that breaks the loop, L = N / D exp(-s delay).
+
+    Beyond ``tail`` [rad/s] |L| is monotone, and its limit is below 1. ``pair`` says whether plant
+    and controller have a factor each, or one of them has.
     """
     with ctx.workprec(BITS):
-        bands = _Bands(acb_poly(N), acb_poly(D), arb(fmpq(delay.numerator, delay.denominator)))
-        return bands.least(tail)
+        T = arb(fmpq(delay.numerator, delay.denominator))
+        return Bands(acb_poly(N), acb_poly(D), T, skew, pair).least(tail, tolerance)
 
 
-class _Bands:
-    def __init__(self, N: acb_poly, D: acb_poly, T: arb) -> None:
-        self.N, self.D, self.T = N, D, T
+class Bands:
+    """Bounds of the least |delta| on bands of frequency."""
+
+    def __init__(
+        self, N: acb_poly, D: acb_poly, T: arb, skew: float = 1.0, pair: bool = False
+    ) -> None:
+        self.N, self.D, self.T, self.pair = N, D, T, pair
+        self.b = (1 + arb(skew)) / 2
+        self.a = self.b - 1
         self.slopes = N.derivative(), D.derivative()
 
-    def least(self, tail: float) -> float:
-        """The bound; bands are halved where it is least, until it is near a value that is taken."""
-        limit = self._limit()
-        share = 1 - (LIMIT_TOLERANCE if limit > 0 else TOLERANCE)
+    def least(self, tail: float, tolerance: float) -> LeastSize:
+        """The bounds; bands are halved where they are least, until near a value that is taken."""
+        share = 1 - (max(LIMIT_TOLERANCE, tolerance) if self._limit() > 0 else tolerance)
         end = max(tail, 1e-300)
-        taken = min(1.0 - limit, self.at(end))
-        while not self._beyond(end) >= taken * share:
+        taken = min((self._at_infinity(), math.inf), (self.at(end), end))
+        while not self._beyond(end) >= taken[0] * share:
             end *= 2.0
-            taken = min(taken, self.at(end))
+            taken = min(taken, (self.at(end), end))
         edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
-        bands = [(self.below(a, b), a, b) for a, b in pairwise(edges)]
+        bands = [(self.below(low, high), low, high) for low, high in pairwise(edges)]
         heapq.heapify(bands)
+        taken = min(taken, (self.at(0.0), 0.0))
         for _ in range(MOST):
             bound, low, high = bands[0]
             middle = (low + high) / 2
-            taken = min(taken, self.at(middle))
-            if bound >= taken * share:
+            taken = min(taken, (self.at(middle), middle))
+            if bound >= taken[0] * share:
                 break
             heapq.heapreplace(bands, (self.below(low, middle), low, middle))
             heapq.heappush(bands, (self.below(middle, high), middle, high))
-        return min(bands[0][0], self._beyond(end), 1.0)
+        lower = min(bands[0][0], self._beyond(end), taken[0])
+        return LeastSize(lower, *taken)
 
     def at(self, omega: float) -> float:
-        """|1 + L| at a frequency, rounded up; infinite at a pole."""
+        """The least |delta| at a frequency, rounded up."""
         s = acb(0, omega)
-        value = self.N(s) / self.D(s) * (-s * self.T).exp() + 1
-        return float(abs(value).abs_upper()) if value.is_finite() else float("inf")
+        return self._over(self.N(s) * (-s * self.T).exp(), self.D(s))
 
     def below(self, low: float, high: float) -> float:
-        """A lower bound of |1 + L| on a band."""
+        """A lower bound of the least |delta| on a band."""
         s = acb(0, arb(low).union(arb(high)))
         late = (-s * self.T).exp()
         N, D = self.N(s), self.D(s)
-        size = abs(D).abs_upper()
-        if not size > 0:
-            return 0.0
-        plain = abs(D + N * late).abs_lower() / size
+        plain = self._under(N * late, D)
         R = N / D
-        if R.is_finite():
-            for apart in (1 - abs(R).abs_upper(), abs(R).abs_lower() - 1):  # whatever the phase is
-                plain = max(plain, apart.mid() if apart > 0 else arb(0))
-            slope = ((self.slopes[0](s) - R * self.slopes[1](s)) / D - self.T * R) * late
-            rate = 2 * ((R * late + 1).conjugate() * slope * acb(0, 1)).real
-            m = acb(0, (low + high) / 2)
-            middle = self.N(m) / self.D(m) * (-m * self.T).exp() + 1
-            square = abs(middle) ** 2 + rate * (arb(0, (high - low) / 2))
-            if square > 0:
-                plain = max(plain, square.abs_lower().sqrt().abs_lower())
-        return float(arb(plain).abs_lower()) * (1 - 2.0**-50)
+        if not R.is_finite():
+            return plain
+        m, half = acb(0, (low + high) / 2), (high - low) / 2
+        slope = ((self.slopes[0](s) - R * self.slopes[1](s)) / D - self.T * R) * late
+        middle = self.N(m) / self.D(m) * (-m * self.T).exp()
+        if not self.pair:  # delta is analytic, with the slope L' / (b + a L)^2
+            below = self.b + self.a * (R * late)
+            rate = 2 * (((R * late + 1) / below).conjugate() * slope / below**2 * acb(0, 1)).real
+            square = abs((middle + 1) / (self.b + self.a * middle)) ** 2 + rate * arb(0, half)
+            plain = max(plain, _down(square.abs_lower().sqrt()) if square > 0 else 0.0)
+        elif middle.is_finite():
+            plain = max(plain, self._under(middle + slope * acb(0, arb(0, half)), acb(1)))
+        if high - low > 1 / self.T:  # L turns far: whatever its phase is
+            plain = max(plain, self._on_circle(abs(R)))
+        return plain
+
+    def _under(self, N: acb, D: acb) -> float:
+        """The least |delta| for L = N / D, rounded down."""
+        inner, d = self._inner(N, D)
+        size = inner.abs_upper()
+        if self.pair:
+            size = _paired(size**2 + abs(N).abs_upper() * abs(D).abs_upper(), d.abs_lower())
+        return _down(abs(D + N).abs_lower() / size) if size > 0 else math.inf
+
+    def _over(self, N: acb, D: acb) -> float:
+        """The same, rounded up."""
+        inner, d = self._inner(N, D)
+        size = inner.abs_lower()
+        if self.pair:
+            size = _paired(size**2 + abs(N).abs_lower() * abs(D).abs_lower(), d.abs_upper())
+        found = abs(D + N).abs_upper() / size if size > 0 else arb("inf")
+        return float(found.abs_upper()) * (1 + ROUNDED)
+
+    def _inner(self, N: acb, D: acb) -> tuple[arb, arb]:
+        """|b + a L| and d, times |D| and its square."""
+        a, b = self.a, self.b
+        return abs(b * D + a * N), abs(b**2 * D**2 + (2 * a * b + 1) * N * D + a**2 * N**2)
+
+    def _on_circle(self, sizes: arb) -> float:
+        """A lower bound of the least |delta| for |L| as given and any phase; 0 if it may be -1."""
+        if sizes < 1:
+            r = sizes.abs_upper()
+        elif sizes > 1:
+            r = sizes.abs_lower()
+        else:
+            return 0.0
+        if not self.pair:  # on the circle |1 / delta| is largest where L is real
+            ends = [abs(self.b - self.a * r) / abs(1 - r), abs(self.b + self.a * r) / (1 + r)]
+            return min(_down(1 / end) if end > 0 else math.inf for end in ends)
+        arcs = [(0.0, k / ARCS, (k + 1) / ARCS) for k in range(ARCS)]
+        arcs = [(self._on_arc(r, low, high), low, high) for _, low, high in arcs]
+        heapq.heapify(arcs)
+        taken = math.inf
+        for _ in range(MOST_ARCS):
+            bound, low, high = arcs[0]
+            middle = (low + high) / 2
+            taken = min(taken, self._over(_turned(r, arb(middle)), acb(1)))
+            if bound >= taken * (1 - LIMIT_TOLERANCE / 4):
+                break
+            heapq.heapreplace(arcs, (self._on_arc(r, low, middle), low, middle))
+            heapq.heappush(arcs, (self._on_arc(r, middle, high), middle, high))
+        return arcs[0][0]
+
+    def _on_arc(self, r: arb, low: float, high: float) -> float:
+        return self._under(_turned(r, arb(low).union(arb(high))), acb(1))
 
     def _beyond(self, end: float) -> float:
-        """A lower bound of |1 + L| from a frequency on."""
+        """A lower bound of the least |delta| from a frequency on."""
         s = acb(0, end)
-        here = float(abs(self.N(s) / self.D(s)).abs_upper()) * (1 + 2.0**-50)
-        return (1 - max(here, self._limit())) * (1 - 2.0**-50)
+        return self._on_circle(abs(self.N(s) / self.D(s)).union(self._limit()))
 
-    def _limit(self) -> float:
-        """|R| at infinity, rounded up."""
+    def _at_infinity(self) -> float:
+        """A size that is approached at infinite frequency, where L is real again and again."""
+        limit = self._limit()
+        return min(self._over(acb(sign * limit), acb(1)) for sign in (-1, 1))
+
+    def _limit(self) -> arb:
+        """|R| at infinity."""
         degree = self.D.degree()
-        return float(abs(self.N[degree] / self.D[degree]).abs_upper()) * (1 + 2.0**-50)
+        return abs(self.N[degree] / self.D[degree])
+
+
+def _turned(r: arb, half_turns: arb) -> acb:
+    """r times exp(j pi half_turns)."""
+    return acb(0, arb.pi() * half_turns).exp() * r
+
+
+def _paired(p: arb, d: arb) -> arb:
+    """(p + (p^2 - d^2)^(1/2))^(1/2), where 0 stands for a root of what is not positive."""
+    square = p**2 - d**2
+    return (p + (square.sqrt() if square > 0 else arb(0))).sqrt()
+
+
+def _down(value: arb) -> float:
+    """The least number in a ball of positive ones, rounded down; 0 where the ball has no end."""
+    return float(value.abs_lower()) * (1 - ROUNDED) if value.is_finite() else 0.0

@@ -26,6 +26,7 @@ from workbench.input_checks import need_numbers
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
+from workbench.mu.margins.classical import in_both_units, least_db
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.margin import values_of
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
@@ -49,7 +50,8 @@ class DiskMargin(Answer):
 
     It is proven stable for every |delta| below ``lower``; at ``upper`` there are factors, ``worst``
     by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None where one of them
-    is an infinite gain, or where none is known and upper is infinite. Over a set of plants
+    is an infinite gain, where it is broken in the limit of infinite frequency only, or where none
+    is known and upper is infinite. ``proof`` has bounds of the reciprocals. Over a set of plants
     stability is proven for every one of them, and ``plant`` has the values of uncertain elements
     that belong to the worst factors.
     """
@@ -61,7 +63,7 @@ class DiskMargin(Answer):
     omega: float
     worst: Mapping[str, StateSpace] | None
     plant: Mapping[str, Any] | None
-    proof: Peak | SkewedPeak
+    proof: Any
 
     @property
     def gain(self) -> tuple[float, float]:
@@ -71,12 +73,10 @@ class DiskMargin(Answer):
     @property
     def gain_db(self) -> float:
         """The least change of the gain, up or down [dB]."""
-        low, high = self.gain
-        down = math.inf if low <= 0 else -math.log10(low)
-        return 20 * min(math.log10(high) if math.isfinite(high) else math.inf, down)
+        return least_db(self.gain)
 
     @property
-    def phase(self) -> float:
+    def phase_deg(self) -> float:
         """Largest phase [deg] of the proven disk at gain 1, in every channel at once."""
         return disk_phase(self.lower, self.skew)
 
@@ -85,8 +85,8 @@ class DiskMargin(Answer):
         over = "" if self.plant is None else ", every plant of the set"
         return (
             f"DiskMargin of {', '.join(self.channels)}{over}: {self.lower:.5g} to {self.upper:.5g} "
-            f"at {self.omega:.5g} rad/s; gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} "
-            "degrees"
+            f"at {in_both_units(self.omega)}; gain {low:.4g} to {high:.4g}, phase "
+            f"{self.phase_deg:.4g} degrees"
         )
 
 
@@ -108,9 +108,7 @@ class DiskChecker(PartsChecker):
         return {"mu": answer.proof}
 
     def checks(self, answer: DiskMargin, tolerance: float) -> list[Check]:
-        lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
-        statement = "by which share it is better than the reciprocal of a proven bound of the peak"
-        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
+        return disk_checks(answer)
 
     def second_opinion(self, answer: DiskMargin) -> list[Check]:
         if answer.worst is None:
@@ -133,6 +131,13 @@ class DiskChecker(PartsChecker):
                 over="for the worst plant",
             )
         ]
+
+
+def disk_checks(answer: DiskMargin) -> list[Check]:
+    """Checks that bounds of a disk margin are no better than reciprocals of its proof's."""
+    lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
+    statement = "by which share it is better than the reciprocal of a proven bound of the peak"
+    return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
@@ -193,7 +198,7 @@ def disk_of(
         Delta = bilinear_sampled(Delta, period) if period else Delta
         places = zip(structure.row_slices, structure.column_slices, strict=True)
         at = [(rows.start, columns.start) for rows, columns in places][len(uncertain) :]
-        factors_found = [_factor(Delta, *place, skew) for place in at]
+        factors_found = [factor_of(Delta, *place, skew) for place in at]
         if all(f is not None for f in factors_found):
             worst = dict(zip(channels.values(), factors_found, strict=True))
         plant = values_of(shifted, Delta) if uncertain else None
@@ -224,7 +229,7 @@ def _destabilising(
     return realisation((made.A, made.B, back[:, None] * made.C, back[:, None] * made.D), 0.0)
 
 
-def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace | None:
+def factor_of(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace | None:
     """f = 1 + delta / (1 - (1 + e) delta / 2) of one channel; None where it is infinite."""
     import control
 

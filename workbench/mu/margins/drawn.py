@@ -31,7 +31,7 @@ def figure_of(
     together: DiskMargin | None,
     members: Sequence[StateSpace],
 ) -> Figure:
-    """Nyquist curves of each channel with its disk; gains and phases that it bears.
+    """Nyquist curves of each channel with its disk, if it has one; gains and phases that it bears.
 
     ``together`` is the disk of all channels at once, and ``members`` are loops of random plants.
     """
@@ -45,8 +45,8 @@ def figure_of(
         curve = _curve(loop)
         (line,) = plane.plot(curve.real, curve.imag, label=name)
         colour = line.get_color()
-        disk = disks[name]
-        if 0 < disk.lower < math.inf:
+        disk = disks.get(name)
+        if disk is not None and 0 < disk.lower < math.inf:
             f = _boundary(disk.lower, disk.skew, angles)
             avoided = -1.0 / f
             plane.plot(avoided.real, avoided.imag, "--", color=colour, linewidth=1.0)

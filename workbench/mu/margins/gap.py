@@ -26,7 +26,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
-from workbench.mu.margins.loop import need_matching, need_stable_loop, returned_loop
+from workbench.mu.margins.returned import need_matching, need_stable_loop, returned_loop
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
 from workbench.second_opinion.distances import chordal_distance, loop_distance
 from workbench.second_opinion.loops import SAMPLED_ROUNDING

@@ -24,6 +24,7 @@ from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (
     in_both_units,
+    in_samples,
     least_delay,
     least_phase,
     nearest_factors,
@@ -85,7 +86,7 @@ class MeasuredMargins(Answer):
     >>> import numpy as np
     >>> from workbench.mu import MeasuredMargins, loop_margins
     >>> omega = np.geomspace(0.1, 10.0, 30)
-    >>> found = loop_margins(control.frd(2.0 / (1j * omega), omega))
+    >>> found = loop_margins(control.frd(2.0 / (1j * omega), omega)).classical["loop"]
     >>> isinstance(found, MeasuredMargins), round(found.phase_deg, 6)
     (True, 90.0)
     """
@@ -112,19 +113,24 @@ class MeasuredMargins(Answer):
         """The least delay margin [s]; infinite without a crossing."""
         return least_delay(self.delays)
 
-    def said(self) -> str:
-        low, high = self.band
-        samples = f" ({self.delay / self.dt:.4g} samples)" if self.dt else ""
-        ends = [f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain]
-        lines = [
-            f"MeasuredMargins of the data from {in_both_units(low)} to {in_both_units(high)}",
-            f"  gain from {ends[0]} to {ends[1]}",
-            f"  phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
-            f"  delay {self.delay:.4g} s{samples}{_told(self.delays, self.delay)}",
-            f"  modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
-            "  the data do not tell whether the closed loop is stable",
+    def lines(self) -> list[str]:
+        """The least margins with their ranges and frequencies, a line each."""
+        low, high = (f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain)
+        late = in_samples(self.delay, self.dt)
+        return [
+            f"gain from {low} to {high}",
+            f"phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
+            f"delay {late}{_told(self.delays, self.delay)}",
+            f"modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
         ]
-        return "\n".join(lines)
+
+    def said(self) -> str:
+        low, high = (in_both_units(one) for one in self.band)
+        first = f"MeasuredMargins of the data from {low} to {high}"
+        return "\n  ".join([first, *self.lines(), NOT_TOLD])
+
+
+NOT_TOLD = "the data do not tell whether the closed loop is stable"
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.stable_system import angular_frequency
+from workbench.executor import Context
 from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
@@ -58,8 +59,9 @@ def delay_bounds(
     delay_of: Callable[[RealArray], float],
     gap: float,
     parts: int,
+    context: Context | None = None,
 ) -> DelayBounds:
-    """Bounds of the delay with upper / lower - 1 <= gap, or as close as the parts allow.
+    """Bounds of the delay with upper / lower - 1 <= gap, or as close as parts and time allow.
 
     Parameters
     ----------
@@ -68,13 +70,13 @@ def delay_bounds(
     delay_of
         Delay margin [s] of the member with normalised values (p,) of the other parameters.
     """
-    search = _DelaySearch(given, delay_of, gap, parts)
+    search = _DelaySearch(given, delay_of, gap, parts, context)
     lower = 0.0
     region = search.region()
     if not region:
         return DelayBounds(math.inf, math.inf, None)
     undecided = math.inf
-    while search.left > 0:
+    while search.goes_on:
         highest = min(search.upper, undecided)
         if not math.isfinite(highest):
             highest = 2 * math.pi / search.frequency(region[0][0])
@@ -93,6 +95,20 @@ def delay_bounds(
     return DelayBounds(min(lower, search.upper), search.upper, search.values)
 
 
+def bears_delay(
+    given: RealParameters,
+    delay_of: Callable[[RealArray], float],
+    delay: float,
+    gap: float,
+    parts: int,
+) -> bool:
+    """Whether so many parts prove that every plant bears a delay [s]; else as `delay_bounds`."""
+    search = _DelaySearch(given, delay_of, gap, parts)
+    search.share = parts
+    region = search.region()
+    return not region or (math.isfinite(delay) and search.decide(delay, region))
+
+
 class _DelaySearch:
     """The bounds so far, and how many parts may still be examined."""
 
@@ -102,14 +118,21 @@ class _DelaySearch:
         delay_of: Callable[[RealArray], float],
         gap: float,
         parts: int,
+        context: Context | None = None,
     ) -> None:
         self.given, self.delay_of, self.gap, self.left = given, delay_of, gap, parts
+        self.context = context or Context()
         self.share = parts // DECISIONS + 1
         self.count = len(given.places)
         self.upper = math.inf
         self.values: RealArray | None = None
         for values in np.vstack([np.zeros(self.count - 1), corner_signs(self.count - 1)]):
             self._seen(values)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether parts and time are left."""
+        return self.left > 0 and not self.context.late
 
     def frequency(self, v: float) -> float:
         """Frequency [rad/s] of one of the bilinear plane."""
@@ -153,7 +176,7 @@ class _DelaySearch:
                 continue
             self._seen(part.centre[:-1])
             pieces = self._cut(*left, delay)
-            if self.upper <= delay or budget <= 0 or not pieces:
+            if self.upper <= delay or budget <= 0 or self.context.late or not pieces:
                 return False
             open_ += pieces
         return True

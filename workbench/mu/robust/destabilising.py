@@ -142,7 +142,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
             parts.append(_dyad(w[row], z[column], omega))
         else:
             fixed = constant[row, column]
-            parts.append(_turns(np.diagonal(Delta[row, column] - fixed), omega) + fixed)
+            parts.append(scalars_at(np.diagonal(Delta[row, column] - fixed), omega) + fixed)
     made = control.append(*parts)
     return bilinear_sampled(made, stable.period) if stable.period else made
 
@@ -237,11 +237,11 @@ def _dyad(w: Array, z: Array, omega: float) -> Any:
         return control.ss([], [], [], np.zeros((len(w), len(z))))
     # A common phase makes the largest entry real, which saves one state.
     phase = np.exp(1j * np.angle(w[np.argmax(np.abs(w))]))
-    alpha, beta = _turns(w / size / phase, omega), _turns(z.conj() / length * phase, omega)
+    alpha, beta = scalars_at(w / size / phase, omega), scalars_at(z.conj() / length * phase, omega)
     return alpha * (size / length * np.ones((len(w), len(z)))) * beta
 
 
-def _turns(values: Array, omega: float) -> Any:
+def scalars_at(values: Array, omega: float) -> Any:
     """The diagonal system with these values (n,) at omega and constant gains at all frequencies."""
     import control
 

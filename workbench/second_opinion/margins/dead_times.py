@@ -56,6 +56,51 @@ def tried_distance(system: Any, delay: float) -> float:
     return float(min(distance.min(), 1.0 + abs(system.D[0, 0])))
 
 
+def tried_size(system: Any, delay: float, skew: float, pair: bool) -> float:
+    """The least |delta| that breaks the loop at frequencies that are tried.
+
+    ``pair``: plant and controller have a factor each. All of L is put into the plant, and the
+    closed loop's matrix is scaled by numbers that are tried too.
+    """
+    rho = _speed(system)
+    omega, least = _frequencies(rho, delay)[1:], math.inf
+    for _ in range(4):
+        s = 1j * omega
+        L = _response(system, s) * np.exp(-s * delay)
+        sizes = _sizes(L, skew, pair)
+        k = int(np.argmin(sizes))
+        least = min(least, float(sizes[k]))
+        low, high = omega[max(k - 1, 0)], omega[min(k + 1, omega.size - 1)]
+        omega = np.linspace(low, high, 100)
+    return least
+
+
+def distance_at(system: Any, delay: float, omega: float, factor: complex) -> float:
+    """|1 + factor L| over 1 + |factor L| at a frequency [rad/s]; |factor|, to be 0, at a pole."""
+    s = np.array([1j * omega])
+    try:
+        L = complex(_response(system, s)[0] * np.exp(-s[0] * delay))
+    except np.linalg.LinAlgError:
+        return abs(factor)
+    return abs(1.0 + factor * L) / (1.0 + abs(factor * L))
+
+
+def _sizes(L: ComplexArray, skew: float, pair: bool) -> RealArray:
+    """The least |delta| that breaks each of the loops L (F,)."""
+    S, shift = 1.0 / (1.0 + L), (1.0 + skew) / 2.0
+    own = shift - L * S
+    if not pair:
+        return 1.0 / np.abs(own)
+    # From what is added to (u, y) to (u, y) without it, u = -y and y = L u.
+    closed = np.stack([np.stack([own, -S], -1), np.stack([L * S, own], -1)], -2)
+    scale = np.sqrt(np.abs(L))  # at which both entries beside the diagonal have one size
+    tried = scale[:, None] * np.geomspace(0.5, 2.0, 9)
+    scaled = np.repeat(closed[:, None], 9, axis=1)
+    scaled[..., 0, 1] *= tried
+    scaled[..., 1, 0] /= np.maximum(tried, 1e-300)
+    return 1.0 / np.linalg.norm(scaled, 2, axis=(-2, -1)).min(axis=1)
+
+
 def _speed(system: Any) -> float:
     sizes = np.abs(np.linalg.eigvals(system.A)) if system.nstates else np.zeros(0)
     loop = np.linalg.norm(system.B) * np.linalg.norm(system.C) if system.nstates else 0.0

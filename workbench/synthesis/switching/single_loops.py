@@ -16,7 +16,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.mu import classical_margins, conditions
+from workbench.mu import conditions, loop_margins
 from workbench.synthesis.switching.loops import closed_transition
 from workbench.systems.sampling import sampled
 
@@ -113,8 +113,8 @@ class SingleLoops:
                 for k, G in enumerate(self.plants):
                     growths[i, j, k] = self.growth(K, G, sampling)
                     if growths[i, j, k] < 0.0:
-                        found = classical_margins(self.open_loop(K, G, sampling))
-                        phase = min(found.phases[:, 0], key=abs, default=math.inf)
+                        found = loop_margins(self.open_loop(K, G, sampling))
+                        phase = min(found.phases_deg[:, 0], key=abs, default=math.inf)
                         gains[i, j, k], phases[i, j, k] = found.gain_db, phase
         return MarginsOfPlants(gains, phases, growths)
 
