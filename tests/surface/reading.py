@@ -191,7 +191,10 @@ def _text(annotation: Any) -> str:
 
 
 def answers(objects: Iterable[Any]) -> set[str]:
-    """Names of the classes that functions and methods return, and of what these contain."""
+    """Names of the classes that functions and methods return, and of what these contain.
+
+    What is computed when it is asked for is contained, too.
+    """
     classes: dict[str, type] = {}
     waiting: list[str] = []
     for thing in objects:
@@ -212,6 +215,10 @@ def answers(objects: Iterable[Any]) -> set[str]:
         found.add(name)
         if dataclasses.is_dataclass(cls):
             waiting += _words(" ".join(_text(field.type) for field in dataclasses.fields(cls)))
+        late = (
+            member for member in vars(cls).values() if isinstance(member, functools.cached_property)
+        )
+        waiting += [name for member in late for name in _words(_returned(member.func))]
     return found
 
 

@@ -77,7 +77,7 @@ class ClassicalMargins(Answer):
     def lines(self) -> list[str]:
         """The least margins with their frequencies, a line each."""
         low, high = (f"{factor:.4g}{_at(self.gains, factor)}" for factor in self.gain)
-        late = in_samples(self.delay, self.dt)
+        late = delay_in_words(self.delay, self.dt)
         return [
             f"gain from {low} to {high}",
             f"phase {self.phase_deg:.4g} degrees{_at(self.phases_deg, self.phase_deg)}",
@@ -115,7 +115,7 @@ def least_db(gain: tuple[float, float]) -> float:
         return float(20 * min(np.log10(high), -np.log10(max(low, 0.0))))
 
 
-def in_samples(delay: float, dt: float) -> str:
+def delay_in_words(delay: float, dt: float) -> str:
     """A delay [s] in words, of a sampled loop in samples too."""
     return f"{delay:.4g} s ({delay / dt:.4g} samples)" if dt else f"{delay:.4g} s"
 

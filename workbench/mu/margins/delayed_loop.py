@@ -38,7 +38,7 @@ from workbench.mu.margins.crossings import (
     ExactLoop,
     positive_roots,
 )
-from workbench.mu.margins.delayed_modulus import LeastSize, least_distance, least_size
+from workbench.mu.margins.delayed_modulus import LeastDelta, least_delta, least_distance
 
 HALVINGS = 80
 """Halvings of the stretch on which a crossing of the real axis lies."""
@@ -101,11 +101,11 @@ class DelayedLoop:
         """Whether |1 + L| is proven to be at least so large at every frequency."""
         return modulus <= self.modulus()
 
-    def least_size(self, skew: float, pair: bool, tolerance: float) -> LeastSize:
-        """Bounds of the least factor of a disk that breaks the loop; as `least_size`."""
+    def least_delta(self, skew: float, pair: bool, tolerance: float) -> LeastDelta:
+        """Bounds of the least factor of a disk that breaks the loop; as `least_delta`."""
         N, D = self._numerator, self._denominator
         tail = self._tail()
-        return least_size(N, D, self.delay, tail, skew=skew, pair=pair, tolerance=tolerance)
+        return least_delta(N, D, self.delay, tail, skew=skew, pair=pair, tolerance=tolerance)
 
     def response(self, omega: RealArray) -> ComplexArray:
         """L at frequencies [rad/s] (F,), 0 at infinity or the limit of its size, negative."""

@@ -39,7 +39,7 @@ ROUNDED = 2.0**-50
 
 
 @dataclass(frozen=True)
-class LeastSize:
+class LeastDelta:
     """No factor with |delta| below ``lower`` breaks the loop; one of ``upper`` does at ``omega``.
 
     ``omega`` [rad/s] is infinite where ``upper`` is approached at infinite frequency only.
@@ -51,11 +51,11 @@ class LeastSize:
 
 
 def least_distance(N: fmpq_poly, D: fmpq_poly, delay: Fraction, tail: float) -> float:
-    """A lower bound of |1 + L| over all frequencies; the rest as of `least_size`."""
-    return least_size(N, D, delay, tail, skew=1.0).lower
+    """A lower bound of |1 + L| over all frequencies; the rest as of `least_delta`."""
+    return least_delta(N, D, delay, tail, skew=1.0).lower
 
 
-def least_size(
+def least_delta(
     N: fmpq_poly,
     D: fmpq_poly,
     delay: Fraction,
@@ -64,7 +64,7 @@ def least_size(
     skew: float,
     pair: bool = False,
     tolerance: float = TOLERANCE,
-) -> LeastSize:
+) -> LeastDelta:
     """Bounds of the least |delta| that breaks the loop, L = N / D exp(-s delay).
 
     Beyond ``tail`` [rad/s] |L| is monotone, and its limit is below 1. ``pair`` says whether plant
@@ -86,7 +86,7 @@ class Bands:
         self.a = self.b - 1
         self.slopes = N.derivative(), D.derivative()
 
-    def least(self, tail: float, tolerance: float) -> LeastSize:
+    def least(self, tail: float, tolerance: float) -> LeastDelta:
         """The bounds; bands are halved where they are least, until near a value that is taken."""
         share = 1 - (max(LIMIT_TOLERANCE, tolerance) if self._limit() > 0 else tolerance)
         end = max(tail, 1e-300)
@@ -107,7 +107,7 @@ class Bands:
             heapq.heapreplace(bands, (self.below(low, middle), low, middle))
             heapq.heappush(bands, (self.below(middle, high), middle, high))
         lower = min(bands[0][0], self._beyond(end), taken[0])
-        return LeastSize(lower, *taken)
+        return LeastDelta(lower, *taken)
 
     def at(self, omega: float) -> float:
         """The least |delta| at a frequency, rounded up."""

@@ -27,6 +27,7 @@ from workbench.mu.frequency.channels import even_channels
 from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.classical import in_both_units, least_db
+from workbench.mu.margins.late_peak import LatePeak
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.margin import values_of
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
@@ -63,7 +64,7 @@ class DiskMargin(Answer):
     omega: float
     worst: Mapping[str, StateSpace] | None
     plant: Mapping[str, Any] | None
-    proof: Any
+    proof: Peak | SkewedPeak | LatePeak
 
     @property
     def gain(self) -> tuple[float, float]:

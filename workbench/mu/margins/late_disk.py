@@ -8,61 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.answer import Answer, PartsChecker, no_better
+from workbench.answer import Answer, PartsChecker
 from workbench.arrays import Array
-from workbench.certificate import EVERY_FREQUENCY, Check, Checker
+from workbench.certificate import Check
 from workbench.heavy_types import StateSpace
 from workbench.mu.margins.delayed_loop import DelayedLoop
 from workbench.mu.margins.disk import DiskMargin, disk_checks, factor_of
+from workbench.mu.margins.late_peak import late_peak
 from workbench.mu.robust.destabilising import scalars_at
 from workbench.mu.robust.margin_bounds import reciprocal
 from workbench.second_opinion import peaks
-from workbench.second_opinion.margins.dead_times import distance_at, tried_size
+from workbench.second_opinion.margins.dead_times import distance_at
 
-REPEATED_ROUNDING = 1e-9
-"""Share by which bounds may be better than those computed again."""
-TRIED_ROUNDING = 1e-6
-"""Share by which a size that is tried in doubles may be below what is proven of all."""
 FAR = 1e150
 """Stands for an infinite L in the factors that it breaks with."""
-
-
-@dataclass(frozen=True, eq=False)
-class LatePeak(Answer):
-    """Bounds of 1 over the least |delta| that breaks a loop with dead time, at ``omega`` [rad/s].
-
-    ``omega`` is infinite where the upper bound is approached at infinite frequency only.
-    """
-
-    lower: float
-    upper: float
-    omega: float
-
-
-@dataclass(frozen=True, eq=False)
-class LatePeakChecker(Checker):
-    """Checks a `LatePeak` by computing it again; ``pair``: plant and controller have factors."""
-
-    exact: DelayedLoop
-    skew: float
-    pair: bool
-    tolerance: float
-
-    @property
-    def quantifier(self) -> str:
-        return EVERY_FREQUENCY
-
-    def checks(self, answer: LatePeak, tolerance: float) -> list[Check]:
-        again = _peak(self)
-        statement = "by which share it is better than the one computed again"
-        return no_better(answer, again.lower, again.upper, statement, REPEATED_ROUNDING)
-
-    def second_opinion(self, answer: LatePeak) -> list[Check]:
-        """Frequencies that are tried break with nothing smaller, by matrices in doubles."""
-        system, T = self.exact.rational.system, float(self.exact.delay)
-        tried = tried_size(system, T, self.skew, self.pair)
-        statement = "by which share less breaks the loop at a frequency that is tried"
-        return [Check("tried", statement, 1.0 / (answer.upper * tried) - 1.0, TRIED_ROUNDING)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +55,7 @@ def late_disk(
     exact: DelayedLoop, channels: tuple[str, ...], skew: float, tolerance: float
 ) -> DiskMargin:
     """The disk margin of a stable loop in one of its channels, or in plant and controller."""
-    checker = LatePeakChecker(exact, skew, len(channels) > 1, tolerance)
-    found = _peak(checker).checked_by(checker)
+    found = late_peak(exact, skew, len(channels) > 1, tolerance)
     lower, upper = reciprocal(found.upper), reciprocal(found.lower)
     worst: dict[str, StateSpace] | None = None
     if 0.0 < upper < math.inf and math.isfinite(found.omega):
@@ -107,11 +65,6 @@ def late_disk(
             worst = dict(zip(channels, factors, strict=True))
     answer = DiskMargin(channels, skew, lower, upper, found.omega, worst, None, found)
     return answer.checked_by(LateDiskChecker(exact))
-
-
-def _peak(asked: LatePeakChecker) -> LatePeak:
-    found = asked.exact.least_size(asked.skew, asked.pair, asked.tolerance)
-    return LatePeak(reciprocal(found.upper), reciprocal(found.lower), found.omega)
 
 
 def _deltas(exact: DelayedLoop, omega: float, skew: float, count: int) -> Array:

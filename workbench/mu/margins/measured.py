@@ -23,8 +23,8 @@ from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (
+    delay_in_words,
     in_both_units,
-    in_samples,
     least_delay,
     least_phase,
     nearest_factors,
@@ -116,7 +116,7 @@ class MeasuredMargins(Answer):
     def lines(self) -> list[str]:
         """The least margins with their ranges and frequencies, a line each."""
         low, high = (f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain)
-        late = in_samples(self.delay, self.dt)
+        late = delay_in_words(self.delay, self.dt)
         return [
             f"gain from {low} to {high}",
             f"phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",

@@ -25,7 +25,7 @@ from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin, proven
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.margins.channel_factors import with_delay, with_fall, with_phase, with_rise
-from workbench.mu.margins.classical import ClassicalMargins, classical_margins, in_samples
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delay_in_words
 from workbench.mu.margins.returned import opened_channel
 from workbench.mu.margins.set_delay import DelayBounds, bears_delay, delay_bounds
 from workbench.solvers import Options
@@ -88,7 +88,7 @@ class SetMargins(Answer):
 
     def said(self) -> str:
         (low, high), (lost_low, lost_high) = self.gain, self.gain_lost
-        late, lost = (in_samples(one, self.dt) for one in (self.delay, self.delay_lost))
+        late, lost = (delay_in_words(one, self.dt) for one in (self.delay, self.delay_lost))
         return (
             f"SetMargins: gain {low:.4g} to {high:.4g}, phase {self.phase_deg:.4g} degrees, delay "
             f"{late} for every plant; lost at {lost_low:.4g} and {lost_high:.4g}, "

@@ -1,0 +1,63 @@
+"""The least factor of a disk that breaks a loop with dead time, and the checks that prove it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.answer import REPEATED_ROUNDING, Answer, no_better
+from workbench.certificate import EVERY_FREQUENCY, Check, Checker
+from workbench.mu.margins.delayed_loop import DelayedLoop
+from workbench.mu.robust.margin_bounds import reciprocal
+from workbench.second_opinion.margins.dead_times import tried_size
+
+TRIED_ROUNDING = 1e-6
+"""Share by which a size that is tried in doubles may be below what is proven of all."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatePeak(Answer):
+    """Bounds of 1 over the least |delta| that breaks a loop with dead time, at ``omega`` [rad/s].
+
+    ``omega`` is infinite where the upper bound is approached at infinite frequency only.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+
+
+@dataclass(frozen=True, eq=False)
+class LatePeakChecker(Checker):
+    """Checks a `LatePeak` by computing it again; ``pair``: plant and controller have factors."""
+
+    exact: DelayedLoop
+    skew: float
+    pair: bool
+    tolerance: float
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_FREQUENCY
+
+    def checks(self, answer: LatePeak, tolerance: float) -> list[Check]:
+        again = _bounds(self)
+        statement = "by which share it is better than the one computed again"
+        return no_better(answer, again.lower, again.upper, statement, REPEATED_ROUNDING)
+
+    def second_opinion(self, answer: LatePeak) -> list[Check]:
+        """Frequencies that are tried break with nothing smaller, by matrices in doubles."""
+        system, T = self.exact.rational.system, float(self.exact.delay)
+        tried = tried_size(system, T, self.skew, self.pair)
+        statement = "by which share less breaks the loop at a frequency that is tried"
+        return [Check("tried", statement, 1.0 / (answer.upper * tried) - 1.0, TRIED_ROUNDING)]
+
+
+def late_peak(exact: DelayedLoop, skew: float, pair: bool, tolerance: float) -> LatePeak:
+    """Bounds for a stable loop; ``pair``: plant and controller have a factor each."""
+    asked = LatePeakChecker(exact, skew, pair, tolerance)
+    return _bounds(asked).checked_by(asked)
+
+
+def _bounds(asked: LatePeakChecker) -> LatePeak:
+    found = asked.exact.least_delta(asked.skew, asked.pair, asked.tolerance)
+    return LatePeak(reciprocal(found.upper), reciprocal(found.lower), found.omega)
