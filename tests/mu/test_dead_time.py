@@ -12,8 +12,8 @@ from flint import acb_poly, arb, ctx
 
 from workbench.errors import InputError
 from workbench.mu import loop_margins, robust_stability, worst_case_gain
+from workbench.mu.loops.delayed_modulus import Bands
 from workbench.mu.margins.classical import classical_margins, delayed_loop
-from workbench.mu.margins.delayed_modulus import Bands
 from workbench.second_opinion.margins.dead_times import counted_poles
 from workbench.uncertainty import delay, feedback, real, tf, without_dead_time
 from workbench.uncertainty.algebra.dead_time import pade, pade_corner, pade_error
@@ -288,7 +288,7 @@ def test_poles_are_counted_as_they_are(gain):
     right = 2 * sum(gain > one for one in factors)
     assert counted_poles(loop.rational.system, 0.3, gain) == right
     again = delayed_loop(tf([5 * gain], [1, 1]) * late(0.3))
-    assert again._unstable_poles() == right
+    assert again.unstable_poles() == right
 
 
 @pytest.mark.parametrize("order", [1, 2, 4, 6, 8, 10, 14])

@@ -1,7 +1,7 @@
 """Gain, phase, delay and modulus margins of a loop, with every crossing.
 
 The crossings are roots of polynomials with exact coefficients, so that none is missed and none is
-made of rounding (see `workbench.mu.margins.crossings`).
+made of rounding (see `workbench.mu.loops.crossings`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from workbench.answer import Answer
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.mu.loops.crossings import ExactLoop, exact_loop
+from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.classical_checks import ClassicalChecker, DelayedChecker
-from workbench.mu.margins.crossings import ExactLoop, exact_loop
-from workbench.mu.margins.delayed_loop import DelayedLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import part_of, system_of
 from workbench.uncertainty.algebra.dead_time import dead_times

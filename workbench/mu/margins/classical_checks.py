@@ -11,8 +11,8 @@ import numpy as np
 from workbench.arrays import EPS, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.heavy_types import StateSpace
-from workbench.mu.margins.crossings import ExactLoop
-from workbench.mu.margins.delayed_loop import DelayedLoop
+from workbench.mu.loops.crossings import ExactLoop
+from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.second_opinion.margins.dead_times import counted_poles, tried_distance
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies

@@ -10,8 +10,8 @@ from typing import Any
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
+from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delayed_loop
-from workbench.mu.margins.delayed_loop import DelayedLoop
 from workbench.mu.margins.disk import DiskMargin, disk_of
 from workbench.mu.margins.late_disk import late_disk
 from workbench.mu.margins.of_sets import SetMargins, set_margins

@@ -12,7 +12,7 @@ from workbench.answer import Answer, PartsChecker
 from workbench.arrays import Array
 from workbench.certificate import Check
 from workbench.heavy_types import StateSpace
-from workbench.mu.margins.delayed_loop import DelayedLoop
+from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.disk import DiskMargin, disk_checks, factor_of
 from workbench.mu.margins.late_peak import late_peak
 from workbench.mu.robust.destabilising import scalars_at

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from workbench.answer import REPEATED_ROUNDING, Answer, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker
-from workbench.mu.margins.delayed_loop import DelayedLoop
+from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.robust.margin_bounds import reciprocal
 from workbench.second_opinion.margins.dead_times import tried_size
 

@@ -31,14 +31,14 @@ from workbench.certify.known_plants.exact_function import (
     exact_square,
     products,
 )
-from workbench.mu.margins.crossings import (
+from workbench.mu.loops.crossings import (
     PRECISION,
     ROUNDINGS,
     Crossing,
     ExactLoop,
     positive_roots,
 )
-from workbench.mu.margins.delayed_modulus import LeastDelta, least_delta, least_distance
+from workbench.mu.loops.delayed_modulus import LeastDelta, least_delta, least_distance
 
 HALVINGS = 80
 """Halvings of the stretch on which a crossing of the real axis lies."""
@@ -89,7 +89,7 @@ class DelayedLoop:
         hidden = self.rational.function.denominator.gcd(self.rational.function.numerator)
         if not closed[0] or self._limit >= 1 or self._right(hidden) or self._on_axis(hidden):
             return False
-        return self._unstable_poles() == 0 and not any(
+        return self.unstable_poles() == 0 and not any(
             self.may_be_unstable(one.omega) for one in [*self.unit_crossings(), *self._nearest()]
         )
 
@@ -234,7 +234,7 @@ class DelayedLoop:
 
     # --- poles of the closed loop --------------------------------------------------------------
 
-    def _unstable_poles(self) -> int | None:
+    def unstable_poles(self) -> int | None:
         """Poles of the closed loop right of the axis; None where one is on it, up to BORDER."""
         count = self._right(self._numerator + self._denominator)
         square = exact_square(self._denominator) - exact_square(self._numerator)

@@ -1,0 +1,72 @@
+"""The loop about one uncertain delay, with the delay itself in place of the disk that covers it.
+
+In a system the delay is 1 + W delta: the states of W are driven by delta alone, and what they give
+enters wherever the delayed signal does. They are found by their very entries and left out; what
+remains, all other elements nominal, is a loop L exp(-s tau) of one channel, whose poles are counted
+exactly (`workbench.mu.loops.delayed_loop`).
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.mu.loops.crossings import exact_loop
+from workbench.mu.loops.delayed_loop import DelayedLoop
+from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.delays import DelayElement
+from workbench.uncertainty.algebra.lft import INTEGRATOR
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+ENTRY_ROUNDING = 1e-12
+"""Share by which products of entries may differ from those computed again."""
+
+
+def loop_about(found: UncertainSystem, name: str) -> StateSpace | None:
+    """L of the loop about a delay, closed with negative feedback; None where it is not seen."""
+    element = found.elements[name]
+    names = found.value.names
+    if not isinstance(element, DelayElement) or names.count(name) != 1:
+        return None
+    t, M = names.index(name), found.value.M
+    states = [k for k, one in enumerate(names) if one == INTEGRATOR]
+    W = uncertain(element.cover).value
+    n = W.M.shape[0] - 1
+    for first in range(len(states) - n + 1):
+        own = states[first : first + n]
+        rest = [k for k in states if k not in own]
+        if np.array_equal(M[np.ix_([*own], [*own, t])], W.M[:n]) and not M[np.ix_(own, rest)].any():
+            break
+    else:
+        return None
+    given, direct = W.M[n, :n], W.M[n, n]
+    enters, d = M[rest, t] / direct, M[t, t] / direct
+    seen = np.append(enters, d)
+    repeated = np.abs(M[np.ix_([*rest, t], own)] - np.outer(seen, given))
+    if (repeated > ENTRY_ROUNDING * np.outer(np.abs(seen), np.abs(given))).any() or d == -1.0:
+        return None
+    # With the delay's output w and its input z, w - z enters where w did beside what was there.
+    c = M[t, rest]
+    A = M[np.ix_(rest, rest)] - np.outer(enters, c) / (1.0 + d)
+    parts = A, enters[:, None] / (1.0 + d), -c[None] / (1.0 + d), np.array([[-d / (1.0 + d)]])
+    return realisation(parts, 0.0)
+
+
+def with_delay_of(L: StateSpace, tau: float) -> DelayedLoop | None:
+    """L exp(-s tau); None where |L| is 1 or more at infinity, so that no delay is borne."""
+    return DelayedLoop(exact_loop(L, L), Fraction(tau)) if abs(L.D[0, 0]) < 1.0 else None
+
+
+def first_delay(L: StateSpace) -> float | None:
+    """The least delay [s] with which a stable loop has a pole on the axis, infinite without one.
+
+    None where it is not stable without delay, or bears none.
+    """
+    loop = with_delay_of(L, 0.0)
+    if loop is None or not loop.stable():
+        return None
+    phases = ((one.omega, float(np.angle(-one.value))) for one in loop.unit_crossings())
+    return min((math.fmod(p + 2 * math.pi, 2 * math.pi) / w for w, p in phases), default=math.inf)
