@@ -155,6 +155,23 @@ def lost_every_way():
     return every_plant(ss([[a]], [[1]], [[1]], 0) * lags, 4.0, tolerance=0.1)["loop"]
 
 
+BETTER = {
+    "largest gain": lambda one: {"gain": (one.gain[0], 1.01 * one.gain_lost[1])},
+    "least gain": lambda one: {"gain": (0.99 * one.gain_lost[0], one.gain[1])},
+    "phase": lambda one: {"phase_deg": 1.01 * one.phase_lost_deg},
+    "delay": lambda one: {"delay": 1.01 * one.delay_lost},
+}
+
+
+@pytest.mark.parametrize("kind", BETTER)
+def test_a_margin_of_a_set_that_is_too_good_fails(lost_every_way, kind):
+    """No search proves it again."""
+    found = lost_every_way
+    wrong = replace(found, **BETTER[kind](found))
+    checks = found._checked_by[0].checks(wrong, 1e-6)
+    assert [check.name for check in checks if not check.holds] == [kind]
+
+
 @pytest.mark.parametrize("kind", ["rise", "fall", "phase", "delay"])
 def test_a_plant_that_keeps_more_than_is_said_to_be_lost_is_found(lost_every_way, kind):
     """The margins of each named plant are its own crossings, which a smaller claim contradicts."""
