@@ -11,7 +11,7 @@ from delayed_loops import DIGITS, DelayedLoop, crossings, is_stable, loop_of
 from flint import acb_poly, arb, ctx
 
 from workbench.errors import InputError
-from workbench.mu import loop_margins, robust_stability, worst_case_gain
+from workbench.mu import loop_margins, worst_case_gain
 from workbench.mu.loops.delayed_modulus import Bands
 from workbench.mu.margins.classical import classical_margins, delayed_loop
 from workbench.second_opinion.margins.dead_times import counted_poles
@@ -330,7 +330,7 @@ def test_a_lower_bound_of_a_band_holds_on_all_of_it(seed):
 
 def test_what_needs_states_refuses_dead_time_by_name():
     closed = feedback(tf([real("k", 2, percent=20)], [1, 1]) * late(0.2))
-    for call in (robust_stability, worst_case_gain, lambda one: one.nominal, lambda o: o.sample(2)):
+    for call in (worst_case_gain, lambda one: one.nominal, lambda one: one.sample(2)):
         with pytest.raises(InputError, match=r"dead time tau of 0\.2 s"):
             call(closed)
     assert "DeadTime(name='tau', delay=0.2)" in repr(closed)

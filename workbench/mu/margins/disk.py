@@ -29,10 +29,10 @@ from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.classical import in_both_units, least_db
 from workbench.mu.margins.late_peak import LatePeak
 from workbench.mu.robust.destabilising import destabilising
-from workbench.mu.robust.margin import values_of
 from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
 from workbench.mu.robust.skewed_bounds import SkewedPeak
 from workbench.mu.robust.skewed_peak import skewed_peak
+from workbench.mu.robust.values import values_of
 from workbench.second_opinion import peaks
 from workbench.second_opinion.responses import plain_response, precise_response
 from workbench.structure import Complex, Structure
@@ -202,7 +202,9 @@ def disk_of(
         factors_found = [factor_of(Delta, *place, skew) for place in at]
         if all(f is not None for f in factors_found):
             worst = dict(zip(channels.values(), factors_found, strict=True))
-        plant = values_of(shifted, Delta) if uncertain else None
+        plant = (
+            values_of(shifted.elements.values(), shifted.structure, Delta) if uncertain else None
+        )
     elif uncertain:
         plant = {}
     omega = float(angular_frequency(omega, period))  # half the sampling rate of infinity

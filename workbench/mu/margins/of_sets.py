@@ -38,8 +38,6 @@ LARGEST_TURN = 1e3
 """Largest t of a phase; it stands for 179.9 degrees."""
 KINDS = 4
 """Margins of a channel that share the time: gain up, gain down, phase and delay."""
-SOON = 1e-9
-"""Least time limit [s]: none is 0."""
 AGAIN = 4
 """Parts by which a margin may be proven again, over those of the search that found it: on another
 processor a few parts may be cut once more."""
@@ -137,7 +135,8 @@ def _shares(time_limit: float | None, count: int) -> Iterator[float | None]:
     """Seconds that each of so many searches may take: what one leaves goes to those after it."""
     end = None if time_limit is None else time.perf_counter() + time_limit
     for left in range(count, 0, -1):
-        yield None if end is None else max(end - time.perf_counter(), 0.0) / left + SOON
+        rest = 0.0 if end is None else (end - time.perf_counter()) / left
+        yield None if end is None else max(rest, math.ulp(0.0))  # a limit of 0 s is none
 
 
 def margins_of_channel(

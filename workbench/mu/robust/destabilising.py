@@ -95,8 +95,6 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     >>> bool(abs(poles.real).min() < 1e-6), round(float(1 / found.lower), 3)
     (True, 0.398)
     """
-    import control
-
     if not isinstance(peak, Peak):
         raise InputError(
             f"peak must be what `peak(system, structure)` gives, not {type(peak).__name__}"
@@ -125,16 +123,28 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
             "needed; the peak must be that of this system and this structure"
         )
     M = _response(stable, omega)
-    z = _null(M, Delta)
+    z = null_vector(M, Delta)
     if not 0.0 < omega < math.inf:
         real = _made_real(Delta, z, structure)
         if real is None:
             omega = _beside(stable, omega)
             M = _response(stable, omega)
         Delta = constant + _attained(M, constant, (Delta if real is None else real) - constant)
-        z = _null(M, Delta)
-    w = Delta @ z
-    parts = []
+        z = null_vector(M, Delta)
+    made = interpolated(Delta, z, structure, omega, constant)
+    return bilinear_sampled(made, stable.period) if stable.period else made
+
+
+def interpolated(
+    Delta: Array, z: Array, structure: Structure, omega: float, constant: Array
+) -> Any:
+    """A stable system that maps z to Delta z at a frequency [rad/s], no larger than Delta.
+
+    ``constant`` are the real parts of Delta that are the same at every frequency.
+    """
+    import control
+
+    w, parts = Delta @ z, []
     for block, row, column in zip(
         structure, structure.row_slices, structure.column_slices, strict=True
     ):
@@ -143,8 +153,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         else:
             fixed = constant[row, column]
             parts.append(scalars_at(np.diagonal(Delta[row, column] - fixed), omega) + fixed)
-    made = control.append(*parts)
-    return bilinear_sampled(made, stable.period) if stable.period else made
+    return control.append(*parts)
 
 
 def _response(stable: StableSystem, omega: float) -> Array:
@@ -164,7 +173,7 @@ def _constants(Delta: Array, structure: Structure, radius: float) -> Array:
     return constant
 
 
-def _null(M: Array, Delta: Array) -> Array:
+def null_vector(M: Array, Delta: Array) -> Array:
     """The unit z with (I - M Delta) z = 0, turned by the common phase that makes it most real."""
     from scipy.linalg import matrix_balance
 

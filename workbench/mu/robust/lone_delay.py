@@ -9,16 +9,19 @@ exactly (`workbench.mu.loops.delayed_loop`).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from fractions import Fraction
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.loops.crossings import exact_loop
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.dead_time import channels_pulled_out, closed_with
 from workbench.uncertainty.algebra.delays import DelayElement
-from workbench.uncertainty.algebra.lft import INTEGRATOR
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 ENTRY_ROUNDING = 1e-12
@@ -52,6 +55,26 @@ def loop_about(found: UncertainSystem, name: str) -> StateSpace | None:
     c = M[t, rest]
     A = M[np.ix_(rest, rest)] - np.outer(enters, c) / (1.0 + d)
     parts = A, enters[:, None] / (1.0 + d), -c[None] / (1.0 + d), np.array([[-d / (1.0 + d)]])
+    return realisation(parts, 0.0)
+
+
+def loop_about_dead_time(
+    found: UncertainSystem, name: str, deltas: Mapping[str, float]
+) -> StateSpace | None:
+    """L of the loop about a known dead time, with normalised real elements at values by name.
+
+    None where the dead time occurs more than once, or the system divides by zero there.
+    """
+    pulled, channels = channels_pulled_out(found.value, list(deltas))
+    try:
+        closed = closed_with(pulled, [LFT(np.array([[deltas[one]]])) for one in channels])
+    except InputError:
+        return None
+    if closed.names.count(name) != 1 or {*closed.names} - {name, INTEGRATOR}:
+        return None
+    t, M = closed.names.index(name), closed.M
+    states = [k for k, one in enumerate(closed.names) if one == INTEGRATOR]
+    parts = M[np.ix_(states, states)], M[states, t][:, None], -M[t, states][None], -M[[t]][:, [t]]
     return realisation(parts, 0.0)
 
 

@@ -14,9 +14,9 @@ from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at
 from workbench.certify.singularity import said
 from workbench.certify.stable_system import angular_frequency
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.executor.live import shown_live
-from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
 from workbench.mu.boxes.margin import Growing, box_margin, proven_stable
 from workbench.mu.boxes.recentred import RealParameters
@@ -26,6 +26,7 @@ from workbench.mu.frequency.peak import peak
 from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.robust.delay_margins import delay_margins
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.late_margin import late_margin
 from workbench.mu.robust.margin_bounds import (
     PerformanceChecker,
     PerformanceMargin,
@@ -34,11 +35,12 @@ from workbench.mu.robust.margin_bounds import (
     UnlimitedChecker,
 )
 from workbench.mu.robust.regions import with_damping, with_decay
+from workbench.mu.robust.values import values_of
 from workbench.solvers import Options
-from workbench.structure import Full, Real
+from workbench.structure import Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.hidden_states import without_hidden_states
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 PARTS = 4000
 """Most parts of a box of real parameters that are examined."""
@@ -69,6 +71,10 @@ def robust_stability(
     parts and frequencies into bands until each is excluded, so that the bounds meet. A terminal or
     a notebook shows them as they tighten, and they hold whenever the search ends.
 
+    Known dead time is taken as it is: what is proven is proven with exp(-s T) at every frequency,
+    by a rational set that contains it (`workbench.mu.robust.late_margin`), and the upper bound is
+    that of the response with exp(-j omega T) itself.
+
     Parameters
     ----------
     system
@@ -91,10 +97,17 @@ def robust_stability(
     ------
     InputError
         The system has no uncertain element, or is unstable at its nominal, or has a nominal pole
-        outside the region asked for.
+        outside the region asked for, or such a region is asked for and it has known dead time.
     """
     need_count("parts", parts)
     need_tolerance(tolerance)
+    if dead_times((late := uncertain(system, "system")).elements):
+        if decay or damping:
+            raise InputError(
+                "decay and damping move the axis, on which dead time has a size of 1: give "
+                "`without_dead_time(system)`"
+            )
+        return late_margin(late, tolerance)
     given = analysed(system)
     whole, given = given, in_loops(given)
     idle = tuple(name for name in whole.elements if name not in given.elements)
@@ -142,7 +155,11 @@ def _margin(
     if not bounds.lower > 0:
         return StabilityMargin(lower, math.inf, omega, None, bounds)
     Delta = destabilising(bounds, N, structure)
-    worst = values_of(found, bilinear_sampled(Delta, period) if period else Delta)
+    worst = values_of(
+        found.elements.values(),
+        found.structure,
+        bilinear_sampled(Delta, period) if period else Delta,
+    )
     return StabilityMargin(lower, 1 / bounds.lower, omega, worst, bounds)
 
 
@@ -164,7 +181,9 @@ def _margin_of_parameters(
     if best is None:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
     need_agreement(best.value, 1 / box.lower if box.lower > 0 else math.inf, upper_claim=EXCLUDED)
-    worst = values_of(found, control.ss([], [], [], best.Delta.real))
+    worst = values_of(
+        found.elements.values(), found.structure, control.ss([], [], [], best.Delta.real)
+    )
     omega = angular_frequency(best.omega, period)
     return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
 
@@ -276,29 +295,3 @@ def robust_performance(
         else:
             t = math.sqrt(low * high)
     return margin(low, high, omega)
-
-
-def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
-    """A perturbation as values of the elements, by name."""
-    import control
-
-    structure, values = found.structure, {}
-    places = zip(
-        found.elements.values(),
-        structure,
-        structure.row_slices,
-        structure.column_slices,
-        strict=True,
-    )
-    for element, block, out, into in places:
-        first = (out, into)
-        if not isinstance(block, Full):  # a repeated scalar: its first entry is its value
-            first = (slice(out.start, out.start + 1), slice(into.start, into.start + 1))
-        D = Delta.D[first]
-        if isinstance(block, Real):
-            values[element.name] = element.value(D[0, 0])
-            continue
-        part = control.ss(Delta.A, Delta.B[:, first[1]], Delta.C[first[0]], D)
-        part = without_hidden_states(part)
-        values[element.name] = element.value(part)
-    return values

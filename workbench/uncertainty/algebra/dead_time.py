@@ -60,7 +60,7 @@ class DeadTime(Element):
         """What is told where a system with states is needed."""
         return (
             f"the dead time {self.name} of {self.delay:g} s has no state-space system; "
-            "`loop_margins` and `response` take it as it is, and "
+            "`loop_margins`, `robust_stability` and `response` take it as it is, and "
             "`without_dead_time` replaces it by a Pade approximation and the bound of its error"
         )
 
