@@ -128,16 +128,17 @@ def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> Uncertai
 def delay(name: str, low: float, high: float) -> UncertainSystem:
     """A delay exp(-s tau), tau from low to high [s], in continuous time.
 
-    With low equal to high it is known dead time: `workbench.mu.loop_margins` and ``response`` take
-    it exactly as it is, whatever needs states refuses it by name, and `without_dead_time` replaces
-    it by a Pade approximation and a bound of its error.
+    With low equal to high it is known dead time: `workbench.mu.loop_margins`,
+    `workbench.mu.robust_stability` and ``response`` take it as it is, whatever needs states refuses
+    it by name, and `without_dead_time` replaces it by a Pade approximation and a bound of its
+    error.
 
     An uncertain delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that
     covers |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every
     delay from 0 to high and more, as any phase of delta counts. A margin below 1 is a factor of
     that delta and no factor of the delay; `workbench.mu.robust_stability` tells in seconds which
-    delays are borne. ``at(tau=...)`` and ``sample`` have the delays themselves, by Pade
-    approximations.
+    delays are borne, exactly where nothing else is uncertain. ``at(tau=...)`` and ``sample`` have
+    the delays themselves, by Pade approximations.
 
     Raises
     ------
