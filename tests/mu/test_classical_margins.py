@@ -1,5 +1,8 @@
 """What is printed of classical margins: both units, the sign of a phase, stability first."""
 
+import subprocess
+import sys
+
 import control
 import numpy as np
 import pytest
@@ -38,3 +41,16 @@ def test_eight_equal_lags_list_a_crossing_once(form):
     omega = np.sqrt(1.9**0.25 - 1)
     np.testing.assert_allclose(found.phases_deg[:, 1], [omega], rtol=1e-9)
     assert found.phases_deg[0, 0] == pytest.approx(180 - np.degrees(8 * np.arctan(omega)), rel=1e-7)
+
+
+def test_crossings_alone_load_nothing_of_what_is_computed_when_asked_for():
+    code = """
+import sys, control
+from workbench.mu import loop_margins
+found = loop_margins(control.tf([4], [1, 3, 3, 1]))
+assert found.stable and found.gain[1] > 1.99 and found.phases_deg.size and found.delay > 0
+dear = {f"workbench.mu.margins.{name}" for name in ("disk", "late_disk", "of_sets", "drawn")}
+assert not dear & {*sys.modules}, dear & {*sys.modules}
+assert found.disks and "workbench.mu.margins.disk" in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

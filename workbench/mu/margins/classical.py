@@ -25,6 +25,7 @@ from workbench.uncertainty.algebra.rational_delays import rational_part
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 UNSTABLE = "the closed loop is UNSTABLE"
+NOT_TOLD = "the data do not tell whether the closed loop is stable"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.mu.loops.delayed_loop import DelayedLoop
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delayed_loop
-from workbench.mu.margins.disk import DiskMargin, disk_of
-from workbench.mu.margins.late_disk import late_disk
-from workbench.mu.margins.of_sets import SetMargins, set_margins
 from workbench.mu.margins.returned import (
     channel_names,
     matched_pair,
@@ -28,6 +25,10 @@ from workbench.systems.joints import UncertainPart, part_of
 from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
 from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+if TYPE_CHECKING:  # what computes them is imported when it is asked for
+    from workbench.mu.margins.disk import DiskMargin
+    from workbench.mu.margins.of_sets import SetMargins
 
 PADE_ORDERS = (6, 8, 10, 12, 14)
 """Orders of the approximation of dead time in disks of sets; a higher one loses digits."""
@@ -112,6 +113,8 @@ class ClosedLoop:
         wanted = {name: {k: name} for k, name in self.channels.items()} | self._groups
         if self._late:
             return self._late_disks(wanted)
+        from workbench.mu.margins.disk import disk_of
+
         nominal = uncertain(self.stable_loop.nominal)
         return {
             name: disk_of(nominal, part, self.skew, self.tolerance) for name, part in wanted.items()
@@ -119,6 +122,8 @@ class ClosedLoop:
 
     def every_plant(self) -> dict[str, SetMargins]:
         """What every plant of a set bears in each channel, gain, phase and delay alone."""
+        from workbench.mu.margins.of_sets import set_margins
+
         every = self.channels
         if self._single:  # L is the same at either place
             every = dict(list(every.items())[:1])
@@ -207,6 +212,8 @@ class ClosedLoop:
     def _disks_of(self, wanted: Mapping[str, dict[int, str]]) -> dict[str, DiskMargin]:
         if self._late and not self.is_uncertain:
             return self._late_disks(wanted)
+        from workbench.mu.margins.disk import disk_of
+
         found = {
             name: disk_of(self.stable_loop, part, self.skew, self.tolerance)
             for name, part in wanted.items()
@@ -220,6 +227,8 @@ class ClosedLoop:
         return found
 
     def _late_disks(self, wanted: Mapping[str, dict[int, str]]) -> dict[str, DiskMargin]:
+        from workbench.mu.margins.late_disk import late_disk
+
         return {
             name: late_disk(self._exact, tuple(part.values()), self.skew, self.tolerance)
             for name, part in wanted.items()

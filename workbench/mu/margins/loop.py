@@ -8,7 +8,6 @@ from typing import Any
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_count, need_positive, need_tolerance
 from workbench.mu.margins.closed_loop import ClosedLoop
-from workbench.mu.margins.measured import is_measured, loops_of, measured_margins
 from workbench.mu.margins.result import LoopChecker, LoopMargins
 
 
@@ -78,11 +77,20 @@ def loop_margins(
     need_positive(time_limit, "time_limit", or_none=True)
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")
-    if is_measured(plant):
-        data, dt = loops_of(plant, controller)
-        measured = {name: measured_margins(one, dt) for name, one in data.items()}
-        return LoopMargins(measured, None, None).checked_by(LoopChecker())
+    if hasattr(plant, "omega") and (found := _of_data(plant, controller)) is not None:
+        return found
     asked = ClosedLoop(plant, controller, float(skew), tolerance, parts, time_limit)
     classical = asked.classical()
     stable = all(one.stable for one in classical.values())
     return LoopMargins(classical, stable, asked).checked_by(LoopChecker())
+
+
+def _of_data(plant: Any, controller: Any) -> LoopMargins | None:
+    """The margins of measured responses; None of what is none."""
+    from workbench.mu.margins.measured import is_measured, loops_of, measured_margins
+
+    if not is_measured(plant):
+        return None
+    data, dt = loops_of(plant, controller)
+    measured = {name: measured_margins(one, dt) for name, one in data.items()}
+    return LoopMargins(measured, None, None).checked_by(LoopChecker())

@@ -23,6 +23,7 @@ from workbench.heavy_types import Figure
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import (
+    NOT_TOLD,
     delay_in_words,
     in_both_units,
     least_delay,
@@ -128,9 +129,6 @@ class MeasuredMargins(Answer):
         low, high = (in_both_units(one) for one in self.band)
         first = f"MeasuredMargins of the data from {low} to {high}"
         return "\n  ".join([first, *self.lines(), NOT_TOLD])
-
-
-NOT_TOLD = "the data do not tell whether the closed loop is stable"
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,14 +14,21 @@ from workbench.answer import Answer, PartsChecker
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import Figure, StateSpace
-from workbench.mu.margins import drawn
-from workbench.mu.margins.classical import UNSTABLE, ClassicalMargins, in_both_units, least_db
+from workbench.mu.margins.classical import (
+    NOT_TOLD,
+    UNSTABLE,
+    ClassicalMargins,
+    in_both_units,
+    least_db,
+)
 from workbench.mu.margins.closed_loop import ClosedLoop
-from workbench.mu.margins.disk import DiskMargin
-from workbench.mu.margins.measured import NOT_TOLD, MeasuredMargins
-from workbench.mu.margins.of_sets import SetMargins
 from workbench.tables import markdown
 from workbench.uncertainty.algebra.system import UncertainSystem
+
+if TYPE_CHECKING:  # what computes them is imported when it is asked for
+    from workbench.mu.margins.disk import DiskMargin
+    from workbench.mu.margins.measured import MeasuredMargins
+    from workbench.mu.margins.of_sets import SetMargins
 
 ALIKE = 1e-6
 """Share by which margins of two channels may differ that are told as one: L of a single plant and
@@ -275,6 +282,8 @@ class LoopChecker(PartsChecker):
         if answer.closed is None:
             first = next(iter(answer.classical.values()))
             return first._checked_by[0].figures(first) if first._checked_by else {}
+        from workbench.mu.margins import drawn
+
         proven = bool(answer.stable) and not answer._refusal
         disks = answer.disks if proven else {}
         together = answer.together.get("all") if proven else None
