@@ -259,6 +259,20 @@ def test_disks_of_a_set_hold_with_dead_time():
     assert found.classical["input"].phase_deg == pytest.approx(nominal.classical["input"].phase_deg)
 
 
+def test_every_plant_of_a_set_keeps_its_margins_with_the_dead_time_itself():
+    C = control.tf([1, 0.5], [1, 0])
+    found = loop_margins(tf([real("k", 2, percent=20)], [3, 1]) * late(0.5), C, tolerance=0.05)
+    every, worst = found.every_plant["input"], loop_margins(tf([2.4], [3, 1]) * late(0.5), C)
+    for kept, truth in (
+        (every.gain[1], worst.gain[1]),
+        (every.phase_deg, worst.phase_deg),
+        (every.delay, worst.delay),
+    ):
+        assert 0.95 * truth < kept < truth
+    assert every.delay_lost == pytest.approx(worst.delay, rel=1e-5)
+    assert found.phase_deg == every.phase_deg
+
+
 @pytest.mark.parametrize("field", ["gains", "phases_deg", "delays", "modulus", "stable"])
 def test_a_claim_that_is_too_good_fails(field):
     found = classical_margins(tf([5], [1, 1]) * late(0.3))

@@ -26,7 +26,8 @@ def loop_margins(
     uncertain set bears, are computed when they are asked for.
 
     Known dead time in a loop of one channel counts exactly as it is; only what is proven of a set
-    with it rests on `without_dead_time`, a set that contains it. Of measured responses the margins
+    with it rests on `without_dead_time`, a set that contains it, and what is lost is then that of
+    the approximation. Of measured responses the margins
     are those of the data, at their frequencies only, with ranges from variances.
 
     Parameters
