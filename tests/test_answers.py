@@ -109,6 +109,16 @@ ANSWERS = {
     "robust_stability, sampled": lambda: mu.robust_stability(
         feedback(tf([0.2], [1, real("p", -0.5, plus_minus=0.2)], 0.1) * dynamics("d", 1, 1), 1)
     ),
+    "robust_stability with dead time": lambda: mu.robust_stability(
+        feedback(tf([5], [1, 1]) * (1 + 0.2 * dynamics("d", 1, 1)) * delay("late", 0.3, 0.3), 1),
+        1e-2,
+    ),
+    "robust_stability of a gain with dead time": lambda: mu.robust_stability(
+        feedback(real("k", 5, percent=20) * tf([1], [1, 1]) * delay("late", 0.3, 0.3), 1), 1e-2
+    ),
+    "robust_stability of a delay": lambda: mu.robust_stability(
+        feedback(tf([5], [1, 1]) * delay("tau", 0.0, 1.0), 1), 1e-2
+    ),
     "robust_stability without an element that counts": lambda: mu.robust_stability(
         feedback(tf([1], [1, 1]) * (STIFFNESS - STIFFNESS), 1)
     ),
