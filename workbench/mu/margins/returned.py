@@ -9,8 +9,9 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
+from workbench.systems.balancing import singular
 from workbench.systems.realisation import worst_pole
-from workbench.uncertainty.algebra.functions import append, feedback
+from workbench.uncertainty.algebra.connections import append, feedback, not_well_posed
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 
@@ -44,6 +45,8 @@ def need_matching(plant: Any, controller: Any) -> None:
 def returned_loop(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
     """From what is added to (u, y) to (u, y) without it, the loop u = -K y closed."""
     m, p = G.ninputs, G.noutputs
+    if singular(np.eye(p) + G.value.blocks[3] @ K.value.blocks[3]):
+        raise not_well_posed("plant", G, "controller", K)
     # (u, y) before = append(-K, G) times (y, u) after.
     swap = np.block([[np.zeros((p, m)), np.eye(p)], [np.eye(m), np.zeros((m, p))]])
     closed = feedback(append(-K, G), swap, sign=1)
