@@ -77,6 +77,9 @@ def test_an_answer_beyond_its_bound_is_wrong(required):
 
 def test_what_is_not_checked_does_not_hold():
     assert not Certificate(()).holds and Certificate(()).failures == ("nothing is checked",)
+    refutes = Certificate((Check("a", "b", 0.0, 1.0, opinion=True),))
+    assert not refutes.valid
+    assert refutes.failures == ("nothing is checked but by a second opinion",)
     assert not Check("none", "", 0.0, math.inf).holds
     assert not Check("none", "", math.inf, math.inf).holds
 

@@ -194,7 +194,12 @@ class Certificate:
     def valid(self) -> bool:
         """Whether there are checks and all hold, and no answer lies beyond its bound."""
         beyond = self.gap is not None and self.gap.contradicts
-        return bool(self.checks) and all(check.holds for check in self.checks) and not beyond
+        return self._decided and all(check.holds for check in self.checks) and not beyond
+
+    @property
+    def _decided(self) -> bool:
+        """Whether a check of the kernel is there: a second opinion refutes, and never confirms."""
+        return any(not check.opinion for check in self.checks)
 
     @property
     def holds(self) -> bool:
@@ -212,8 +217,8 @@ class Certificate:
     def failures(self) -> tuple[str, ...]:
         """A sentence for each thing that does not hold."""
         failed = [check.failure for check in self.checks if not check.holds]
-        if not self.checks:
-            failed.append("nothing is checked")
+        if not self._decided:
+            failed.append("nothing is checked" + " but by a second opinion" * bool(self.checks))
         gap = self.gap
         if gap is not None and gap.contradicts:
             failed.append(f"optimality gap: {gap.value:.3g}, the answer lies beyond its bound")

@@ -37,21 +37,31 @@ MOST_BAD = 0.05
 """Largest share of questions that may be refused badly."""
 
 
+ONCE_BAD = {exact_norms.norm_case: (159, 169, 174, 184, 218), exact_norms.mu_case: (72, 166)}
+"""Seeds whose questions were once refused badly, by a verdict or with a raw traceback."""
+
+
 def verdicts(maker, seeds):
-    """The cases of the seeds 0, 1, ... with what became of each."""
-    cases = [maker(np.random.default_rng(seed)) for seed in range(seeds)]
+    """The cases of seeds with what became of each."""
+    cases = [maker(np.random.default_rng(seed)) for seed in seeds]
     return [(case, judged(case)) for case in cases]
 
 
 @pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
 def test_a_few_exact_cases(maker):
-    found = verdicts(maker, min(FEW, MAKERS[maker] // 5))
+    found = verdicts(maker, range(min(FEW, MAKERS[maker] // 5)))
+    assert not [(case, verdict) for case, verdict in found if verdict.word in ("false", *BAD)]
+
+
+@pytest.mark.parametrize("maker", ONCE_BAD, ids=lambda maker: maker.__name__)
+def test_what_was_refused_badly_is_so_no_more(maker):
+    found = verdicts(maker, ONCE_BAD[maker])
     assert not [(case, verdict) for case, verdict in found if verdict.word in ("false", *BAD)]
 
 
 @pytest.mark.slow
 def test_exact_cases():
-    found = [one for maker, seeds in MAKERS.items() for one in verdicts(maker, seeds)]
+    found = [one for maker, seeds in MAKERS.items() for one in verdicts(maker, range(seeds))]
     print(table(found))
     for case, verdict in found:
         if verdict.word in ("false", *BAD):

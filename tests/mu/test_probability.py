@@ -137,6 +137,19 @@ def test_values_that_have_a_probability_of_their_own(law, truth):
     assert found.holds, found.certificate.failures
 
 
+@pytest.mark.parametrize("weights", [{-1.0: 0.95}, {-0.6: 0.3, 1.0: 0.5}, {}])
+def test_a_law_that_cannot_draw_is_inverted(weights):
+    class Undrawn:
+        cdf = staticmethod(Atoms(weights).cdf)
+
+    p = real("p", 0, plus_minus=1)
+    found = guaranteed_probability(tf([1], [1, p + 0.5]), distributions={"p": Undrawn()})
+    assert found.holds, found.certificate.failures
+    far = (found.lower + 0.5) % 1.0
+    wrong = replace(found, lower=far, upper=far)
+    assert not found._checked_by[0].second_opinion(wrong)[0].holds
+
+
 def test_a_wrong_probability_is_refuted_by_members_that_are_drawn():
     p = real("p", 0, plus_minus=1)
     found = guaranteed_probability(tf([1], [1, p + 0.5]), tolerance=1e-3)

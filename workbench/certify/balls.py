@@ -16,7 +16,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
 from workbench.arrays import Array, RealArray
-from workbench.certify.modes.modal_form import real_balls, real_doubles
+from workbench.certify.modes.modal_form import PRECISIONS, real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem
 from workbench.systems.frequency_response import driven_states
@@ -122,7 +122,20 @@ def matrices_in_balls(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Mat
     return A, B, C, D
 
 
-def response_of(system: StableSystem, omega: float) -> Matrix | None:
+def in_plane(system: StableSystem, omega: float) -> float | arb:
+    """v of a frequency `omega` [rad/s] of the given system, exactly: a number in balls if sampled.
+
+    What is proven of a light resonance must not hang on how a processor rounds a tangent.
+    """
+    v = float(system.plane(omega))
+    if not (system.period and 0.0 < v < math.inf):
+        return v
+    with ctx.workprec(PRECISIONS[-1]):
+        period = arb(system.period)
+        return (arb(float(omega)) * period / 2).tan() * 2 / period
+
+
+def response_of(system: StableSystem, omega: float | arb) -> Matrix | None:
     """The frequency response at `omega` [rad/s], infinity allowed (outputs, inputs).
 
     That of a sampled system is computed at z itself, from the matrices given. None where ball
@@ -144,13 +157,14 @@ def response_of(system: StableSystem, omega: float) -> Matrix | None:
     return acb_mat(out) * M * acb_mat(into)
 
 
-def _point(omega: float, period: float) -> acb | None:
+def _point(omega: float | arb, period: float) -> acb | None:
     """s = j omega, None for infinity; z = (1 + s T / 2) / (1 - s T / 2) of a sampled system."""
+    v = omega if isinstance(omega, arb) else arb(float(omega))
+    if not v.is_finite():
+        return acb(-1) if period else None
     if not period:
-        return None if math.isinf(omega) else acb(0, float(omega))
-    if math.isinf(omega):
-        return acb(-1)
-    half = acb(0, arb(float(omega)) * arb(period) / 2)
+        return acb(0, v)
+    half = acb(0, v * arb(period) / 2)
     return (1 + half) / (1 - half)
 
 

@@ -40,14 +40,16 @@ GROWTHS = (2.0**-34, 2.0**-24, 2.0**-16)
 """Shares by which a perturbation on the stability boundary is enlarged, to lie beyond it."""
 
 
-def proven_at(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
+def proven_at(
+    system: StableSystem, structure: Structure, Delta: Array, omega: float | arb
+) -> float:
     """The lower bound of mu at `omega` [rad/s] that Delta (r, c) proves; 0: not proven."""
     with ctx.workprec(PRECISIONS[1]):
         M = response_of(system, omega)
     return proven_bound(M, structure, Delta) if M is not None else 0.0
 
 
-def sharp_response(system: StableSystem, omega: float) -> Array | None:
+def sharp_response(system: StableSystem, omega: float | arb) -> Array | None:
     """The response (c, r) at `omega` [rad/s] of the system as given, from many digits.
 
     Doubles lose of a sampled system with clustered poles what its realisation loses. None where
@@ -107,7 +109,9 @@ def _unstable(A: Matrix | None) -> bool:
     return bool(trace > 0 and s.real - arb(n) / trace > 0)
 
 
-def proven_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
+def proven_gain(
+    system: StableSystem, structure: Structure, Delta: Array, omega: float | arb
+) -> float:
     """A lower bound of sigma_max(F_u(N(j omega), Delta)) for exactly this Delta (r, c).
 
     0 where |Delta| <= 1 is not proven, or where the loop of Delta cannot be told from a singular

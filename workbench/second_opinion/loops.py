@@ -11,7 +11,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, excess
 from workbench.executor.effort import tries
 from workbench.second_opinion.perturbations import constant_perturbations, vertex_perturbations
-from workbench.second_opinion.powers import growth
+from workbench.second_opinion.powers import closed_growth, growth
 from workbench.second_opinion.responses import (
     closing_error,
     lower_closed,
@@ -144,11 +144,11 @@ def in_time(
         drawn = [np.zeros_like(members[0]), *members]
     fastest, largest = -math.inf, 0.0
     for Delta in drawn:
-        A, B, C, D = perturbed(loop, Delta)
-        rate, rounding = growth(A, loop.dt)
+        rate, rounding = closed_growth(loop, Delta)
         fastest = max(fastest, rate - rounding)
         if rate <= rounding:
-            largest = max(largest, energy_ratio((A, B, C, D), loop.dt, omega, claimed))
+            closed = perturbed(loop, Delta)
+            largest = max(largest, energy_ratio(closed, loop.dt, omega, claimed))
     return [
         Check(
             "sampled loops are stable",

@@ -21,6 +21,8 @@ LEVEL = 1e-9
 """Probability of a contradiction by chance."""
 CLOSE = 1e-3
 """Relative distance from the level up to which a sampled gain leaves a member undecided."""
+BISECTIONS = 60
+"""Halvings of a range in which a value is sought: more than doubles tell apart."""
 TRIES = 10_000
 """Draws after which a distribution counts as having nothing in its range."""
 
@@ -30,13 +32,17 @@ def drawn_values(
 ) -> dict[str, RealArray]:
     """Values (N,) of each parameter in its closed range, uniform where it has no law.
 
-    N is at least `MEMBERS`.
+    N is at least `MEMBERS`. A law that cannot draw (``rvs``) is inverted.
     """
     rng, members = np.random.default_rng(SEED), tries(MEMBERS)
     found = {}
     for name, (low, high) in ranges.items():
-        if name not in laws or not hasattr(laws[name], "rvs"):
+        if name not in laws:
             found[name] = rng.uniform(low, high, members)
+            continue
+        if not hasattr(laws[name], "rvs"):
+            levels = rng.uniform(size=members)
+            found[name] = np.array([_quantile(laws[name].cdf, low, high, u) for u in levels])
             continue
         kept = np.empty(0)
         for _ in range(TRIES):
@@ -46,6 +52,18 @@ def drawn_values(
                 break
         found[name] = kept[:members]
     return found
+
+
+def _quantile(cdf: Callable[[float], Any], low: float, high: float, level: float) -> float:
+    """The least value of the closed range below which a share of its probability lies."""
+    beneath, whole = float(cdf(np.nextafter(low, -np.inf))), float(cdf(high))
+    sought = beneath + level * (whole - beneath)
+    if float(cdf(low)) >= sought:
+        return low
+    for _ in range(BISECTIONS):
+        middle = low + (high - low) / 2
+        low, high = (low, middle) if float(cdf(middle)) >= sought else (middle, high)
+    return high
 
 
 def good_share(

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
-from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING, perturbed
+from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
     loop_eigenvalues,
@@ -19,7 +19,7 @@ from workbench.second_opinion.perturbations import (
     vertex_perturbations,
     windings,
 )
-from workbench.second_opinion.powers import growth, slowness
+from workbench.second_opinion.powers import closed_growth, growth, slowness
 from workbench.second_opinion.responses import (
     plain_response,
     precise_response,
@@ -80,7 +80,7 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     fastest = -math.inf
     drawn = radius * constant_perturbations(structure, tries(LOOPS))
     for Delta in drawn:
-        rate, rounding = growth(perturbed(system, Delta)[0], system.dt)
+        rate, rounding = closed_growth(system, Delta)
         fastest = max(fastest, rate - rounding)
     return Check(
         "sampled loops are stable",
@@ -115,7 +115,7 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
     if distance > NEARLY_SINGULAR and math.isfinite(omega):
         distance = precise_distance(system, Delta, omega)
     if distance > NEARLY_SINGULAR and not Delta.imag.any():
-        rate, rounding = growth(perturbed(system, ENLARGED * Delta.real)[0], system.dt)
+        rate, rounding = closed_growth(system, ENLARGED * Delta.real)
         distance = 0.0 if rate + rounding > -BORDER else distance
     return Check(
         "nearly singular",

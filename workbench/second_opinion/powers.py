@@ -88,22 +88,32 @@ def _growth_of_one(entries: bytes, n: int, dt: float | None) -> tuple[float, flo
         # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
         rounding += share * unit / max(norm, tiny)
     if rounding < size:
-        return _precise_growth(A, dt), PRECISE_ROUNDING
+        A, a = (A, 0.0) if dt else _balanced(A)
+        return growth_in_digits(A, a), PRECISE_ROUNDING
     return size, rounding
 
 
-def _precise_growth(A: RealArray, dt: float | None) -> float:
-    """As `growth`, for the same samples in BITS bits: rounding of doubles may look like growth."""
+def growth_in_digits(A: Any, a: float) -> float:
+    """As `growth`, for the same samples in BITS bits: rounding of doubles may look like growth.
+
+    A (n, n) is an array, or a matrix of `flint`; ``a`` is that of `cayley`, 0 in discrete time.
+    """
     import flint
 
-    n = len(A)
-    A, a = (A, 0.0) if dt else _balanced(A)
     with flint.ctx.workprec(BITS):
-        S = flint.arb_mat(n, n, A.ravel().tolist())
-        if not dt:
-            unit = a * flint.arb_mat(np.eye(n).tolist())
+        S = in_digits(A) if isinstance(A, np.ndarray) else A
+        if a:
+            unit = a * in_digits(np.eye(S.nrows()))
             S = (unit - S).solve(unit + S).mid()
     return precise_growth(S)
+
+
+def in_digits(matrix: RealArray) -> Any:
+    """A matrix of doubles as one of `flint`."""
+    import flint
+
+    rows, columns = matrix.shape
+    return flint.arb_mat(rows, columns, matrix.ravel().tolist())
 
 
 def precise_growth(S: Any) -> float:
@@ -121,6 +131,27 @@ def precise_growth(S: Any) -> float:
             S = (S * S).mid()
             share /= 2
     return size
+
+
+def closed_growth(loop: Any, Delta: RealArray) -> tuple[float, float]:
+    """`growth` of a StateSpace whose first inputs and outputs a constant perturbation closes.
+
+    Where it grows it is closed again in BITS bits, whose rounding does not look like growth.
+    """
+    import flint
+
+    rows, columns = Delta.shape
+    parts = loop.A, loop.B[:, :rows], loop.C[:columns], loop.D[:columns, :rows]
+    A, B, C, D = (np.asarray(part, dtype=float) for part in parts)
+    doubles = A + B @ Delta @ np.linalg.solve(np.eye(columns) - D @ Delta, C)
+    found: tuple[float, float] = growth(doubles, loop.dt)
+    if not found[1] < found[0] < math.inf:
+        return found
+    with flint.ctx.workprec(BITS):
+        delta, one = in_digits(Delta), in_digits(np.eye(columns))
+        inner = delta * (one - in_digits(D) * delta).solve(in_digits(C))
+        closed = (in_digits(A) + in_digits(B) * inner).mid()
+    return growth_in_digits(closed, 0.0 if loop.dt else _balanced(doubles)[1]), PRECISE_ROUNDING
 
 
 def slowness(A: Any, other: Any) -> float:

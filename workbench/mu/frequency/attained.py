@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.certify.balls import in_plane
 from workbench.certify.cover import FrequencyBounds
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency, sharp_response
 from workbench.certify.rounding import in_its_unit
@@ -89,17 +90,18 @@ def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: flo
     Of value 0 where nothing is proven.
     """
     best = Attained(0.0, omega, np.full(Delta.shape, np.nan + 0j))
+    there = in_plane(system, system.angular(omega))  # where it is proven again
     for sharper in (False, True):
         if sharper:
-            M = sharp_response(system, omega)
+            M = sharp_response(system, there)
             if M is None:
                 break
             Delta = proposals(M[None], structure, "best").Delta[0]
         if not np.isfinite(Delta).all() or not Delta.any():
             continue
         claimed = 1 / float(np.linalg.norm(Delta, 2))
-        proven = min(said(proven_at(system, structure, Delta, omega)), claimed)
-        if proven > best.value:
+        proven = min(said(proven_at(system, structure, Delta, there)), claimed)
+        if proven > 0 and proven >= best.value:  # of two alike, the sharper one is more singular
             best = Attained(proven, omega, Delta)
         if proven >= PROVEN_SHARE * claimed:
             break

@@ -11,6 +11,7 @@ import numpy as np
 from workbench.answer import Answer
 from workbench.arrays import Array
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess
+from workbench.certify.balls import in_plane
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
@@ -199,7 +200,7 @@ def peak_checks(
             fault = proves(stable, structure, found.proof, upper)
         Delta = found.Delta if Delta is None else Delta
         if lower > 0 and np.isfinite(Delta).all():
-            proven = proven_at(stable, structure, Delta, stable.plane(found.omega))
+            proven = proven_at(stable, structure, Delta, in_plane(stable, found.omega))
             if proven < lower and _there(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)

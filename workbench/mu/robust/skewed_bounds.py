@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from flint import ctx
+from flint import arb, ctx
 
 from workbench.answer import Answer
 from workbench.arrays import EPS, Array, BoolArray
 from workbench.certificate import EVERY_PERTURBATION, Check, Checker, excess, quantified
-from workbench.certify.balls import response_of
+from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
@@ -95,7 +95,7 @@ class SkewedPeakChecker(Checker):
         proven = 0.0
         if answer.lower > 0:
             with ctx.workprec(PRECISIONS[1]):
-                M = response_of(stable, stable.plane(answer.omega))
+                M = response_of(stable, in_plane(stable, answer.omega))
             if M is not None:
                 proven = proven_skew_of(M, self.structure, self.varies, answer.Delta)
         return bound_checks(stable, self.structure, self._inputs, answer, proven)
@@ -183,7 +183,7 @@ def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -
     """
     stable = stable_system(system, sampled=True)
     exogenous = np.arange(stable.D.shape[1]) >= structure.rows
-    attained = attained_gain(stable, structure, found.Delta, stable.plane(found.omega))
+    attained = attained_gain(stable, structure, found.Delta, in_plane(stable, found.omega))
     whole = whole_structure(stable, structure)
     return quantified(
         EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained, "gain")
@@ -271,18 +271,20 @@ def whole_structure(stable: StableSystem, structure: Structure) -> Structure:
     return structure.with_performance(outputs - structure.columns, inputs - structure.rows)
 
 
-def attained_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
+def attained_gain(
+    system: StableSystem, structure: Structure, Delta: Array, omega: float | arb
+) -> float:
     """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
 
     A multiple of at most 1 of it then makes the loop singular at some frequency.
     """
     r, c = structure.rows, structure.columns
     loop = system.channels(np.arange(c), np.arange(r))
-    gain = proven_gain(system, structure, Delta, float(omega))
+    gain = proven_gain(system, structure, Delta, omega)
     if not Delta.any():
         return gain
     unstable = max(
-        proven_at(loop, structure, Delta, float(omega)),
+        proven_at(loop, structure, Delta, omega),
         proven_over_frequency(loop, structure, Delta),
     )
     return math.inf if unstable >= 1 else gain

@@ -15,7 +15,7 @@ from flint import ctx
 
 from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.agreement import need_agreement
-from workbench.certify.balls import response_of
+from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.singularity import said
@@ -208,7 +208,7 @@ class SkewSearch:
         values = np.zeros(len(omega))
         for k in np.flatnonzero(lower > 0):
             with ctx.workprec(PRECISIONS[1]):
-                M = response_of(self.system, float(omega[k]))
+                M = response_of(self.system, in_plane(self.system, self.system.angular(omega[k])))
             if M is not None:
                 proven = said(proven_skew_of(M, self.structure, self.varies, Delta[k]))
                 values[k] = min(proven, lower[k])

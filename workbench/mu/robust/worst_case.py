@@ -18,6 +18,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
+from workbench.certify.balls import in_plane
 from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -121,10 +122,11 @@ def _without_influence(system: UncertainSystem) -> StateSpace:
 def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:
     """The largest gain proven, its frequency and its perturbation."""
     lower, Delta, omega = search.candidates()
-    r, c = structure.rows, structure.columns
+    r, c, system = structure.rows, structure.columns, search.system
     Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
     gains = [
-        attained_gain(search.system, structure, *one) for one in zip(Delta, omega, strict=True)
+        attained_gain(system, structure, one, in_plane(system, system.angular(v)))
+        for one, v in zip(Delta, omega, strict=True)
     ]
     index = int(np.argmax(gains))
     return gains[index], float(omega[index]), Delta[index]
