@@ -242,6 +242,8 @@ class BandCover:
         self.system, self.bounds_at, self.plain_at = system, bounds_at, plain_at
         self.tolerance, self.found, self.holds = tolerance, found, holds
         size = float(np.abs(found.M).max())
+        if not size and not system.vanishes():  # it is no larger than rounding of what cancels
+            size = float(system.summands(found.omega).max())
         self.beta = max(
             (1 + tolerance) * float(found.upper.max()), NEGLIGIBLE_BOUND * min(size, 1.0)
         )
@@ -260,7 +262,7 @@ class BandCover:
         After every `steps` steps the tolerance grows by `COARSENING_FACTOR`. It ends where no bound
         up to `most` is left to prove.
         """
-        if self.beta == 0.0:  # a rational function with this many zeros is the zero function
+        if self.beta == 0.0:
             self.open = []
             return "the response is zero"
         asked, largest = self.tolerance, COARSENINGS * steps

@@ -22,7 +22,27 @@ from workbench.certify.singularity import (
     size_of,
     structured_part,
 )
+from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
+
+
+def without_effect(system: StableSystem, structure: Structure, varies: NDArray[np.bool_]) -> bool:
+    """Whether no response leads from the varying blocks back to them, through any fixed ones.
+
+    The loop is then the same whatever they are. Decided in rational numbers.
+    """
+    c, r = (np.arange(count) for count in system.D.shape)
+    waiting: list[int] = np.flatnonzero(varies).tolist()
+    reached: set[int] = set()
+    while waiting:
+        into = r[structure.row_slices[waiting.pop()]]
+        for k in set(range(len(structure))) - reached:
+            if not system.channels(c[structure.column_slices[k]], into).vanishes():
+                if varies[k]:
+                    return False
+                reached.add(k)
+                waiting.append(k)
+    return True
 
 
 def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta: Array) -> float:

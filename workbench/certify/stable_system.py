@@ -105,6 +105,23 @@ class StableSystem:
         """Condition number of the eigenvectors of A."""
         return _condition(self.A)
 
+    def vanishes(self) -> bool:
+        """Whether the response is zero, exactly."""
+        if self.source is not None:
+            return self.source.vanishes()
+        _, B, C, D = (part.mid.any() or part.rad.any() for part in self.enclosures)
+        return not (D or (B and C))
+
+    def summands(self, omega: ArrayLike) -> RealArray:
+        """Sizes of what is summed up to the response at frequencies [rad/s] (F, outputs, inputs).
+
+        Where the sum is zero in doubles, it is known up to rounding of these.
+        """
+        points = np.asarray(omega, dtype=float)
+        states = np.abs(driven_states(self.A, self.B, 1j * points[np.isfinite(points)]))
+        sizes: RealArray = np.abs(self.D) + np.abs(self.C) @ states
+        return sizes
+
     def channels(
         self,
         outputs: ArrayLike,

@@ -91,6 +91,23 @@ class GivenRealisation:
             out, into = self.gains_in_balls()
             return A, B * into, out * C, out * D * into
 
+    def vanishes(self) -> bool:
+        """Whether the response is zero, exactly: D and all C A^k B are (Cayley and Hamilton)."""
+        import flint
+
+        rows, columns = (
+            np.all([gains != 0.0 for gains in each], axis=0) if each else slice(None)
+            for each in (self.output_gains, self.input_gains)
+        )
+        if self.D[rows][:, columns].any():
+            return False
+        A, driven, C = map(_as_integers, (self.A, self.B[:, columns], self.C[rows]))
+        for _ in range(len(self.A)):
+            if C * driven != flint.fmpz_mat(C.nrows(), driven.ncols()):
+                return False
+            driven = A * driven
+        return True
+
     def gains_in_balls(self) -> tuple[Any, Any]:
         """Diagonal matrices of the gains of the outputs and of the inputs."""
         out, into = real_balls(np.eye(len(self.C))), real_balls(np.eye(self.B.shape[1]))
@@ -99,6 +116,16 @@ class GivenRealisation:
         for gains in self.input_gains:
             into = into * real_balls(np.diag(gains))
         return out, into
+
+
+def _as_integers(matrix: RealArray) -> Any:
+    """A multiple of a matrix of doubles, by a power of two, whose entries are integers."""
+    import flint
+
+    ratios = [float(entry).as_integer_ratio() for entry in np.ravel(matrix)]
+    whole = max((below for _, below in ratios), default=1)  # all are powers of two
+    rows, columns = matrix.shape
+    return flint.fmpz_mat(rows, columns, [above * (whole // below) for above, below in ratios])
 
 
 def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosures | None:

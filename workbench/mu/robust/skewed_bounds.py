@@ -17,7 +17,7 @@ from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof, proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
-from workbench.certify.skewed import proven_skew_of
+from workbench.certify.skewed import proven_skew_of, without_effect
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.heavy_types import Dataset
 from workbench.mu.frequency.peak_bounds import REPROVEN_LOWER, realised_in_doubles
@@ -251,7 +251,9 @@ def level_fault(
     if not found.level * beta * CHECKED_ROUNDING <= found.upper:
         return f"the proof is one of the bound {found.level * beta:.9g}"
     if found.level == 0:
-        return proves(stable, structure, found.proof, beta)
+        varies = np.array([bool(inputs[into].any()) for into in structure.row_slices])
+        idle = without_effect(stable, structure, varies)
+        return "" if idle else "the response is not zero"
     return proves(divided(stable, inputs, found.level), structure, found.proof, beta)
 
 

@@ -19,7 +19,7 @@ from workbench.certify.balls import in_plane, response_of
 from workbench.certify.modes.modal_form import PRECISIONS
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.singularity import said
-from workbench.certify.skewed import proven_skew_of
+from workbench.certify.skewed import proven_skew_of, without_effect
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.input_checks import need_tolerance
@@ -149,9 +149,12 @@ class SkewSearch:
 
         The zero response has the level 0 and needs no multipliers.
         """
-        least = NEGLIGIBLE_GAIN * self._size()
-        if least == 0.0:  # a rational function with this many zeros is the zero function
-            return 0.0, PeakProof(0.0, ()), "the response is zero"
+        size = self._size(self.system.response(self.omega))
+        if size == 0.0:
+            if without_effect(self.system, self.structure, self.varies):
+                return 0.0, PeakProof(0.0, ()), "the response is zero"
+            size = self._size(self.system.summands(self.omega))  # it is lost in their rounding
+        least = NEGLIGIBLE_GAIN * size
         growth, level = tolerance / 2, least
         for _ in range(PROOF_LEVELS):
             place = float(self.omega[np.argmax(self.upper)])
@@ -178,22 +181,22 @@ class SkewSearch:
             growth *= 2
         return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
 
-    def _size(self) -> float:
-        """How large varying blocks see the response, directly and through each fixed block once.
+    def _size(self, M: Array) -> float:
+        """How large varying blocks see a response (F, c, r), directly and through fixed blocks.
 
         Units of the signals of fixed blocks do not count.
         """
-        M = self.system.response(self.omega)
-        outputs = np.repeat(self.varies, [block.columns for block in self.structure])
-
-        def largest(part: Array) -> RealArray:
-            return np.abs(part).max(axis=(1, 2), initial=0.0)
-
-        size = largest(M[:, outputs][:, :, self.inputs])
-        places = zip(self.structure.column_slices, self.structure.row_slices, strict=True)
-        for (out, into), varies in zip(places, self.varies, strict=True):
-            if not varies:
-                size = size + largest(M[:, outputs, into]) * largest(M[:, out, self.inputs])
+        places = self.structure.column_slices, self.structure.row_slices
+        rows = [np.abs(M[:, out]).max(axis=1) for out in places[0]]
+        sizes = np.array([[row[:, into].max(axis=1) for into in places[1]] for row in rows])
+        sizes = np.moveaxis(sizes, -1, 0)  # (F, blocks, blocks)
+        fixed = ~self.varies
+        seen = sizes[:, :, self.varies].max(axis=2)
+        size = seen[:, self.varies].max(axis=1)
+        chain = seen[:, fixed]
+        for _ in range(np.count_nonzero(fixed)):  # through one of them, through two, ...
+            size = size + (sizes[:, self.varies][:, :, fixed] * chain[:, None]).max(axis=(1, 2))
+            chain = (sizes[:, fixed][:, :, fixed] * chain[:, None]).max(axis=2)
         return float(size.max())
 
     def candidates(self) -> tuple[RealArray, Array, RealArray]:
