@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flint import acb, acb_mat, arb, ctx
 
-from workbench.certify.balls import enclosed, matrices_in_balls, response_of
+from workbench.certify.balls import enclosed, in_plane, matrices_in_balls, response_of
 from workbench.certify.modes.modal_form import FEWEST_QUICK, form_in_basis, real_balls
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import stable_system
@@ -67,6 +67,17 @@ def test_matrices_in_continuous_time_have_the_same_response():
         there = (D + C * (acb(0, 50.0) * unit - A).solve(B))[0, 0] / 15
         assert there.overlaps(at(50.0))
         assert there.rad() < arb(10) ** -50 * abs(at(50.0))
+
+
+@pytest.mark.parametrize("omega", [0.0, 1e-3, 50.0, 3.2e6])
+def test_a_frequency_is_in_the_plane_exactly(omega):
+    stable = stable_system(clustered(), sampled=True)
+    found = in_plane(stable, omega)
+    with ctx.workprec(400):
+        truth = (arb(omega) * arb(PERIOD) / 2).tan() * 2 / arb(PERIOD)
+        assert abs(arb(found) - truth) <= arb(10) ** -60 * truth
+    assert math.isinf(in_plane(stable, math.pi / PERIOD))
+    assert in_plane(stable_system(control.tf([1.0], [1.0, 1.0])), omega) == omega
 
 
 def test_balanced_coordinates_keep_the_system_that_was_given():

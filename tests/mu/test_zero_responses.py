@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from workbench.certify.norms import certified_norm
+from workbench.certify.skewed import without_effect
+from workbench.certify.stable_system import stable_system
 from workbench.mu import nu_gap, peak, skewed_peak, worst_case_gain
 from workbench.structure import Complex, Full, Structure
 from workbench.uncertainty import dynamics
@@ -47,10 +49,11 @@ def test_what_cancels_is_zero_and_proven_so(dt):
     found = peak(system, ONE)
     assert (found.lower, found.upper) == (0.0, 0.0) and found.holds
     checker = found._checked_by[0]
-    other = control.StateSpace(
-        system.A, system.B, [[1.0, 1e-30, -1.0]], 1e-30, dt, remove_useless_states=False
-    )
-    assert not type(checker)(other, ONE).certify(found, 1e-6).valid
+    for C, D in (([[1.0, 1e-30, -1.0]], 0.0), (system.C, 1e-30)):
+        B = [[1.0], [1.0], [1.0]] if D == 0.0 else system.B
+        other = control.StateSpace(system.A, B, C, D, dt, remove_useless_states=False)
+        assert not stable_system(other, sampled=True).vanishes()
+        assert not type(checker)(other, ONE).certify(found, 1e-6).valid
 
 
 def test_the_gap_of_equal_plants_is_zero_and_holds():
@@ -71,6 +74,14 @@ def test_elements_in_series_without_another_way_have_a_gain():
     assert worst_case_gain(LAG * one * LAG * other * LAG).lower == pytest.approx(1.0)
     skewed = skewed_peak(series(), Structure([Complex(1), Complex(1), Full(1, 1)]), fixed=[0, 1])
     assert skewed.lower <= 1.0 <= skewed.upper <= 1.01 and skewed.holds
+
+
+def test_what_comes_back_through_two_blocks_has_an_effect():
+    structure = Structure([Complex(1), Complex(1), Full(1, 1)])
+    stable, varies = stable_system(series()), np.array([False, False, True])
+    assert not without_effect(stable, structure, varies)
+    assert without_effect(stable.channels([0, 1, 2], [0, 1, 2], [1, 0, 1]), structure, varies)
+    assert without_effect(stable.channels([0, 1, 2], [0, 1, 2], [0, 1, 1]), structure, varies)
 
 
 def test_an_element_that_is_not_seen_leaves_no_gain():
