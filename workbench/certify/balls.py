@@ -18,7 +18,7 @@ from flint import acb, acb_mat, arb, ctx
 from workbench.arrays import Array, RealArray
 from workbench.certify.modes.modal_form import PRECISIONS, real_balls, real_doubles
 from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
-from workbench.certify.stable_system import StableSystem
+from workbench.certify.stable_system import StableSystem, bilinear_frequency
 from workbench.systems.frequency_response import driven_states
 
 FEWEST_REFINED = 30
@@ -122,17 +122,18 @@ def matrices_in_balls(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Mat
     return A, B, C, D
 
 
-def in_plane(system: StableSystem, omega: float) -> float | arb:
-    """v of a frequency `omega` [rad/s] of the given system, exactly: a number in balls if sampled.
+def in_plane(omega: float, period: float) -> float | arb:
+    """v of a frequency `omega` [rad/s] of a system sampled every `period` [s], exactly, in balls.
 
-    What is proven of a light resonance must not hang on how a processor rounds a tangent.
+    What is proven of a light resonance must not hang on how a processor rounds a tangent. A period
+    of 0 is that of a continuous system.
     """
-    v = float(system.plane(omega))
-    if not (system.period and 0.0 < v < math.inf):
+    v = float(bilinear_frequency(omega, period))
+    if not (period and 0.0 < v < math.inf):
         return v
     with ctx.workprec(PRECISIONS[-1]):
-        period = arb(system.period)
-        return (arb(float(omega)) * period / 2).tan() * 2 / period
+        T = arb(period)
+        return (arb(float(omega)) * T / 2).tan() * 2 / T
 
 
 def response_of(system: StableSystem, omega: float | arb) -> Matrix | None:

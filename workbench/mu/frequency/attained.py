@@ -90,7 +90,7 @@ def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: flo
     Of value 0 where nothing is proven.
     """
     best = Attained(0.0, omega, np.full(Delta.shape, np.nan + 0j))
-    there = in_plane(system, system.angular(omega))  # where it is proven again
+    there = in_plane(system.angular(omega), system.period)  # where it is proven again
     for sharper in (False, True):
         if sharper:
             M = sharp_response(system, there)

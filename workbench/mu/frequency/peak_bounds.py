@@ -200,7 +200,7 @@ def peak_checks(
             fault = proves(stable, structure, found.proof, upper)
         Delta = found.Delta if Delta is None else Delta
         if lower > 0 and np.isfinite(Delta).all():
-            proven = proven_at(stable, structure, Delta, in_plane(stable, found.omega))
+            proven = proven_at(stable, structure, Delta, in_plane(found.omega, stable.period))
             if proven < lower and _there(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)

@@ -114,7 +114,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         raise InputError(f"the peak's Delta has not the structure {structure.to_pairs()}")
     omega = stable.plane(peak.omega)
     constant = _constants(Delta, structure, 1 / peak.lower)
-    proven = proven_at(stable, allowed, Delta, in_plane(stable, peak.omega))
+    proven = proven_at(stable, allowed, Delta, in_plane(peak.omega, stable.period))
     if not proven >= (wanted := PROVEN_SHARE / float(np.linalg.norm(Delta, 2))):
         proven = max(proven, proven_over_frequency(stable, allowed, Delta))
     if not proven >= wanted:

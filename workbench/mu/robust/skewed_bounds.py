@@ -95,7 +95,7 @@ class SkewedPeakChecker(Checker):
         proven = 0.0
         if answer.lower > 0:
             with ctx.workprec(PRECISIONS[1]):
-                M = response_of(stable, in_plane(stable, answer.omega))
+                M = response_of(stable, in_plane(answer.omega, stable.period))
             if M is not None:
                 proven = proven_skew_of(M, self.structure, self.varies, answer.Delta)
         return bound_checks(stable, self.structure, self._inputs, answer, proven)
@@ -143,7 +143,7 @@ class WorstCaseChecker(Checker):
         return EVERY_PERTURBATION
 
     def checks(self, answer: WorstCaseGain, tolerance: float) -> list[Check]:
-        return worst_case_checks(self.system, self.structure, self._in_plane(answer))
+        return worst_case_checks(self.system, self.structure, answer, dt=self.dt)
 
     def second_opinion(self, answer: WorstCaseGain) -> list[Check]:
         stable, claim = stable_system(self.system, sampled=True), self._in_plane(answer)
@@ -166,7 +166,9 @@ class WorstCaseChecker(Checker):
         return replace(answer, omega=float(bilinear_frequency(answer.omega, self.dt)))
 
 
-def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -> list[Check]:
+def worst_case_checks(
+    system: Any, structure: Structure, found: WorstCaseGain, *, dt: float = 0.0
+) -> list[Check]:
     """Checks of a worst-case gain by its multipliers and its perturbation alone.
 
     Parameters
@@ -175,6 +177,8 @@ def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -
         As given to `worst_case_gain`.
     found
         The claimed bounds and what proves them. An infinite upper bound claims nothing.
+    dt
+        Sampling time [s] of the system that this one in continuous time stands for; 0: for itself.
 
     Raises
     ------
@@ -183,7 +187,9 @@ def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -
     """
     stable = stable_system(system, sampled=True)
     exogenous = np.arange(stable.D.shape[1]) >= structure.rows
-    attained = attained_gain(stable, structure, found.Delta, in_plane(stable, found.omega))
+    attained = attained_gain(
+        stable, structure, found.Delta, in_plane(found.omega, dt or stable.period)
+    )
     whole = whole_structure(stable, structure)
     return quantified(
         EVERY_PERTURBATION, bound_checks(stable, whole, exogenous, found, attained, "gain")

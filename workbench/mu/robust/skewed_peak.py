@@ -211,7 +211,8 @@ class SkewSearch:
         values = np.zeros(len(omega))
         for k in np.flatnonzero(lower > 0):
             with ctx.workprec(PRECISIONS[1]):
-                M = response_of(self.system, in_plane(self.system, self.system.angular(omega[k])))
+                v = in_plane(self.system.angular(omega[k]), self.system.period)
+                M = response_of(self.system, v)
             if M is not None:
                 proven = said(proven_skew_of(M, self.structure, self.varies, Delta[k]))
                 values[k] = min(proven, lower[k])

@@ -94,7 +94,7 @@ def worst_case_gain(
     search = SkewSearch(stable, whole, np.arange(len(whole)) == len(structure))
     level, proof, message = search.proven(tolerance)
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
-    lower, omega, Delta = _attained(search, structure)
+    lower, omega, Delta = _attained(search, structure, period or stable.period)
     need_agreement(
         lower,
         upper,
@@ -102,7 +102,6 @@ def worst_case_gain(
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
-    omega = float(angular_frequency(stable.angular(omega), period))
     found = WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
     return found.checked_by(WorstCaseChecker(system, structure, dt=period))
 
@@ -119,14 +118,17 @@ def _without_influence(system: UncertainSystem) -> StateSpace:
     return realisation((whole.A, B, C, D), whole.dt or 0.0)
 
 
-def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:
-    """The largest gain proven, its frequency and its perturbation."""
+def _attained(
+    search: SkewSearch, structure: Structure, period: float
+) -> tuple[float, float, Array]:
+    """The largest gain proven, its frequency [rad/s] and its perturbation."""
     lower, Delta, omega = search.candidates()
-    r, c, system = structure.rows, structure.columns, search.system
+    omega = angular_frequency(omega, period)
+    r, c = structure.rows, structure.columns
     Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
     gains = [
-        attained_gain(system, structure, one, in_plane(system, system.angular(v)))
-        for one, v in zip(Delta, omega, strict=True)
+        attained_gain(search.system, structure, one, in_plane(there, period))
+        for one, there in zip(Delta, omega, strict=True)
     ]
     index = int(np.argmax(gains))
     return gains[index], float(omega[index]), Delta[index]

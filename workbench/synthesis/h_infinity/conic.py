@@ -68,7 +68,7 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
     elif program.gamma > least:
         levels = [program.gamma]
     else:
-        message = f"{said}: no controller has a norm below {least:.6g}, asked {program.gamma:.6g}"
+        message = f"{said}: it finds none with a norm below {least:.6g}, asked {program.gamma:.6g}"
         return None, Outcome.INFEASIBLE, message
     for trial in context.track(levels, "levels"):
         outcome, said = _centred(statement, trial, solver, options, context)
