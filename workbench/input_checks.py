@@ -30,10 +30,11 @@ def need_tolerance(tolerance: Any) -> None:
         raise InputError(f"tolerance is {tolerance!r}; it must be a number between 0 and 1")
 
 
-def need_count(name: str, value: Any) -> None:
-    """Raise InputError for what is no integer of at least 1."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
-        raise InputError(f"{name} is {value!r}; it must be an integer of at least 1")
+def need_count(name: str, value: Any, most: float = math.inf) -> None:
+    """Raise InputError for what is no integer from 1 to the largest that is taken."""
+    if isinstance(value, bool) or not (isinstance(value, numbers.Integral) and 1 <= value <= most):
+        wanted = "of at least 1" if math.isinf(most) else f"from 1 to {most}"
+        raise InputError(f"{name} is {value!r:.100}; it must be an integer {wanted}")
 
 
 def need_positive(value: Any, name: str, or_none: bool = False) -> None:

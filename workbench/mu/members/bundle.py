@@ -19,7 +19,7 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import pole_sizes, worst_pole
 from workbench.uncertainty.algebra.bundles import largest_gains
-from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.system import MOST_MEMBERS, UncertainSystem, uncertain
 
 Kind = Literal["bode", "nyquist", "step", "poles"]
 """Kinds of panels."""
@@ -74,7 +74,7 @@ def bundle_plot(
         not isinstance(kind, str) or kind not in get_args(Kind) for kind in wanted
     ):
         raise InputError(f"kinds are {kinds!r}; any of {get_args(Kind)} are needed")
-    need_count("samples", samples)
+    need_count("samples", samples, MOST_MEMBERS)
     members = found.sample(samples, seed)
     columns = 1 if len(wanted) == 1 else 2
     rows = math.ceil(len(wanted) / columns)

@@ -23,7 +23,7 @@ from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_count, need_whole
 from workbench.mu.robust.worst_case import worst_case_gain
 from workbench.systems.realisation import worst_pole
-from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.system import MOST_MEMBERS, UncertainSystem, uncertain
 
 SHOWN = (0.5, 0.9, 0.99)
 """Quantiles that are printed."""
@@ -157,7 +157,7 @@ def monte_carlo(
     found = uncertain(system, "system")
     if not found.elements:
         raise InputError("the system has no uncertain element; all its members are the same")
-    need_count("count", count)
+    need_count("count", count, MOST_MEMBERS)
     need_whole(seed, "seed")
     _need_share(confidence, "confidence")
     if quantity is not None and not callable(quantity):

@@ -34,6 +34,8 @@ from workbench.uncertainty.algebra.identities import without_effect
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, lft_quotient, lft_series
 from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
+MOST_MEMBERS = 1_000_000
+"""Largest number of members that are drawn at once."""
 MOST_VERTICES = 4096
 """Largest number of vertices that are listed."""
 
@@ -263,7 +265,7 @@ class UncertainSystem(Algebraic):
 
     def sample(self, count: int, seed: int | Sequence[int] = 0) -> list[StateSpace]:
         """Random members: parameters uniform in their range, dynamics all-pass of random gain."""
-        need_count("count", count)
+        need_count("count", count, MOST_MEMBERS)
         rng = np.random.default_rng(seed)
         sizes = pole_sizes(self.nominal)
         moving = sizes[sizes > 0]
