@@ -67,6 +67,11 @@ def raw(seeds):
         return [found for found in map(trial, seeds) if found is not None]
 
 
+@pytest.mark.parametrize("seed", [9687, 13888, 17850, 19283])
+def test_calls_that_once_ended_badly(seed):
+    assert not raw([seed])
+
+
 @pytest.mark.parametrize("part", range(6))
 def test_a_few_wrong_calls(part):
     assert not raw(range(part * FEW // 6, (part + 1) * FEW // 6))

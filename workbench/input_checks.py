@@ -32,7 +32,8 @@ def need_tolerance(tolerance: Any) -> None:
 
 def need_count(name: str, value: Any, most: float = math.inf) -> None:
     """Raise InputError for what is no integer from 1 to the largest that is taken."""
-    if isinstance(value, bool) or not (isinstance(value, numbers.Integral) and 1 <= value <= most):
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not (whole and 1 <= int(value) <= most):
         wanted = "of at least 1" if math.isinf(most) else f"from 1 to {most}"
         raise InputError(f"{name} is {value!r:.100}; it must be an integer {wanted}")
 
@@ -126,7 +127,7 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     """
     try:
         matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # an object that is no array may say so by any error
         raise InputError("M must be an array of numbers (..., columns, rows)") from None
     need_structure(structure)
     structure.check(matrices)

@@ -288,6 +288,11 @@ def test_weights_of_loop_shaping(arguments, said):
         LoopShaping(G, **arguments)
 
 
+def test_a_plant_beyond_doubles_is_named():
+    with pytest.raises(InputError, match="beyond doubles"):
+        LoopShaping(control.ss([[-1e300]], [[1.0]], [[1.0]], [[0.0]]))
+
+
 def test_an_unstable_pole_that_a_weight_cancels_is_named():
     with pytest.raises(InputError, match=r"unstable mode 1.*take it out"):
         LoopShaping(1 / (S - 1), W1=(S - 1) / (S + 1))

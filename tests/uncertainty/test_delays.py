@@ -89,6 +89,8 @@ def test_a_loop_bears_less_than_its_delay_margin():
         (0, np.inf, "0 <= low <= high"),
         ("0", 1, "low"),
         (0, None, "high"),
+        (0, 5e-324, "5e-324 s, .*beyond doubles"),
+        (1.0, 1e200, "another unit of time"),
     ],
 )
 def test_bad_delays(low, high, words):

@@ -48,8 +48,10 @@ def visible_matrices(
     Raises
     ------
     InputError
-        A hidden unstable mode is not a copy of a remaining mode.
+        A hidden unstable mode is not a copy of a remaining mode, or an entry is not finite.
     """
+    if not all(np.isfinite(part).all() for part in (A, B, C)):
+        raise InputError("the realisation's sizes go beyond doubles: take another unit of time")
     tb01pd = slicot_routine("tb01pd")
 
     n = len(A)

@@ -23,6 +23,8 @@ PADE_ORDER = 8
 7."""
 NO_DELAY = 1e-9
 """Share of the largest delay up to which a delay counts as none."""
+SHORTEST_DELAY, LONGEST_DELAY = 1e-100, 1e100
+"""Largest delays [s] that a cover has: the coefficients of others go beyond doubles."""
 COVER_ZEROS = (1 / 2.363, 2 * 0.838)
 """Time over the delay, and twice the damping, of the numerator of the cover."""
 COVER_POLES = (1 / 2.363, 2 * 0.685)

@@ -11,7 +11,7 @@ from workbench.errors import InputError
 from workbench.input_checks import is_real, need_count, need_numbers, need_positive
 from workbench.uncertainty.algebra.connections import append
 from workbench.uncertainty.algebra.dead_time import DeadTime
-from workbench.uncertainty.algebra.delays import DelayElement
+from workbench.uncertainty.algebra.delays import LONGEST_DELAY, SHORTEST_DELAY, DelayElement
 from workbench.uncertainty.algebra.elements import ComplexElement, DynamicElement, RealElement
 from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
@@ -163,6 +163,11 @@ def delay(name: str, low: float, high: float) -> UncertainSystem:
     if low == high:
         known = DeadTime(name, float(high))
         return UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: known}, 0.0)
+    if not SHORTEST_DELAY <= high <= LONGEST_DELAY:
+        raise InputError(
+            f"{name}: a delay of {high!r} s, whose cover is beyond doubles; from {SHORTEST_DELAY} "
+            f"to {LONGEST_DELAY} s are covered: take another unit of time"
+        )
     element = DelayElement(name, float(low), float(high))
     delta = UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: element})
     return 1.0 + element.cover * delta
