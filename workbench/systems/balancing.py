@@ -160,7 +160,8 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
         # The factors of roots of the entries are roots of factors.
         roots = _balancing(size**0.125, channels)
         rows, columns = (np.exp2(np.clip(8 * np.log2(part), -FARTHEST, FARTHEST)) for part in roots)
-        inner, outer = _balancing(_scaled(size, rows, columns), channels)
+        # Entries of the diagonal are as far as before.
+        inner, outer = _balancing(np.minimum(_scaled(size, rows, columns), FAR), channels)
         rows, columns = (
             np.exp2(np.clip(np.log2(one) + np.log2(other), -FARTHEST, FARTHEST))
             for one, other in ((rows, inner), (columns, outer))
