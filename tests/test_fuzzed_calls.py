@@ -67,7 +67,7 @@ def raw(seeds):
         return [found for found in map(trial, seeds) if found is not None]
 
 
-@pytest.mark.parametrize("seed", [9687, 13888, 17850, 19283])
+@pytest.mark.parametrize("seed", [9687, 13888, 17850, 19283, 20950, 22189, 22742])
 def test_calls_that_once_ended_badly(seed):
     assert not raw([seed])
 

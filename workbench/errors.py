@@ -75,7 +75,8 @@ class UnknownNameError(WorkbenchError, LookupError):
         more = f", and {len(known) - MOST_KNOWN} more" if len(known) > MOST_KNOWN else ""
         told = f"known: {', '.join(known[:MOST_KNOWN]) or '-'}{more}"
         hint = f"did you mean {' or '.join(near)}?" if near else told
-        super().__init__(f"no {kind} is called {name!r}; {hint}")
+        told = f"no {kind} is called {name!r}; {hint}"
+        super().__init__(told.encode("utf-8", "backslashreplace").decode())
 
 
 MOST_KNOWN = 20

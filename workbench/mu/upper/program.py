@@ -112,7 +112,7 @@ class MuUpperBound(Program):
         object.__setattr__(self, "labels", self.M if hasattr(self.M, "dims") else None)
         try:
             M = np.array(self.M, dtype=complex)
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # an object that is no array may say so by any error
             raise InputError(f"M must be an array of complex numbers: {error}") from None
         need_structure(self.structure)
         self.structure.check(M)

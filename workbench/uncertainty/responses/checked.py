@@ -23,7 +23,7 @@ def as_omega(omega: Any, frequency: Any) -> RealArray:
     name, unit = ("omega", "rad/s") if frequency is None else ("frequency", "Hz")
     try:
         given = np.asarray(omega if frequency is None else frequency, dtype=float)
-    except (TypeError, ValueError):
+    except Exception:  # an object that is no array may say so by any error
         raise InputError(f"{name} must be real numbers of shape (F,)") from None
     if given.ndim != 1 or given.size < 2:
         raise InputError(
