@@ -106,7 +106,8 @@ def test_worst_case_gain_of_no_structure():
 def test_gradients_need_the_bound_of_their_matrices():
     bound = upper_bound(M, MIXED)
     assert np.array_equal(gradient(M.tolist(), MIXED, bound), gradient(M, MIXED, bound))
-    for wrong in (3.0, upper_bound([M, M], MIXED)):
+    smaller = upper_bound(M[:1, :1], Structure([Complex(1)]))
+    for wrong in (3.0, upper_bound([M, M], MIXED), smaller):
         with pytest.raises(InputError, match="bound must be that of this M"):
             gradient(M, MIXED, wrong)
     with pytest.raises(InputError, match="not finite"):

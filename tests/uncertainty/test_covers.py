@@ -453,6 +453,15 @@ def test_numpy_integers_are_whole_numbers():
     assert (program.order, program.leave_out) == (2, 1)
 
 
+def test_centres_of_zero_are_named():
+    omega = np.geomspace(0.1, 10.0, 20)
+    lag = 1.0 / (1j * omega + 1.0)
+    plants = Responses(omega, np.stack([lag, -lag], axis=-1))
+    solution = wb.solve(CircleCover(plants, order=2), "steps")
+    assert solution.certificate is None
+    assert "centres of the sets are 0 at every frequency" in solution.message
+
+
 def test_a_nominal_through_zero_is_named():
     nominal = Rational([1j * OMEGA[3], -1j * OMEGA[3]], [-3.0, -4.0], 1.0)
     solution = wb.solve(program_of("circle", RESPONSES, nominal=nominal))

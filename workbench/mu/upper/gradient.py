@@ -70,7 +70,7 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     (2, 2)
     """
     M = as_matrices(M, structure)
-    if not isinstance(bound, UpperBound) or np.shape(bound.value) != M.shape[:-2]:
+    if not isinstance(bound, UpperBound) or bound.G.shape != M.mT.shape:
         raise InputError("bound must be that of this M: `upper_bound(M, structure)`")
     if np.abs(M).max(initial=0.0) > LARGEST:
         raise InputError(f"M has entries above {LARGEST:.3g}, whose squares overflow; scale it")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import ComplexArray
+from workbench.errors import InputError
 from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.covers.cover import UncertaintyCover
@@ -35,5 +36,10 @@ def nominal_fit(
     )
     # Where plants and their centre are all 0, nothing is asked of the nominal.
     weight = np.divide(np.abs(response), size**2, out=np.zeros_like(size), where=size > 0)
+    if not weight.any():
+        raise InputError(
+            "the centres of the sets are 0 at every frequency; as a nominal they have no size that "
+            "others could be relative to"
+        )
     right = program.unstable_poles
     return ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
