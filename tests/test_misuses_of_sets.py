@@ -107,10 +107,10 @@ CALLS = {
     ),
     "feedback": (
         feedback,
-        {"first": G},
+        {"sys1": G},
         {
-            "first": (*NOT_AN_OBJECT, append(G, G)[0, :]),
-            "second": (*NOT_AN_OBJECT, np.eye(2), SAMPLED),
+            "sys1": (*NOT_AN_OBJECT, append(G, G)[0, :]),
+            "sys2": (*NOT_AN_OBJECT, np.eye(2), SAMPLED),
             "sign": (0, 2, "-", None, True),
         },
     ),
@@ -122,10 +122,10 @@ CALLS = {
     "sample": (G.sample, {"count": 3}, {"count": (*NOT_A_COUNT, 0)}),
     "interconnect": (
         interconnect,
-        {"blocks": [(G, "u", "y")], "sums": {}, "inputs": "u", "outputs": "y"},
+        {"syslist": [(G, "u", "y")], "connections": {}, "inputs": "u", "outputs": "y"},
         {
-            "blocks": (None, 3, [], [G], [(G, "u")], [(G, "u", "u")], [(G, "w", "y")]),
-            "sums": (None, [], {"e": 3}, {"e": "u *"}, {"y": "u"}, {"e": "x"}),
+            "syslist": (None, 3, [], [G], [(G, "u")], [(G, "u", "u")], [(G, "w", "y")]),
+            "connections": ([["G.u"]], 3, "u", {"e": 3}, {"e": "u *"}, {"y": "u"}, {"e": "x"}),
             "inputs": ([], "x", ["u", "u"], ["u", "w"]),
             "outputs": ("x", ["y", "x"]),
         },

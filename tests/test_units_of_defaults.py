@@ -44,8 +44,10 @@ LEFT = {
         synthesis/mu/member_figures.py: LONGEST_IN_MS""",
     "a multiple of the highest frequency given": """
         fitting/factored.py: MISSING_ZERO_FACTOR""",
-    "what squares of doubles hold, in any unit": """
-        systems/equations/riccati.py: FAR""",
+    "what doubles and their squares hold, in any unit": """
+        systems/equations/riccati.py: FAR
+        uncertainty/algebra/delays.py: LONGEST_DELAY
+        uncertainty/algebra/delays.py: SHORTEST_DELAY""",
     "a range of multiples of the model's fastest pole": """
         diagnosis/generators/exact.py: SENSITIVITY_GRID from 0.01 to 100""",
     "a range of shares of half the sampling rate, or of multiples of it": """
@@ -55,6 +57,8 @@ LEFT = {
         synthesis/implementation/implementation_checks.py: follows from 1e-05 to 1
         synthesis/implementation/second_order.py: CHECKED_ANGLES from -6 to 0""",
     "a range of multiples of a scale of the system": """
+        mu/robust/late_margin.py: BESIDE from 0.98 to 1.02
+        second_opinion/margins/dead_times.py: _sizes from 0.5 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from -2 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from 2 to -2
         synthesis/mu/structured/starts.py: _idle from 0.3 to 3

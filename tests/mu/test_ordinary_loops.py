@@ -46,7 +46,7 @@ def test_a_crossing_beside_a_pole_that_is_made_of_rounding():
     """The denominator is 4e-16 there, of terms up to 20: in doubles the response was 4e10."""
     L = formed(loop_of(2576), "zpk")
     found = classical_margins(L)
-    assert len(found.phases) == 2 and not disagreements(found, *polynomials(L), L.dt)
+    assert len(found.phases_deg) == 2 and not disagreements(found, *polynomials(L), L.dt)
 
 
 @pytest.mark.parametrize("group", GROUPS)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import RealArray
 from workbench.errors import RangeWarning
 from workbench.heavy_types import StateSpace
+from workbench.systems.balancing import balancing
 from workbench.systems.realisation import pole_sizes, root_sizes
 
 FAR = 100.0
@@ -101,13 +102,12 @@ def _pole_sizes(system: StateSpace) -> RealArray:
 
     The poles of a chain of n integrators are computed as roots of order n of rounding errors.
     """
-    from scipy.linalg import matrix_balance
-
     sizes = pole_sizes(system)
     sizes = sizes[sizes > 0]
     if not sizes.size:  # gains, integrators and delays by whole samples
         return sizes
-    size = np.linalg.norm(matrix_balance(system.A)[0], 2) / (system.dt or 1.0)
+    rows, columns = balancing(system.A, system.nstates)
+    size = np.linalg.norm(rows[:, None] * system.A * columns, 2) / (system.dt or 1.0)
     rounding = np.finfo(float).eps ** (1 / system.nstates) * size
     return sizes if sizes.max() > rounding else sizes[:0]
 

@@ -24,7 +24,7 @@ ROUNDINGS = 4
 """Multiple of the relative rounding error of each channel on the way of a term."""
 
 
-def without_effect(lft: LFT, candidates: Collection[str]) -> list[str]:
+def cancelling_names(lft: LFT, candidates: Collection[str]) -> list[str]:
     """Those candidates on which the value does not depend, each other scalar being arbitrary."""
     r = len(lft.names)
     if len(set(lft.names)) == r or not np.isfinite(lft.M).all():

@@ -30,7 +30,7 @@ from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.closing import closed_above
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
-from workbench.uncertainty.algebra.identities import without_effect
+from workbench.uncertainty.algebra.identities import cancelling_names
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse, lft_quotient, lft_series
 from workbench.uncertainty.algebra.reduction import grouped, reduced, without_channels
 
@@ -305,7 +305,7 @@ class UncertainSystem(Algebraic):
             one.channels[0]: name for name, one in self.elements.items() if len(one.channels) == 1
         }
         # The states become the last inputs and outputs.
-        found = without_effect(LFT(np.roll(M, -n, (0, 1)), channels), list(scalars))
+        found = cancelling_names(LFT(np.roll(M, -n, (0, 1)), channels), list(scalars))
         return [scalars[channel] for channel in found]
 
     def reduced(self) -> UncertainSystem:
