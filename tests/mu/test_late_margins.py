@@ -75,6 +75,7 @@ def test_two_channels_and_a_full_block():
     assert found.holds, found.certificate.failures
 
 
+@pytest.mark.slow
 def test_dead_time_inside_the_controller_too():
     """A Smith predictor: with the dead time itself T = G C / (1 + G C) exp(-s T) is no loop's."""
     G = tf([2], [3, 1])
