@@ -11,7 +11,7 @@ from delayed_loops import DelayedLoop, is_stable
 from workbench.errors import ContradictionError, InputError
 from workbench.mu import robust_stability
 from workbench.mu.robust import late_margin
-from workbench.uncertainty import delay, dynamics, feedback, real, tf
+from workbench.uncertainty import append, delay, dynamics, feedback, real, tf
 
 CONTROLLER = control.tf([1, 0.5], [1, 0])
 OMEGA = np.geomspace(1e-3, 1e3, 200_001)
@@ -149,3 +149,13 @@ def test_bounds_that_cross_are_a_contradiction(monkeypatch):
 def test_what_has_no_margin_is_refused(system, settings, words):
     with pytest.raises(InputError, match=words):
         robust_stability(system, **settings)
+
+
+def test_one_of_several_channels_is_lost_at_rest():
+    """The set's bound has several peaks; the member k = -1, lost at 0 rad/s, is found."""
+    k = real("k", 2, percent=20)
+    plant = append(tf([1], [1, 1]), tf([k], [1, 1])) * late(0.1)
+    found = robust_stability(feedback(plant, np.eye(2)))
+    assert 7.49 < found.lower <= 7.5 * (1 + 1e-6)
+    assert found.upper == pytest.approx(7.5, rel=1e-4) and found.omega == 0.0
+    assert found.holds, found.certificate.failures

@@ -45,7 +45,9 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 ORDERS = (6, 10, 14)
 """Orders of the approximation, in turn until the bounds meet."""
 BESIDE = np.geomspace(0.98, 1.02, 9)
-"""Frequencies at which mu is bounded from below, over the one of the largest lower bound."""
+"""Frequencies at which mu is bounded from below, over the one of the largest upper bound."""
+SWEPT = 30
+"""Number of others, and 0: several peaks may be as high, and only some are those of a member."""
 COVERED, ONE_LOST = "the set that contains the dead time is stable", "one member is not"
 """What the bounds rest on."""
 ROUNDING = 1e-9
@@ -215,9 +217,11 @@ def _margin_of(
 
 
 def _attained(late: LateSystem, omega: float) -> tuple[LateSystem, float, LowerBound] | None:
-    """The largest lower bound of mu beside a frequency, with what proves it."""
-    slow, _ = _speeds(late.cover)
-    tried = omega * BESIDE if 0.0 < omega < math.inf else np.array([0.0, END_OFFSET * slow])
+    """The largest lower bound of mu beside a frequency and in a sweep, with what proves it."""
+    slow, fast = _speeds(late.cover)
+    tried = np.append(0.0, np.geomspace(END_OFFSET * slow, fast, SWEPT))
+    if 0.0 < omega < math.inf:
+        tried = np.append(tried, omega * BESIDE)
     matrices = late.matrices(tried)
     if not tried[0]:
         matrices[0] = matrices[0].real
