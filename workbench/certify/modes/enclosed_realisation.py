@@ -25,9 +25,9 @@ from workbench.systems.frequency_response import driven_states
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
-LARGEST_OPEN, MODES_LOOKED_AT = 1e-3, 4
+LARGEST_OPEN = 1e-3
 """Largest share of a response that modal coordinates may leave open, where the realisation as given
-knows it better, and at the frequencies of how many modes it is looked at."""
+knows it better."""
 FEWEST_DOUBLES = 20
 """Fewest states of a sampled realisation that doubles transform; fewer take no time in balls."""
 
@@ -197,22 +197,19 @@ def responds_sharply(modes: Enclosures, plain: Enclosures) -> bool:
     """Whether modal coordinates are sharp, and leave little open of the response of plain ones.
 
     Modes of nearly equal poles cancel each other: C and B are large, and so is what small errors of
-    A between two of them make of the response. Each mode counts as at its own frequency; the
-    response is taken at 0 and at the frequencies of the largest modes.
+    A between two of them make of the response. Both are taken at 0 and at the frequencies of the
+    poles.
     """
     if not is_sharp(modes):
         return False
     A, B, C = modes
-    damping = np.abs(np.diagonal(A.mid))
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        out, into = np.abs(C.mid) / damping, np.abs(B.mid) / damping[:, None]
+    points = 1j * np.unique(np.append(np.abs(np.linalg.eigvals(A.mid).imag), 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        try:
+            into = np.abs(driven_states(A.mid, B.mid, points))
+            out = np.abs(driven_states(A.mid.T, C.mid.T, points)).mT
+            response = plain[2].mid @ driven_states(plain[0].mid, plain[1].mid, points)
+        except np.linalg.LinAlgError:
+            return True  # doubles have a pole there: the plain coordinates know nothing better
         left_open = C.rad @ into + out @ B.rad + out @ A.rad @ into
-        sizes = out.max(axis=0, initial=0.0) * np.abs(B.mid).max(axis=1, initial=0.0)
-    largest = np.argsort(-sizes)[:MODES_LOOKED_AT]
-    between = np.abs(A.mid[largest]).sum(axis=1) - damping[largest]
-    points = 1j * np.unique(np.append(between, 0.0))
-    try:
-        response = plain[2].mid @ driven_states(plain[0].mid, plain[1].mid, points)
-    except np.linalg.LinAlgError:
-        return True  # in doubles the plain coordinates have a pole there: they know nothing better
     return bool(left_open.max(initial=0.0) <= LARGEST_OPEN * np.abs(response).max(initial=0.0))
