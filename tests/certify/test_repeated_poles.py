@@ -12,6 +12,7 @@ import scipy.linalg
 from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.hamiltonian import ball_discs
 from workbench.certify.interval import certified_interval
+from workbench.certify.modes.enclosed_realisation import responds_sharply
 from workbench.certify.rounding import Enclosure
 from workbench.certify.stability import stability_of
 from workbench.certify.stable_system import StableSystem, stable_system
@@ -145,3 +146,23 @@ def test_modes_of_nearly_equal_poles_do_not_blur_the_response(count, seed):
 def test_a_peak_beside_many_equal_poles_is_narrow(seed):
     found = peak(control.ss(*turned_lags(15, seed)), Structure([Complex(1)]))
     assert found.upper <= found.lower * 1.0021
+
+
+def enclosed(matrix, error):
+    matrix = np.array(matrix)
+    return Enclosure(matrix, np.full(matrix.shape, error))
+
+
+@pytest.mark.parametrize("damped", [1e-20, 0.0, 0.5])
+def test_a_block_of_two_real_poles_needs_no_damping_on_its_diagonal(damped):
+    """Its poles are near -2 and -8, whatever stands in the corner."""
+    form = [[-10.0, 4.0], [-4.0, -damped]], [[1.0], [1.0]], [[1.0, 1.0]]
+    plain = tuple(enclosed(part, 0.0) for part in form)
+    assert responds_sharply(tuple(enclosed(part, 1e-9) for part in form), plain)
+
+
+def test_what_a_slow_pole_leaves_open_is_seen():
+    """An error of 1e-9 beside a pole at -1e-10 is no small one."""
+    form = [[-1e-10, 0.0], [0.0, -1.0]], [[1.0], [1.0]], [[1.0, 1.0]]
+    plain = tuple(enclosed(part, 0.0) for part in form)
+    assert not responds_sharply(tuple(enclosed(part, 1e-9) for part in form), plain)
