@@ -100,15 +100,13 @@ warn_duplicate, debug
     }
     sums = connections if isinstance(connections, Mapping) else {}
     given = as_list(syslist, "syslist")
-    left_open = all(
-        value is None or value is (rule == "check_unused") for rule, value in rules.items()
-    )
-    if left_open and (connections is None or connections is sums):
-        parts = [_labelled(one, f"system {k}", True) for k, one in enumerate(given, start=1)]
-        return _by_names([*parts, *_junctions(sums)], **kwargs)
-    parts = [_labelled(one, f"system {k}", False) for k, one in enumerate(given, start=1)]
     wires = None if connections is sums else connections
-    return _by_python_control([*parts, *_junctions(sums)], wires, rules, kwargs)
+    by_names = wires is None and rules == LEFT_OPEN
+    parts = [_labelled(one, f"system {k}", by_names) for k, one in enumerate(given, start=1)]
+    parts += _junctions(sums)
+    if by_names:
+        return _by_names(parts, **kwargs)
+    return _by_python_control(parts, wires, rules, kwargs)
 
 
 def _labelled(given: Any, name: str, needed: bool) -> UncertainSystem:

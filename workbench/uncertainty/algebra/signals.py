@@ -21,8 +21,8 @@ NAMING = ("name", "inputs", "outputs", "input_prefix", "output_prefix")
 class Call:
     """Arguments of a function that has python-control's signature (*args, **kwargs).
 
-    ``given`` are those before the sampling time ``dt`` [s], which is None where it was left open,
-    and ``naming`` are the keywords that name the system and its signals.
+    ``given`` are those before the sampling time ``dt`` [s], which is 0 where nobody gave it, and
+    ``naming`` are the keywords that name the system and its signals.
     """
 
     given: tuple[Any, ...]
