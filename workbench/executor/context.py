@@ -53,6 +53,7 @@ class Context:
     An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
     ``executor`` is where parts of the work go, None: threads of this process.
     ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
+    ``kept_back`` [s] is the part of the time limit that what follows the search needs.
 
     Examples
     --------
@@ -75,6 +76,7 @@ class Context:
     started: float = field(default_factory=time.perf_counter)
     rows: list[Row] = field(default_factory=list)
     stopped: str = ""
+    kept_back: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
@@ -150,8 +152,7 @@ class Context:
                 told = len(self.rows)
                 if not told:
                     raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
-                after = f"{told} rounds" if told > 1 else "1 round"
-                self.stopped = f"{self._limit} reached after {after}; best so far"
+                self.stop(f"{told} rounds" if told > 1 else "1 round")
                 return
             yield number
             self.progress(description, number + 1, count)
@@ -165,14 +166,23 @@ class Context:
         """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""
         if self.late:
             raise TimeLimitError(f"{description}: {self._limit} reached")
-        limit = self.options.time_limit
-        return math.inf if limit is None else limit - (time.perf_counter() - self.started)
+        return self.left
 
     @property
     def late(self) -> bool:
-        """Whether the time limit has passed."""
+        """Whether the time limit has passed, less what is kept back."""
+        return self.left < 0.0
+
+    def stop(self, after: str) -> None:
+        """Tell after what the time limit ended the work, whose answer is its best so far."""
+        self.stopped = f"{self._limit} reached after {after}; best so far"
+
+    @property
+    def left(self) -> float:
+        """Seconds until the time limit, less those kept back; negative after it."""
         limit = self.options.time_limit
-        return limit is not None and time.perf_counter() - self.started > limit
+        spent = time.perf_counter() - self.started
+        return math.inf if limit is None else limit - self.kept_back - spent
 
     @property
     def _limit(self) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
@@ -28,6 +28,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import central_above, central_of
+from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
@@ -41,8 +42,9 @@ MOST_ROUNDS = 30
 """Most rounds of an iteration."""
 LEVEL_TOLERANCE = 2e-3
 """Relative width of the interval in which the least level of a K step is found."""
-SETTLED_FALL = 3e-4
-"""An iteration is settled if the peak falls by less than this share over `PATIENCE` rounds."""
+SETTLED_FALL = PEAK_TOLERANCE
+"""An iteration is settled if the peak falls by less than this share over `PATIENCE` rounds: less
+than the width of the interval that certifies it."""
 PATIENCE, LONG_PATIENCE = 4, 8
 """Rounds over which a peak must settle, for D-K and for (mu, D)-K iteration."""
 GAMMA_SHARE = 0.4
@@ -119,15 +121,36 @@ def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
 def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     """Iterate K and D steps and return the best controller.
 
-    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way.
+    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way. The
+    first controller is certified at once where the time is limited.
     """
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
     for number, each in enumerate(now.history, start=1):
         context.record(each.row(number))
-    K, level = (program.start if kept is None else None), np.nan
-    said, patience = f"stopped after {MOST_ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
+    finish = Finish(program, context)
+    try:
+        if now.history:
+            finish.begin(min(now.history, key=lambda each: each.peak).K)
+        ended = _rounds(program, context, now, finish, program.start if kept is None else None)
+    except TimeLimitError as error:
+        ended = finish.late(error)
+    if isinstance(ended, MuController):
+        return ended, Outcome.SOLVED, TARGET_REACHED
+    return finish.claim(now.history, ended)
+
+
+def _rounds(
+    program: MuSynthesis, context: Context, now: DKState, finish: Finish, K: StateSpace | None
+) -> MuController | str:
+    """Go over the rounds from a controller, if there is one, and say how they ended.
+
+    Where a controller reaches the target it is the answer.
+    """
+    level = np.nan
+    patience = LONG_PATIENCE if now.blend else PATIENCE
     for tried in context.rounds(MOST_ROUNDS, "mu synthesis", now.tried):
+        said = "rounding made a loop unstable"
         if K is None:
             try:
                 K, level, now.used = _best_step(program, now.used)
@@ -135,20 +158,20 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
                 said, K = f"its H-infinity step failed: {error}", None
             proven = None if K is None else _proven(program, now, K, level)
             if proven is not None:
-                return proven, Outcome.SOLVED, TARGET_REACHED
+                return proven
         loop = None if K is None else _loop(program, K)
         if K is None or loop is None:
-            said = said if K is None else "rounding made a loop unstable"
             if now.well is None or now.blend < 0.1 * GAMMA_SHARE:
-                break
+                return said
             # go back to the scalings of the best controller and continue more slowly
             now.used, now.blend, K = now.well, now.blend / 2, None
             continue
+        finish.begin(K)
         mixed = upper_bound(loop.M, program.closed)
         peak = float(mixed.value.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
-            return reached, Outcome.SOLVED, TARGET_REACHED
+            return reached
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
@@ -158,14 +181,10 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
         if len(peaks) > patience and peaks[-1] > (1 - SETTLED_FALL) * peaks[-1 - patience]:
-            said = "settled"
-            break
+            return "settled"
         now.tried = tried + 1
         context.checkpoint.save(now.arrays())
-    if not now.history:
-        return None, Outcome.FAILED, said
-    best = min(now.history, key=lambda each: each.peak)
-    return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
+    return context.stopped or f"stopped after {MOST_ROUNDS} rounds"
 
 
 def _proven(program: MuSynthesis, now: DKState, K: StateSpace, level: float) -> MuController | None:

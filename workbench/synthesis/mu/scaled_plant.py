@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError, SolverError
+from workbench.executor.clock import time_is_up
 from workbench.synthesis.h_infinity.levels import EVEN_STEEPNESS, least_level, level_from
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.worst_signals import worst_densities
@@ -110,6 +111,8 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     curvature, fall = used.curvature, math.inf
     for _ in range(MOST_DESCENT_STEPS):
         if now is None or fall < LEAST_DESCENT_FALL or np.exp(now.value) <= enough:
+            break
+        if time_is_up("descent of the level"):
             break
         value, gradient, steepness = now
         free = (flat > low) | (gradient < 0.0)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import EPS, Array, RealArray
+from workbench.executor.clock import tick
 from workbench.structure import Structure
 from workbench.synthesis.mu.scalings import Scalings, diagonals
 
@@ -46,6 +47,8 @@ CURVATURE_SHARPNESS, LEAST_CURVATURE = 8.0, 1e-2
 """Exponent of the curvature at a fit, and its least eigenvalue, as a share of the largest."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
 """Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
+FIRST_DAMPING = 1e-2
+"""First Newton damping, as a share of the largest second derivative."""
 DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
 """Factors on the Newton damping after a step that fell as promised, and after one that rose."""
 DAMPING_WEIGHT = 1e-4
@@ -129,8 +132,10 @@ class ScalingFit:
     ) -> RealArray:
         """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
-        damping = 1e-2 * float(np.abs(np.diag(hessian)).max())
+        # D of a block that is decoupled has no effect at all
+        damping = max(FIRST_DAMPING * float(np.abs(np.diag(hessian)).max()), EPS)
         for _ in range(MOST_STEPS):
+            tick("fit of scalings")
             free = (flat > low) | (gradient < 0.0)
             free &= (flat < high) | (gradient > 0.0)
             curvature, turn = np.linalg.eigh(hessian[np.ix_(free, free)])

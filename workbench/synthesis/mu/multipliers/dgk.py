@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
@@ -32,10 +32,11 @@ from workbench.synthesis.mu.dk import (
     TARGET_REACHED,
     iterated,
 )
+from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.multipliers.d_step import ExtendedLoopResponse, dg_step
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
-from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.program import MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
 EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
@@ -63,14 +64,17 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     Without a structure (None) the second part is left out.
     """
     kept = context.checkpoint.load()
+    finish = Finish(program, context)
     if structure is not None and kept is not None and "multipliers" in kept:
-        return iterated_with_multipliers(
-            program, context, structure, DGKState.restored(structure, kept)
-        )
+        now = DGKState.restored(structure, kept)
+        return iterated_with_multipliers(program, context, structure, now, finish)
     begun = iterated(program, context, 0.0)
-    if begun[0] is None or structure is None or begun[2] == TARGET_REACHED:
+    answer, _, said = begun
+    if answer is None or structure is None or said == TARGET_REACHED or context.stopped:
         return begun
-    return iterated_with_multipliers(program, context, structure, DGKState(list(begun[0].history)))
+    finish.first = answer
+    now = DGKState(list(answer.history))
+    return iterated_with_multipliers(program, context, structure, now, finish)
 
 
 @dataclass(eq=False)
@@ -126,13 +130,28 @@ class DGKState:
 
 
 def iterated_with_multipliers(
-    program: MuSynthesis, context: Context, structure: Structure, now: DGKState
+    program: MuSynthesis, context: Context, structure: Structure, now: DGKState, finish: Finish
 ) -> Claim:
     """Iterate K and D steps with multipliers of a structure and return the best controller.
 
     The first round starts from the best controller so far.
     """
-    said = f"stopped after {MOST_ROUNDS} rounds"
+    try:
+        ended = _rounds(program, context, structure, now)
+    except TimeLimitError as error:
+        ended = finish.late(error)
+    if isinstance(ended, MuController):
+        return ended, Outcome.SOLVED, TARGET_REACHED
+    return finish.claim(now.history, ended)
+
+
+def _rounds(
+    program: MuSynthesis, context: Context, structure: Structure, now: DGKState
+) -> MuController | str:
+    """Go over the rounds, and say how they ended; a controller that reaches the target ends them.
+
+    The first round starts from the best controller so far.
+    """
     K: StateSpace | None = None
     if now.used is None:
         K = min(now.history, key=lambda each: each.peak).K
@@ -143,12 +162,10 @@ def iterated_with_multipliers(
             try:
                 K, level, now.used = _best_step(program, now.before, now.used, now.history[-1].peak)
             except (SolverError, InputError) as error:
-                said = f"its H-infinity step failed: {error}"
-                break
+                return f"its H-infinity step failed: {error}"
         system = program.plant.close(K)
         if not stability_of(system).holds:
-            said = "rounding made a loop unstable"
-            break
+            return "rounding made a loop unstable"
         loop = ExtendedLoopResponse.of(system)
         peak = float(upper_bound(loop.M, program.closed).value.max())
         now.within = now.within or loop.corners
@@ -161,17 +178,15 @@ def iterated_with_multipliers(
         last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
-            return reached, Outcome.SOLVED, TARGET_REACHED
+            return reached
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
         if _settled([each.peak for each in now.history[now.first :]]):
-            said = "settled"
-            break
+            return "settled"
         now.tried = tried + 1
         context.checkpoint.save(now.arrays())
-    best = min(now.history, key=lambda each: each.peak)
-    return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
+    return context.stopped or f"stopped after {MOST_ROUNDS} rounds"
 
 
 def _settled(peaks: Sequence[float]) -> bool:

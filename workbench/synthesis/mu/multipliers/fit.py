@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import Array, RealArray
+from workbench.executor.clock import tick
 from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers
@@ -48,6 +49,7 @@ def fit_multipliers(
     bounds, log_reference = _bounds(multipliers, within), np.log(reference)
 
     def cost(flat: RealArray, sharpness: float) -> tuple[float, RealArray]:
+        tick("fit of multipliers")
         at = ScaledLoop.of(multipliers, M, omega, flat.reshape(x.shape))
         excess = at.log_beta - log_reference
         weight = np.exp(sharpness * (excess - excess.max()))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
+from workbench.executor.clock import tick
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.levels import level_at
 from workbench.synthesis.h_infinity.normalised import normalised_plant
@@ -53,6 +54,7 @@ def _least(family: Multiplied, near: float) -> tuple[float, Central]:
     """The least beta for whose plant a controller has norm 1, and this controller."""
 
     def feasible(beta: float) -> bool:
+        tick("H-infinity step")
         level = level_at(normalised_plant(family.plant(beta)).plant, 1.0)
         return level is not None and level.feasible
 
