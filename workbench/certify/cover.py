@@ -24,7 +24,7 @@ from workbench.certify.interval import (
     proven_in_doubles,
 )
 from workbench.certify.stable_system import StableSystem
-from workbench.executor.clock import tick
+from workbench.executor.clock import proof_tick
 from workbench.systems.frequency_grid import starting_grid
 
 LARGEST_LOG_CHANGE = 0.2
@@ -273,7 +273,7 @@ class BandCover:
         for step in range(largest):
             if not self.open or self.beta > hopeless:
                 break
-            tick("proof of a peak")
+            proof_tick("proof of a peak")
             if step and step % steps == 0:
                 self.tolerance *= COARSENING_FACTOR
                 self.beta *= 1 + self.tolerance

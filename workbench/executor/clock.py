@@ -1,17 +1,27 @@
-"""The clock of the work that runs: an inner loop looks at it without being handed it."""
+"""The clock of the work that runs: an inner loop looks at it without being handed it.
+
+The search of a method ends at its time limit. The proof of what it found may take longer, unless a
+time is set for it too.
+"""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
+
+from workbench.errors import TimeLimitError
 
 if TYPE_CHECKING:
     from workbench.executor.context import Context
 
 _running: ContextVar[tuple[Context, ...]] = ContextVar("running", default=())
 """The contexts of what runs here, the outermost first."""
+_proof_ends: ContextVar[float] = ContextVar("proof_ends", default=math.inf)
+"""When a proof must have ended, on the clock of `time.perf_counter`."""
 
 
 @contextmanager
@@ -53,7 +63,7 @@ def tick(description: str) -> None:
 
 
 def time_is_up(description: str) -> bool:
-    """Whether no time is left; then what was done is named as what the clock stopped.
+    """Whether no time is left; then the context hears that its answer is the best so far.
 
     For a loop that has an answer after each part, if not the best one.
 
@@ -67,3 +77,37 @@ def time_is_up(description: str) -> bool:
     for context in late:
         context.stop(description)
     return bool(late)
+
+
+@contextmanager
+def proving(seconds: float) -> Iterator[None]:
+    """Within it a proof that takes longer than some seconds is given up at its next `proof_tick`.
+
+    Examples
+    --------
+    >>> from workbench.errors import TimeLimitError
+    >>> from workbench.executor.clock import proof_tick, proving
+    >>> try:
+    ...     with proving(0.0):
+    ...         proof_tick("proof of a peak")
+    ... except TimeLimitError as error:
+    ...     print(error)
+    proof of a peak: no time is left for it
+    """
+    token = _proof_ends.set(min(_proof_ends.get(), time.perf_counter() + seconds))
+    try:
+        yield
+    finally:
+        _proof_ends.reset(token)
+
+
+def proof_tick(description: str) -> None:
+    """Raise TimeLimitError, which names what was proven, where its time is over.
+
+    Examples
+    --------
+    >>> from workbench.executor.clock import proof_tick
+    >>> proof_tick("proof of a peak")  # it may take as long as it takes
+    """
+    if time.perf_counter() > _proof_ends.get():
+        raise TimeLimitError(f"{description}: no time is left for it")

@@ -149,10 +149,9 @@ class Context:
         self.progress(description, first, count)
         for number in range(first, count):
             if self.late:
-                told = len(self.rows)
-                if not told:
+                if not self.rows:
                     raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
-                self.stop(f"{told} rounds" if told > 1 else "1 round")
+                self.stop(description)
                 return
             yield number
             self.progress(description, number + 1, count)
@@ -173,9 +172,12 @@ class Context:
         """Whether the time limit has passed, less what is kept back."""
         return self.left < 0.0
 
-    def stop(self, after: str) -> None:
-        """Tell after what the time limit ended the work, whose answer is its best so far."""
-        self.stopped = f"{self._limit} reached after {after}; best so far"
+    def stop(self, description: str) -> None:
+        """Tell that the time limit ended what was done, and that the answer is the best so far."""
+        told = len(self.rows)
+        after = f"after {told} rounds" if told > 1 else "after 1 round"
+        where = after if told else f"in {description}"
+        self.stopped = f"{self._limit} reached {where}; best so far"
 
     @property
     def left(self) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
+from workbench.executor.clock import tick, time_is_up
 from workbench.systems.equations.riccati import hamiltonian_solution
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.norms import norm
@@ -81,6 +82,8 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
         return low, best
     # Rounding errors may hide slow modes, and thereby make a feasible level look infeasible.
     for share in PROBED_SHARES:
+        if time_is_up("search for hidden levels"):
+            break
         level = level_at(plant, share * best.gamma) if share * best.gamma > floor else None
         if level is not None and level.feasible:
             low, _, best = _bisected(plant, floor, level, tolerance)
@@ -105,6 +108,7 @@ def level_from(
     gamma, low, high = guess, 0.0, math.inf
     last: Level | None = None
     for _ in range(MOST_SECANT_STEPS):
+        tick("search for the least level")
         level = level_at(plant, gamma)
         if level is None or not level.coupling > 0.0:
             low = new = gamma
@@ -145,6 +149,8 @@ def _bisected(
     below: Level | None = None
     step = 0
     while best.gamma > (1.0 + tolerance) * low and step < MOST_LEVELS:
+        if time_is_up("bisection of the level"):
+            break
         trial = _between(low, below, best, tolerance, step)
         level = _level_near(plant, trial, tolerance)
         if level is not None and level.feasible:

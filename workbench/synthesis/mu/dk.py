@@ -121,9 +121,7 @@ def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
 def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     """Iterate K and D steps and return the best controller.
 
-    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way. The
-    first controller is certified at once where the time is limited.
-    """
+    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way."""
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
     for number, each in enumerate(now.history, start=1):
@@ -131,7 +129,8 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     finish = Finish(program, context)
     try:
         if now.history:
-            finish.begin(min(now.history, key=lambda each: each.peak).K)
+            best = min(now.history, key=lambda each: each.peak)
+            finish.offer(best.K, best.peak)
         ended = _rounds(program, context, now, finish, program.start if kept is None else None)
     except TimeLimitError as error:
         ended = finish.late(error)
@@ -166,12 +165,12 @@ def _rounds(
             # go back to the scalings of the best controller and continue more slowly
             now.used, now.blend, K = now.well, now.blend / 2, None
             continue
-        finish.begin(K)
         mixed = upper_bound(loop.M, program.closed)
         peak = float(mixed.value.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
             return reached
+        finish.offer(K, peak)
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from workbench.certify.stability import stability_of
 from workbench.errors import TimeLimitError
 from workbench.executor import Context
-from workbench.executor.clock import tick
+from workbench.executor.clock import proving, tick
 from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim
@@ -22,68 +22,74 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import matrices_of, realisation
 
-SMALL_LOOP = 60
-"""States up to which a certificate takes about the same time; it grows with the cube of more."""
-USUAL_ORDER = 2
-"""Order of a controller with few states over that of its plant, for which time is kept back."""
 KEPT_SHARE = 3.0
-"""Time kept back over that of a certificate: it is made, then checked, and may take longer."""
+"""Time kept back, over that in which the last controller was certified: another one has to be, and
+its certificate is checked."""
+LEAST_SECONDS = 0.5
+"""Time in which the last certificate may be made, even beyond the limit."""
+MUCH_BETTER = 0.02
+"""A controller is certified at once if its peak is lower by this share than the one certified."""
 
 
 @dataclass(eq=False)
 class Finish:
-    """The end of an iteration that may have a time limit.
+    """The best controller of an iteration, with few states, and certified.
 
-    Where it has one, the ``first`` controller is certified at once, in some ``seconds``. From then
-    on there is an answer, and the time that another certificate needs is kept back.
+    Where time is limited, so are the first controller and those much better, at once: from then on
+    there is an answer ``sure``, and the time that another certificate needs is kept back.
     """
 
     program: MuSynthesis
     context: Context
-    first: MuController | None = None
+    sure: MuController | None = None
 
-    def begin(self, K: StateSpace) -> None:
-        """Certify the first controller if time is limited; later ones are none of it."""
-        if self.context.options.time_limit is None or self.first is not None:
+    def offer(self, K: StateSpace, peak: float) -> None:
+        """Certify a controller at once if time is limited and it is the first or much better.
+
+        `peak` is its largest bound at frequencies.
+        """
+        if self.context.options.time_limit is None:
+            return
+        if self.sure is not None and peak > (1 - MUCH_BETTER) * self.sure.upper:
             return
         started = time.perf_counter()
-        self.first = self.program.answer(K)
-        seconds = time.perf_counter() - started
-        n = self.program.plant.system.nstates
-        larger = _effort((1 + USUAL_ORDER) * n) / _effort(n + K.nstates)
-        self.context.kept_back = KEPT_SHARE * larger * seconds
+        found = self._certified(K, peak, ())
+        self.sure = found or self.sure
+        self.context.kept_back = KEPT_SHARE * (time.perf_counter() - started)
 
     def late(self, error: TimeLimitError) -> str:
         """What is said where the clock stopped the rounds; without an answer so far, the error."""
-        if self.first is None:
+        if self.sure is None:
             raise error
         self.context.stop(str(error).partition(":")[0])
         return self.context.stopped
 
     def claim(self, history: Sequence[Iterate], said: str) -> Claim:
-        """The best controller of the rounds with as few states as its peak allows, certified.
-
-        Where time ends before that, the first one.
-        """
-        if not history:
-            outcome = Outcome.FAILED if self.first is None else Outcome.SOLVED
-            return self.first, outcome, said
-        best = min(history, key=lambda each: each.peak)
-        if self.first is not None:
-            # a certificate is checked for as long as it takes to make it
-            self.context.kept_back = 0.0
-            self.context.kept_back = max(0.0, self.context.left / 2)
+        """The best controller of the rounds, certified; where time ends before, the sure one."""
+        best = min(history, key=lambda each: each.peak, default=None)
+        if best is None:
+            return self.sure, Outcome.FAILED if self.sure is None else Outcome.SOLVED, said
+        if self.sure is None:
+            return self._certified(best.K, best.peak, history), Outcome.SOLVED, said
+        # the answer is checked for as long as it takes to certify it
+        self.context.kept_back = 0.0
+        seconds = max(self.context.left / 2, LEAST_SECONDS)
+        self.context.kept_back = self.context.left - seconds
+        found = None
         try:
-            K = with_few_states(self.program, best.K, (1 + PEAK_TOLERANCE) * best.peak)
-            found = self.program.answer(K, tuple(history))
+            if best.peak < self.sure.upper:
+                with proving(seconds):
+                    found = self._certified(best.K, best.peak, history)
         except TimeLimitError as error:
-            said, found = self.late(error), self.first
-        return found, Outcome.SOLVED, said
+            said = self.late(error)
+        return found or replace(self.sure, history=tuple(history)), Outcome.SOLVED, said
 
-
-def _effort(states: int) -> float:
-    """Relative time of a certificate of a loop."""
-    return float(states**3 + SMALL_LOOP**3)
+    def _certified(
+        self, K: StateSpace, peak: float, history: Sequence[Iterate]
+    ) -> MuController | None:
+        """A controller with as few states as its peak allows, certified."""
+        few = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
+        return self.program.answer(few, tuple(history))
 
 
 def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSpace:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.arrays import EPS, RealArray
-from workbench.errors import InputError, SolverError
-from workbench.executor.clock import time_is_up
+from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.synthesis.h_infinity.levels import EVEN_STEEPNESS, least_level, level_from
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.worst_signals import worst_densities
@@ -109,30 +108,42 @@ def level_descent(plant: GeneralisedPlant, used: Round, enough: float = 0.0) -> 
     flat = np.clip(x.ravel(), low, high)
     now = _slope(plant, used, flat, used.level) or _slope(plant, used, flat, math.nan)
     curvature, fall = used.curvature, math.inf
-    for _ in range(MOST_DESCENT_STEPS):
+    for number in range(MOST_DESCENT_STEPS):
         if now is None or fall < LEAST_DESCENT_FALL or np.exp(now.value) <= enough:
             break
-        if time_is_up("descent of the level"):
-            break
-        value, gradient, steepness = now
+        value, gradient, _ = now
         free = (flat > low) | (gradient < 0.0)
         free &= (flat < high) | (gradient > 0.0)
         step = np.zeros_like(flat)
         step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], gradient[free])
         step *= min(1.0, LARGEST_DESCENT_STEP / float(np.abs(step).max(initial=EPS)))
-        for share in DESCENT_SHARES:
-            trial = np.clip(flat + share * step, low, high)
-            promised = -float(gradient @ (trial - flat))
-            new = _slope(plant, used, trial, math.exp(value), steepness, math.exp(value))
-            if new is not None and new.value < value - SUFFICIENT_FALL * promised:
-                break
-        else:
+        trials = [np.clip(flat + share * step, low, high) for share in DESCENT_SHARES]
+        try:
+            lower = _lower(plant, used, flat, now, trials)
+        except TimeLimitError:
+            if not number:
+                raise
+            break  # the scalings are better than those given
+        if lower is None:
             break
-        change, turn = trial - flat, new.gradient - gradient
+        trial, new = lower
+        curvature = updated_hessian(curvature, trial - flat, new.gradient - gradient)
         fall, flat, now = value - new.value, trial, new
-        curvature = updated_hessian(curvature, change, turn)
     level = used.level if now is None else math.exp(now.value)
     return replace(used, D=(scalings, flat.reshape(x.shape)), level=level)
+
+
+def _lower(
+    plant: GeneralisedPlant, used: Round, flat: RealArray, now: Slope, trials: Sequence[RealArray]
+) -> tuple[RealArray, Slope] | None:
+    """The first of the flat parameters on trial whose level is low enough, with its slope."""
+    value, gradient, steepness = now
+    for trial in trials:
+        promised = -float(gradient @ (trial - flat))
+        new = _slope(plant, used, trial, math.exp(value), steepness, math.exp(value))
+        if new is not None and new.value < value - SUFFICIENT_FALL * promised:
+            return trial, new
+    return None
 
 
 class Slope(NamedTuple):

@@ -72,7 +72,7 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     answer, _, said = begun
     if answer is None or structure is None or said == TARGET_REACHED or context.stopped:
         return begun
-    finish.first = answer
+    finish.sure = answer
     now = DGKState(list(answer.history))
     return iterated_with_multipliers(program, context, structure, now, finish)
 
