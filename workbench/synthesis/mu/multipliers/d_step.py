@@ -29,8 +29,9 @@ OUTER_RATIOS = np.exp(1.5 * np.arange(1.0, 5.0))
 frequency and as divisors of its lowest."""
 CORNER_REACH = 3.0
 """Factor by which corners of scalings may lie outside the loop's own frequencies."""
-MOST_BIQUADS = 4
-"""Most biquads of a multiplier."""
+MOST_BIQUADS, MOST_IDLE = 4, 2
+"""Most biquads of a multiplier, and how many may be added without effect: where the bound has two
+peaks, the first one lowers one of them only."""
 FIT_TOLERANCE = 0.002
 """More biquads must lower the relative miss of the bound by more than this to be used."""
 REFERENCE_FLOOR, REFERENCE_EXPONENT = 0.5, 0.25
@@ -85,6 +86,7 @@ def dg_step(
     least = max(0, before[0].biquads - 1) if before else 0
     tried = before[0].biquads if before and before[0].structure == blocks else None
     best: tuple[tuple[Multipliers, RealArray], float] | None = None
+    idle = 0
     for biquads in range(least, MOST_BIQUADS + 1):
         scalings = Multipliers(blocks, biquads)
         known = [each for each in (before, best and best[0]) if each]
@@ -96,9 +98,10 @@ def dg_step(
         if not fits:
             continue
         x, missed = min(fits, key=lambda fit: fit[1])
+        idle += 1
         if best is None or missed < best[1] - FIT_TOLERANCE:
-            best = (scalings, x), missed
-        if missed < FIT_TOLERANCE:
+            best, idle = ((scalings, x), missed), 0
+        if missed < FIT_TOLERANCE or idle == MOST_IDLE:
             break
     assert best is not None
     return best

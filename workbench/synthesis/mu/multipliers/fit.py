@@ -19,8 +19,8 @@ from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
 
 SHARPNESS_STAGES = (6.0, 25.0, 100.0, 400.0)
 """Exponents of the mean that replaces the maximum; each fit starts from the one before."""
-MOST_ITERATIONS = 80
-"""Most L-BFGS iterations for one exponent."""
+MOST_ITERATIONS, SETTLED = 80, 1e-6
+"""Most L-BFGS iterations for one exponent, and the fall of the logarithm that ends them sooner."""
 
 
 def fit_multipliers(
@@ -71,7 +71,7 @@ def fit_multipliers(
             jac=True,
             method="L-BFGS-B",
             bounds=bounds,
-            options={"maxiter": MOST_ITERATIONS},
+            options={"maxiter": MOST_ITERATIONS, "ftol": SETTLED},
         )
         found.append(stage.x)
     best = min(found, key=missed)
