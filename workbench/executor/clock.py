@@ -51,15 +51,18 @@ def running(context: Context) -> Iterator[None]:
 def tick(description: str) -> None:
     """Raise TimeLimitError, which names what was done, where no time is left.
 
-    A loop whose parts can take a second calls it once for each part.
+    A loop whose parts can take a second calls it once for each part. Whoever watches hears of it.
 
     Examples
     --------
     >>> from workbench.executor.clock import tick
     >>> tick("search")  # nothing runs that has a time limit
     """
-    for context in _running.get():
+    contexts = _running.get()
+    for context in contexts:
         context.seconds_left(description)
+    for context in contexts[:1]:
+        context.trying(description)
 
 
 def time_is_up(description: str) -> bool:

@@ -77,6 +77,8 @@ class Context:
     rows: list[Row] = field(default_factory=list)
     stopped: str = ""
     kept_back: float = 0.0
+    _told: tuple[str, int, int] | None = field(default=None, repr=False)
+    _tried: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
@@ -148,6 +150,7 @@ class Context:
         """
         self.progress(description, first, count)
         for number in range(first, count):
+            self._told = (description, number, count)
             if self.late:
                 if not self.rows:
                     raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
@@ -160,6 +163,13 @@ class Context:
         """Tell whoever watches of a round; an iteration that goes on tells the earlier ones too."""
         self.rows.append(row)
         self.watch(self.rows)
+
+    def trying(self, description: str) -> None:
+        """Tell whoever watches what a round of the iteration tries, once."""
+        if self._told is not None and description != self._tried:
+            self._tried = description
+            work, done, count = self._told
+            self.progress(f"{work}: {description}", done, count)
 
     def seconds_left(self, description: str) -> float:
         """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""

@@ -171,6 +171,9 @@ def _rounds(
         if reached is not None:
             return reached
         finish.offer(K, peak)
+        if peak == 0.0:  # there is nothing that scalings could be fitted to
+            now.history.append(Iterate(peak, level, math.nan, K))
+            return "nothing acts on the performance"
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used

@@ -1,0 +1,85 @@
+"""The clock of the work that runs, as inner loops and proofs see it."""
+
+import pytest
+
+from workbench.errors import TimeLimitError
+from workbench.executor import Context
+from workbench.executor.clock import proof_tick, proving, running, tick, time_is_up
+from workbench.solvers import Options
+
+
+def past(limit=1000.0, spent=1000.0):
+    """A context of a limit [s], after some time [s]."""
+    context = Context(Options(time_limit=limit))
+    context.started -= spent
+    return context
+
+
+def test_outside_of_any_work_and_without_a_limit_there_is_time():
+    tick("search")
+    with running(Context()):
+        tick("search")
+        assert not time_is_up("search")
+
+
+def test_an_inner_loop_ends_where_the_time_limit_of_its_work_has_passed():
+    with running(past()), pytest.raises(TimeLimitError, match="search: time limit of 1000 s reac"):
+        tick("search")
+    tick("search")  # the work has ended
+
+
+@pytest.mark.parametrize("inner", [Context(), Context(Options(time_limit=1e6))])
+def test_the_clock_of_the_work_around_counts_too(inner):
+    with running(past()), running(inner):
+        assert time_is_up("search")
+        with pytest.raises(TimeLimitError):
+            tick("search")
+    assert not inner.stopped
+
+
+def test_what_is_kept_back_is_taken_from_the_limit():
+    context = past(spent=900.0)
+    assert 99.0 < context.left <= 100.0
+    context.kept_back = 200.0
+    with running(context), pytest.raises(TimeLimitError):
+        tick("search")
+    with pytest.raises(TimeLimitError):
+        context.seconds_left("search")
+
+
+def test_a_loop_with_an_answer_ends_without_an_error_and_it_is_told():
+    context = past()
+    with running(context):
+        assert time_is_up("bisection")
+    assert context.stopped == "time limit of 1000 s reached in bisection; best so far"
+    context.record({"round": 1})
+    context.stop("bisection")
+    assert context.stopped == "time limit of 1000 s reached after 1 round; best so far"
+
+
+def test_a_proof_takes_as_long_as_it_takes_unless_a_time_is_set_for_it():
+    with running(past()):
+        proof_tick("proof")
+    with proving(1e6):
+        proof_tick("proof")
+    with proving(0.0), proving(1e6), pytest.raises(TimeLimitError, match="proof: no time is left"):
+        proof_tick("proof")
+    proof_tick("proof")
+
+
+def test_whoever_watches_hears_what_a_round_tries():
+    told = []
+    context = Context(progress=lambda *what: told.append(what))
+    with running(context):
+        tick("before any round")
+        for _ in context.rounds(2, "search"):
+            for _ in range(3):
+                tick("fit")
+            tick("descent")
+    assert told[:5] == [
+        ("search", 0, 2),
+        ("search: fit", 0, 2),
+        ("search: descent", 0, 2),
+        ("search", 1, 2),
+        ("search: fit", 1, 2),
+    ]
