@@ -27,7 +27,7 @@ KEPT_SHARE = 3.0
 its certificate is checked."""
 LEAST_SECONDS = 0.5
 """Time in which the last certificate may be made, even beyond the limit."""
-MUCH_BETTER = 0.02
+MUCH_BETTER = 0.005
 """A controller is certified at once if its peak is lower by this share than the one certified."""
 
 
