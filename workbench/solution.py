@@ -15,7 +15,7 @@ from workbench.arrays import content_hash
 from workbench.certificate import Certificate
 from workbench.errors import InputError, TimeLimitError, UnknownNameError, words_of
 from workbench.executor import Context
-from workbench.executor.clock import running
+from workbench.executor.clock import clocked_by
 from workbench.executor.live import shown_live
 from workbench.heavy_types import Figure
 from workbench.program import Task
@@ -241,7 +241,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
     trace = ""
     start = time.perf_counter()
     try:
-        with running(context), context.at(task.accuracy_range(method).served(asked)):
+        with clocked_by(context), context.at(task.accuracy_range(method).served(asked)):
             answer, claim, message = task.respond(method, context)
     except TimeLimitError as error:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)

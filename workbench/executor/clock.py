@@ -25,7 +25,7 @@ _proof_ends: ContextVar[float] = ContextVar("proof_ends", default=math.inf)
 
 
 @contextmanager
-def running(context: Context) -> Iterator[None]:
+def clocked_by(context: Context) -> Iterator[None]:
     """Within it `tick` and `time_is_up` look at the clock of a context, and at those around it.
 
     Examples
@@ -33,9 +33,9 @@ def running(context: Context) -> Iterator[None]:
     >>> from workbench import Options
     >>> from workbench.errors import TimeLimitError
     >>> from workbench.executor import Context
-    >>> from workbench.executor.clock import running, tick
+    >>> from workbench.executor.clock import clocked_by, tick
     >>> try:
-    ...     with running(Context(Options(time_limit=1e-9))):
+    ...     with clocked_by(Context(Options(time_limit=1e-9))):
     ...         tick("search")
     ... except TimeLimitError as error:
     ...     print(error)

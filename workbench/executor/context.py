@@ -76,9 +76,9 @@ class Context:
     started: float = field(default_factory=time.perf_counter)
     rows: list[Row] = field(default_factory=list)
     stopped: str = ""
-    kept_back: float = 0.0
-    _told: tuple[str, int, int] | None = field(default=None, repr=False)
-    _tried: str = field(default="", repr=False)
+    kept_back: float = field(default=0.0, init=False)
+    _told: tuple[str, int, int] | None = field(default=None, init=False, repr=False)
+    _tried: str = field(default="", init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
