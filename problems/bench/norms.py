@@ -18,8 +18,10 @@ from workbench.mu import peak
 from workbench.structure import Full, Real, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import MixedSensitivity
+from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.systems.realisation import realisation
+from workbench.systems.standard_plant import standard_plant
 
 from .bars import ratio_bars
 from .interleaved import interleaved
@@ -168,7 +170,7 @@ def _loop(
     weight = realisation((-np.eye(1) / 10, np.eye(1), 5 * np.eye(1), np.eye(1) / 2), 0.0)
     program = MixedSensitivity(modal_plant(rng, states, 1), W_S=weight, W_KS=1.0)
     answer = solve(program).answer
-    level = 2.0 * answer.gamma
+    level, normal = 2.0 * answer.gamma, checked(standard_plant(program.plant))
     closed = _hamiltonian(program.plant.close(answer.K), level)
     opened = _hamiltonian(program.plant.system, level)
     gains = iter(1.0 + 1e-9 * np.arange(100))
@@ -181,7 +183,7 @@ def _loop(
     return (
         (certified, lambda: np.linalg.eigvals(closed)),
         (
-            lambda: central_of(program.scaled, LEVEL_TOLERANCE),
+            lambda: central_of(normal, LEVEL_TOLERANCE),
             lambda: schur(opened, sort="lhp"),
         ),
     )

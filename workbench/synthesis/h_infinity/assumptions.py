@@ -16,7 +16,12 @@ from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
-from workbench.synthesis.h_infinity.normalised import Scaled, has_rank, normalised_plant
+from workbench.synthesis.h_infinity.normalised import (
+    Scaled,
+    SingularPlantError,
+    has_rank,
+    normalised_plant,
+)
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
@@ -30,20 +35,26 @@ ADDED = "regular_"
 """How names of the signals begin that `regularised` adds."""
 
 
+class HiddenModeError(InputError):
+    """A mode that is not stable, and that no control reaches or no measurement shows."""
+
+
 def checked(plant: StandardPlant) -> Scaled:
     """Test every assumption, and return the plant scaled and in continuous time.
 
     Raises
     ------
-    InputError
-        An assumption fails; the message names it, the mode, block or frequency, and a remedy.
+    HiddenModeError
+        The plant is not stabilisable or not detectable; the message names the mode.
+    SingularPlantError
+        Another assumption fails; the message names it, the block or frequency, and a remedy.
     """
     try:
         normal = normalised_plant(continuous(plant))
     except InputError as error:
         if not plant.dt:
             raise
-        raise InputError(
+        raise type(error)(
             f"{error} (of the sampled plant in s = (z - 1)/(z + 1), where D12 and D21 are the "
             "responses at z = -1)"
         ) from None
@@ -58,25 +69,25 @@ def checked(plant: StandardPlant) -> Scaled:
 
     hidden = _unreached(small.A, small.B2)
     if hidden is not None:
-        raise InputError(
+        raise HiddenModeError(
             f"(A, B2) is not stabilisable: no control reaches the mode {at(hidden)}; weights must "
             "be stable, their integrators moved a little to the left"
         )
     hidden = _unreached(small.A.T, small.C2.T)
     if hidden is not None:
-        raise InputError(
+        raise HiddenModeError(
             f"(C2, A) is not detectable: no measurement shows the mode {at(hidden)}; weights must "
             "be stable, their integrators moved a little to the left"
         )
     zeros = axis_zeros(small.A, small.B2, small.C1, small.D12)
     if zeros:
-        raise InputError(
+        raise SingularPlantError(
             "(A, B2, C1, D12), u -> z, has an invariant zero on the stability boundary, at "
             f"{at(1j * zeros[0].omega)}: weigh a signal that moves there, or ask regularised()"
         )
     zeros = axis_zeros(small.A.T, small.C2.T, small.B1.T, small.D21.T)
     if zeros:
-        raise InputError(
+        raise SingularPlantError(
             "(A, B1, C2, D21), w -> y, has an invariant zero on the stability boundary, at "
             f"{at(1j * zeros[0].omega)}: let a disturbance or noise act there, or ask regularised()"
         )

@@ -19,8 +19,9 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, slicot_routine, solve_conic
-from workbench.synthesis.h_infinity.methods import claimed
+from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.program import HinfSynthesis
+from workbench.synthesis.h_infinity.settling import Made, answered
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
@@ -39,7 +40,7 @@ TRACE_RATIO = 4.0
 
 def _unfit(program: HinfSynthesis) -> str | None:
     """Why the method cannot take the program; None where it can."""
-    states = program.scaled.plant.states
+    states = program.absorbed.plant.system.nstates
     if not states:
         return "it has no states"
     if states > MOST_STATES:
@@ -50,26 +51,34 @@ def _unfit(program: HinfSynthesis) -> str | None:
 @conic_method(HinfSynthesis, optimal=False, unfit=_unfit, accuracy=LMI_ACCURACY)
 def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
     """The LMIs of Gahinet and Apkarian, at 2e-3 above the least level (5e-2 where needed)."""
+    options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
+    return answered(
+        program, context, lambda normal: _made(normal, program.gamma, solver, options, context)
+    )
+
+
+def _made(
+    normal: Scaled, gamma: float | None, solver: ConicSolver, options: Options, context: Context
+) -> Made:
+    """A controller just above the least level, or of the level asked for."""
     import cvxpy as cp
 
-    normal = program.scaled
     plant = _weighed(normal.plant)
-    options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     with context.stating():
         statement = _Statement(plant)
     held = [*statement.constraints, statement.margin == 0]
     problem = cp.Problem(cp.Minimize(statement.gamma), held)
     outcome, said = solve_conic(problem, solver, options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
-        return None, outcome, said
+        return Made(None, outcome=outcome, said=said)
     least = float(statement.gamma.value)
-    if program.gamma is None:
+    if gamma is None:
         levels = [least * (1.0 + step) for step in LEVEL_RISES]
-    elif program.gamma > least:
-        levels = [program.gamma]
+    elif gamma > least:
+        levels = [gamma]
     else:
-        message = f"{said}: it finds none with a norm below {least:.6g}, asked {program.gamma:.6g}"
-        return None, Outcome.INFEASIBLE, message
+        message = f"{said}: it finds none with a norm below {least:.6g}, asked {gamma:.6g}"
+        return Made(None, outcome=Outcome.INFEASIBLE, said=message)
     for trial in context.track(levels, "levels"):
         outcome, said = _centred(statement, trial, solver, options, context)
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
@@ -81,10 +90,10 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
             said = f"{said}; {error}"
             continue
         if size <= trial:
-            none_below = least if program.gamma is None else math.nan
-            return claimed(program, K, size, trial, said, none_below)
+            none_below = least if gamma is None else math.nan
+            return Made(K, size, trial, none_below, said=said)
         said = f"{said}; the loop of level {trial:.6g} has norm {size:.6g}"
-    return None, Outcome.FAILED, said
+    return Made(None, outcome=Outcome.FAILED, said=said)
 
 
 def _weighed(plant: StandardPlant) -> StandardPlant:

@@ -25,8 +25,9 @@ from workbench.input_checks import is_real
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.h_infinity.levels import LARGEST_LEVEL
-from workbench.synthesis.h_infinity.methods import LEVEL_ACCURACY, claimed, distance
+from workbench.synthesis.h_infinity.methods import LEVEL_ACCURACY, distance
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.settling import Made, claimed
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous, to_continuous
 from workbench.systems.conversion import as_system, as_weight
@@ -208,7 +209,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
         return None, Outcome.FAILED, f"{said}; {error}"
     K = rate * Ak, -root * Bk, root * Ck, -Dk  # negative feedback
     size = norm(continuous(standard_plant(program.plant)).close(K))
-    return claimed(program, K, size, gamma, said)
+    return claimed(program, Made(K, size, gamma, said=said))
 
 
 def _solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:

@@ -13,6 +13,7 @@ from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.h_infinity.absorbed import between_poles
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.systems.connection import generalised_plant
@@ -79,8 +80,9 @@ class MixedSensitivity(HinfSynthesis):
         found = super().checks(answer, tolerance)
         if len(found) == 1:  # K does not fit
             return found
-        omega = grid(self.plant.close(answer.K))
-        size = np.linalg.norm(self._formula(answer.K, omega), 2, axis=(-2, -1))
+        K = self.absorbed.whole(answer.K)
+        omega = between_poles(grid(self.absorbed.plant.close(answer.K)), self.plant, K)
+        size = np.linalg.norm(self._formula(K, omega), 2, axis=(-2, -1))
         excess, where = worst(
             size / answer.norm - 1.0, lambda index: f"at {omega[index[0]]:.6g} rad/s"
         )

@@ -21,6 +21,10 @@ SINGULAR_CONDITION = 1e12
 """Condition number above which the loop through D22 and the controller counts as singular."""
 
 
+class SingularPlantError(InputError):
+    """The plant misses an assumption that a small perturbation makes it meet."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scaled:
     """A continuous plant with D12 = [0; I], D21 = [0 I], D22 = 0, and with scaled states and time.
@@ -67,9 +71,10 @@ def normalised_plant(plant: StandardPlant) -> Scaled:
 
     Raises
     ------
+    SingularPlantError
+        D12 does not have full column rank, or D21 does not have full row rank.
     InputError
-        D12 does not have full column rank, D21 does not have full row rank, or an unstable mode is
-        hidden.
+        An unstable mode is hidden.
     """
     turn_z, control = _normalising(plant.D12, "D12")
     turn_w, measurement = _normalising(plant.D21.T, "D21")
@@ -92,7 +97,7 @@ def normalised_plant(plant: StandardPlant) -> Scaled:
 def _normalising(D12: RealArray, name: str) -> tuple[RealArray, RealArray]:
     """An orthogonal Q and an S with Q^T D12 S = [0; I]; `name` is for messages."""
     if not has_rank(D12):
-        raise InputError(rank_advice(name, D12))
+        raise SingularPlantError(rank_advice(name, D12))
     # Scale first: very different units of signals would lose small singular values in rounding.
     sizes = np.linalg.norm(D12, axis=0)
     U, values, Vh = np.linalg.svd(D12 / sizes)

@@ -21,8 +21,9 @@ from workbench.second_opinion import loops
 from workbench.solution import solve
 from workbench.solvers import Options
 from workbench.synthesis.h_infinity import figures as drawn
-from workbench.synthesis.h_infinity.assumptions import checked
-from workbench.synthesis.h_infinity.normalised import Scaled
+from workbench.synthesis.h_infinity.absorbed import Absorbed, absorbed, between_poles, loop_gains
+from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked
+from workbench.synthesis.h_infinity.normalised import Scaled, SingularPlantError
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
@@ -82,7 +83,11 @@ class HinfSynthesis(Program):
     plant
         Perturbation channels, where the plant has any, count as exogenous and performance. Hidden
         unstable states are removed where they are copies of other states, as when a system occurs
-        twice in a connection.
+        twice in a connection. Where D12 or D21 lacks rank, or there are zeros on the stability
+        boundary, methods perturb the plant a little; the certificate is about the plant given.
+        Modes on the boundary that no measurement shows, as of a weight that integrates, are
+        cancelled by poles of the controller (`HinfController.whole`) where a measurement drives
+        them; the certificate is then about the loop without them.
     gamma
         The level asked for; None: the least level. Methods keep a distance of 1e-3 above it, since
         controllers at the least level have poles at infinity.
@@ -90,8 +95,8 @@ class HinfSynthesis(Program):
     Raises
     ------
     InputError
-        The plant does not meet the standard assumptions (see `assumptions.checked`), is not finite
-        or lacks signals; or gamma is not positive and finite.
+        The plant is not stabilisable or not detectable by a mode that the controller cannot share
+        with a weight, is not finite or lacks signals; or gamma is not positive and finite.
 
     References
     ----------
@@ -139,12 +144,29 @@ class HinfSynthesis(Program):
                 f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
             )
         object.__setattr__(self, "plant", visible(self.plant))
-        _ = self.scaled  # this tests every assumption
+        _ = self._tested
 
     @cached_property
-    def scaled(self) -> Scaled:
-        """The scaled continuous-time plant that methods use."""
-        return checked(standard_plant(self.plant))
+    def _tested(self) -> tuple[Absorbed, Scaled | None]:
+        """The plant without modes that the controller shares, and scaled where it is regular."""
+        try:
+            return Absorbed(self.plant), checked(standard_plant(self.plant))
+        except (HiddenModeError, SingularPlantError):
+            remaining = absorbed(self.plant)
+        try:
+            return remaining, checked(standard_plant(remaining.plant))
+        except SingularPlantError:
+            return remaining, None
+
+    @property
+    def absorbed(self) -> Absorbed:
+        """The plant that K closes: the given one, without modes that the controller shares."""
+        return self._tested[0]
+
+    @property
+    def scaled(self) -> Scaled | None:
+        """The scaled continuous-time plant that methods use; None where it must be perturbed."""
+        return self._tested[1]
 
     # --- objective ----------------------------------------------------------------------------
 
@@ -161,7 +183,8 @@ class HinfSynthesis(Program):
 
     def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
         K = answer.K
-        needed = (self.plant.controls, self.plant.measurements)
+        plant = self.absorbed.plant
+        needed = (plant.controls, plant.measurements)
         fits = (K.noutputs, K.ninputs) == needed
         found = [
             Check(
@@ -173,7 +196,7 @@ class HinfSynthesis(Program):
         ]
         if not fits:
             return found
-        loop = self.plant.close(K)
+        loop = plant.close(K)
         stability = stability_of(loop)
         found.append(stability)
         size = certified_norm(loop) if stability.holds else np.inf
@@ -199,7 +222,8 @@ class HinfSynthesis(Program):
         return found
 
     def second_opinion(self, answer: HinfController) -> list[Check]:
-        loop, plant, K = self.plant.close(answer.K), self.plant.system, answer.K
+        K, plant = answer.K, self.absorbed.plant.system
+        loop = self.absorbed.plant.close(K)
         claimed, proven = (
             (1 + CLAIM_TOLERANCE) * norm for norm in (answer.norm, certified_norm(loop))
         )
@@ -210,26 +234,54 @@ class HinfSynthesis(Program):
             sampled,
             replace(sampled, name="sampled plants under the certified norm", value=over_proven),
             *loops.in_time(loop, None, claimed),
+            *([self._shared(answer)] if self.absorbed.copies else []),
         ]
 
+    def _shared(self, answer: HinfController) -> Check:
+        """The loop of the given plant and the whole controller, neither of which is certified."""
+        omega = drawn.grid(self.absorbed.plant.close(answer.K))
+        omega = between_poles(omega, self.plant, answer.lti)
+        size = loop_gains(self.plant, answer.lti, omega)
+        statement = "largest response of the given plant with the whole controller over the norm"
+        value = excess(float(size.max()), answer.norm)
+        over = f"at {omega.size} frequencies"
+        return Check("whole", f"{statement}, less 1", value, CLAIM_TOLERANCE, over=over)
+
     def facts(self, answer: HinfController) -> Sequence[str]:
-        crossover = highest_crossover(self.plant.controlled(), answer.K)
-        return [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
+        crossover = highest_crossover(self.absorbed.plant.controlled(), answer.K)
+        said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
+        if self.absorbed.poles:
+            poles = ", ".join(f"{pole:.4g}" for pole in self.absorbed.poles)
+            said.append(
+                f"shared with the controller: {poles}, poles on the stability boundary of the "
+                "plant, taken for those of weights; stability is that of the loop without them"
+            )
+        return said
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
         return {
             "norm": answer.norm,
             "gamma": answer.gamma,
-            "order": float(answer.K.nstates),
-            "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
+            "order": float(self._whole(answer).nstates),
+            "crossover_hz": highest_crossover(self.absorbed.plant.controlled(), answer.K),
             "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
             "stable_controller": float(stability_of(answer.K).holds),
         }
 
+    def _whole(self, answer: HinfController) -> StateSpace:
+        """The controller with the poles that it shares with weights."""
+        return self.absorbed.whole(answer.K)
+
+    def witnessed(self, answer: HinfController) -> HinfController:
+        """The answer with the controller of the given plant, where K leaves shared poles out."""
+        if not self.absorbed.copies:
+            return answer
+        return replace(answer, whole=self.plant.named(self._whole(answer)))
+
     # --- datasets and figures -----------------------------------------------------------------
 
     def figures(self, answer: HinfController) -> dict[str, Figure]:
-        closed = self.plant.close(answer.K)
+        closed = self.absorbed.plant.close(answer.K)
         return {
             "loop": drawn.loop(closed, answer.gamma),
             "controller": drawn.controller(answer.K, closed),
@@ -251,7 +303,7 @@ class HinfSynthesis(Program):
 
     def from_dataset(self, data: Dataset) -> HinfController:
         numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
-        K = self.plant.named(restored(data, "controller"))
+        K = self.absorbed.plant.named(restored(data, "controller"))
         return self.witnessed(HinfController(K, *numbers))
 
 

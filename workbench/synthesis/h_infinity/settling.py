@@ -1,0 +1,183 @@
+"""A method's controller for the plant itself, which may be perturbed until the norm settles.
+
+A method answers a scaled plant that meets the assumptions. Where the given plant does not, the
+method answers perturbed ones. Each controller is judged by its loop with the given plant alone, so
+nothing of a perturbation enters the answer; no lower bound is claimed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.certify.norms import NORM_TOLERANCE, certified_norm
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.program import Claim
+from workbench.solvers import Outcome
+from workbench.synthesis.h_infinity.levels import (
+    CANCELLED_SHARE,
+    NEGLIGIBLE_LEVEL,
+    without_control,
+)
+from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
+from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.singular import made_regular, wholly_perturbed
+from workbench.systems.bilinear import continuous, to_sampled
+from workbench.systems.norms import norm
+from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.standard_plant import StandardPlant, standard_plant
+
+NEGLIGIBLE_NORM = 1e-3
+"""A norm of the loop below this share of the least level consists of rounding errors."""
+CANCELLED_CLAIM = 1e-8
+"""Share of w -> z without K that is claimed as norm where K cancels it up to rounding."""
+SIZES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+"""Sizes of perturbations, tried one after another."""
+SETTLED_FALL = 1e-3
+"""The norm is settled where the next smaller perturbation lowers it by at most this share ..."""
+SETTLED_DISTANCE = 1e-2
+"""... and the perturbed loop's level is at most this share above it."""
+
+
+class Made(NamedTuple):
+    """What a method makes of a scaled plant: a controller of the plant in its own units, or none.
+
+    ``size`` is the norm of its loop, ``gamma`` its level, ``least`` a level that no controller
+    reaches. ``said`` is the message so far.
+    """
+
+    K: Matrices | None
+    size: float = math.nan
+    gamma: float = math.nan
+    least: float = math.nan
+    outcome: Outcome = Outcome.SOLVED
+    said: str = ""
+
+
+Step = Callable[[Scaled], Made]
+"""A method as a function of a scaled plant."""
+
+
+def answered(program: HinfSynthesis, context: Context, step: Step) -> Claim:
+    """The claim of a method for the plant, or for perturbed ones where it must be perturbed."""
+    normal = program.scaled
+    return settled(program, context, step) if normal is None else claimed(program, step(normal))
+
+
+def claimed(program: HinfSynthesis, made: Made) -> Claim:
+    """The claim for a controller of the plant as it is; no answer unless it stabilises."""
+    K, size, gamma, least, outcome, said = made
+    if K is None:
+        return None, outcome, said
+    if not np.isfinite(size):
+        return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
+    # Where signals cancel, the remaining norm is a rounding error that cannot be claimed.
+    open_loop = without_control(program.scaled.plant) if program.scaled else 0.0
+    if program.gamma is None and size < NEGLIGIBLE_NORM * gamma:
+        size = gamma
+    elif size < CANCELLED_SHARE * open_loop:
+        size = min(gamma, CANCELLED_CLAIM * open_loop)
+    try:
+        K_found = _realised(program, K)
+    except np.linalg.LinAlgError:
+        return None, Outcome.FAILED, f"{said}; the sampled controller found is not causal"
+    # The realised loop may differ from the scaled one that gave the size: the kernel has its norm.
+    proven = _proven(program, K_found)
+    if np.isfinite(proven) and proven > (1 + CLAIM_TOLERANCE) * size:
+        size, gamma = proven, max(gamma, proven)
+    if least > (1 + CLAIM_TOLERANCE) * size:
+        said, least = f"{said}; its least level {least:.6g} is refuted by this loop", math.nan
+    return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
+
+
+def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
+    """The claim for the best controller of perturbed plants, by its loop with the plant itself."""
+    tried: list[HinfController] = []
+    said = "no perturbation was tried"
+    for number in context.rounds(len(SIZES), "sizes of the perturbation"):
+        size = SIZES[number]
+        found, said = _found(program, step, size)
+        if found is None:
+            if tried:
+                break
+            continue
+        context.record({"perturbation": size, "norm": found.norm, "level": found.gamma})
+        tried.append(found)
+        if program.gamma is not None or _is_settled(program, tried):
+            break
+    best = _best_proven(program, tried)
+    if best is None:
+        return None, Outcome.FAILED, f"the perturbed plant has no controller: {said}"
+    return best, Outcome.SOLVED, "the plant was perturbed; no lower bound of the norm is known"
+
+
+def _is_settled(program: HinfSynthesis, tried: list[HinfController]) -> bool:
+    """Whether a smaller perturbation changes little, or the norm is negligible."""
+    last = tried[-1]
+    if last.norm <= NEGLIGIBLE_LEVEL * without_control(_perturbed(program, SIZES[0], False).plant):
+        return True
+    near = last.gamma <= (1.0 + SETTLED_DISTANCE) * last.norm
+    return near and len(tried) > 1 and last.norm >= (1.0 - SETTLED_FALL) * tried[-2].norm
+
+
+def _given(program: HinfSynthesis) -> StandardPlant:
+    """The plant itself, in continuous time."""
+    return continuous(standard_plant(program.absorbed.plant))
+
+
+def _perturbed(program: HinfSynthesis, size: float, wholly: bool) -> Scaled:
+    return normalised_plant((wholly_perturbed if wholly else made_regular)(_given(program), size))
+
+
+def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[HinfController | None, str]:
+    """A controller of a perturbed plant, with its norm for the plant itself, and a message.
+
+    Rounding may spoil the Riccati equations of a plant that is only perturbed where it must be.
+    """
+    said = ""
+    for wholly in (False, True):
+        try:
+            made = step(_perturbed(program, size, wholly))
+            if made.K is None:
+                said = made.said
+                continue
+            reached = norm(_given(program).close(made.K), NORM_TOLERANCE)
+            K = _realised(program, made.K)
+        except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
+            said = " ".join(str(error).split())
+            continue
+        if reached <= (made.gamma if program.gamma is None else program.gamma):
+            return HinfController(K, reached, made.gamma), made.said
+        said = f"the loop of a perturbed plant of level {made.gamma:.6g} has norm {reached:.6g}"
+    return None, said
+
+
+def _best_proven(program: HinfSynthesis, tried: list[HinfController]) -> HinfController | None:
+    """The controller of least norm, as the kernel proves it for the plant itself."""
+    best: HinfController | None = None
+    for one in sorted(tried, key=lambda each: each.norm):
+        if best is not None and best.norm <= one.norm:
+            break
+        proven = _proven(program, one.K)
+        if np.isfinite(proven) and (best is None or proven < best.norm):
+            best = HinfController(one.K, proven, program.gamma or max(proven, one.gamma))
+    return best
+
+
+def _realised(program: HinfSynthesis, K: Matrices) -> StateSpace:
+    """A controller found in continuous time, in the time of the plant and with its names."""
+    plant = program.absorbed.plant
+    dt = float(plant.system.dt or 0.0)
+    return plant.named(realisation(to_sampled(K) if dt else K, dt))
+
+
+def _proven(program: HinfSynthesis, K: StateSpace) -> float:
+    """The certified norm of the loop, infinite where it is not stable."""
+    loop = program.absorbed.plant.close(K)
+    return certified_norm(loop) if stability_of(loop).holds else math.inf
