@@ -22,28 +22,21 @@ B. A. Francis, W. M. Wonham, The internal model principle of control theory, Aut
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space, schur, solve_continuous_are
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError
-from workbench.systems.balancing import axis_rounding, balanced, integrators_first, speed
+from workbench.synthesis.h_infinity.shared_poles import HiddenPoleError, Shared, shown
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
-HIDDEN_SHARE = 1e-11
-"""Singular values below this share of the largest, in balanced units, count as zero."""
-AXIS_SHARE = 1e-8
-"""A hidden mode lies on the axis if its real part is at most this share of its size."""
 POLE_DISTANCE = 1e-5
 """Share of a frequency within which a pole spoils responses by cancellation."""
-DRIVEN_SHARE = 1e-9
-"""Largest share of what drives a mode that may be neither a measurement nor a control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +68,13 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
         can share; the message says which, and why.
     """
     given = standard_plant(plant)
-    seen, measured, shown = _absorbed(continuous(given), given.dt, "measurement")
-    reached, controlled, driven = _absorbed(seen.dual, given.dt, "control")
-    if measured is None and controlled is None:
+    seen = _shown(continuous(given), given.dt, "measurement")
+    reached = _shown(seen.plant.dual, given.dt, "control")
+    poles = seen.poles + reached.poles
+    if not poles:
         return Absorbed(plant)
-    copies = (measured, None if controlled is None else controlled.dual)
-    parts = reached.dual
+    copies = (seen.copy, None if reached.copy is None else reached.copy.dual)
+    parts = reached.plant.dual
     matrices = (parts.A, parts.B, parts.C, parts.D)
     system = realisation(
         to_sampled(matrices) if given.dt else matrices,
@@ -91,7 +85,7 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
     return Absorbed(
         GeneralisedPlant(system, plant.structure, plant.controls, plant.measurements),
         tuple(_system(copy, given.dt) for copy in copies if copy is not None),
-        (*shown, *driven),
+        tuple(_place(pole, given.dt) for pole in poles),
     )
 
 
@@ -120,146 +114,6 @@ def _system(copy: StandardPlant, dt: float) -> GeneralisedPlant:
     return GeneralisedPlant(system, None, copy.controls, copy.measurements)
 
 
-def _absorbed(
-    plant: StandardPlant, dt: float, through: str
-) -> tuple[StandardPlant, StandardPlant | None, tuple[complex, ...]]:
-    """A continuous plant whose measurements show every mode on the axis, the copy, its poles.
-
-    `dt` is that of the given plant and `through` what is transposed, both for messages.
-    """
-    rate = speed(plant.A, plant.B, plant.C)
-    root = np.sqrt(rate)
-    A, B, C = balanced(plant.A / rate, plant.B / root, plant.C / root)
-    scaled = replace(plant, A=A, B=B, C=C)
-    V = _hidden_axis_modes(scaled, rate, dt, through)
-    if not V.shape[1]:
-        return plant, None, ()
-    Lambda = V.T @ A @ V
-    poles = tuple(_place(pole * rate, dt) for pole in np.linalg.eigvals(Lambda).astype(complex))
-    found = _driven(scaled, V)
-    if found is None:
-        raise HiddenModeError(_refusal(through, poles[0], dt))
-    W, T, L, M = found
-    # Only the part that y and u reach leaves 0.
-    R = _orthogonal(_unobservable(Lambda.T, np.hstack([L, M]).T), len(Lambda))
-    V_r, Lambda, L, M = V @ R, R.T @ Lambda @ R, R.T @ L, R.T @ M
-    q, x = len(Lambda), W.shape[1]
-    C1 = np.hstack([scaled.C1 @ V_r, scaled.C1 @ W - scaled.C1 @ V @ T])
-    if _unobservable(Lambda.T, L.T).shape[1]:
-        raise HiddenModeError(_refusal(through, poles[0], dt))
-    Lambda, columns, C_r = balanced(Lambda, np.hstack([L, M]), C1[:, :q])
-    L, M = columns[:, : L.shape[1]], columns[:, L.shape[1] :]
-    C1 = np.hstack([C_r, C1[:, q:]])
-    F = L.T @ solve_continuous_are(Lambda, L, np.eye(q), np.eye(L.shape[1]))
-    C2, D21, D22 = scaled.C2 @ W, plant.D21, plant.D22
-    states = np.block([[Lambda, L @ C2], [np.zeros((x, q)), W.T @ A @ W]])
-    entering = np.block([[L @ D21, L @ D22 + M], [W.T @ scaled.B1, W.T @ scaled.B2]])
-    leaving = np.block([[C1], [F, C2]])
-    shown = replace(plant, A=rate * states, B=root * entering, C=root * leaving)
-    p, m = L.shape[1], M.shape[1]
-    copy = StandardPlant(
-        rate * Lambda,
-        root * np.hstack([L, M]),
-        root * np.vstack([np.zeros((m, q)), F]),
-        np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), np.zeros((p, m))]]),
-        m,
-        p,
-    )
-    return shown, copy, poles
-
-
-def _hidden_axis_modes(plant: StandardPlant, rate: float, dt: float, through: str) -> RealArray:
-    """Orthonormal basis (n, q) of the modes on the axis that no measurement shows."""
-    A = plant.A
-    N = _unobservable(A, plant.C2)
-    if not N.shape[1]:
-        return N
-    hidden = N.T @ A @ N
-    Q, T, k = integrators_first(hidden, axis_rounding(hidden))
-    rest = T[k:, k:]
-
-    def beyond(real: float, imag: float = 0.0) -> bool:
-        return real >= -AXIS_SHARE * abs(complex(real, imag)) - axis_rounding(hidden)
-
-    if len(rest):
-        _, turn, more = schur(rest, sort=beyond)
-        Q[:, k:] = Q[:, k:] @ turn
-        k += more
-    V: RealArray = N @ Q[:, :k]
-    for mode in np.linalg.eigvals((V.T @ A @ V)[len(T) - len(rest) :, len(T) - len(rest) :]):
-        if mode.real > AXIS_SHARE * abs(mode) + axis_rounding(hidden):
-            where = _place(complex(mode) * rate, dt)
-            raise HiddenModeError(
-                f"{_fails(through)} the unstable mode {_said(where, dt)}; weights must be stable, "
-                "but for poles on the stability boundary"
-            )
-    return V
-
-
-def _driven(
-    plant: StandardPlant, V: RealArray
-) -> tuple[RealArray, RealArray, RealArray, RealArray] | None:
-    """W, T, L, M for which V^T x + T W^T x is driven by L y + M u; None where there are none.
-
-    W is an orthonormal basis of the other states.
-    """
-    W = _orthogonal(V, plant.states)
-    Lambda, across, inner = V.T @ plant.A @ V, V.T @ plant.A @ W, W.T @ plant.A @ W
-    q, x = V.shape[1], W.shape[1]
-    wanted = np.hstack([across, V.T @ plant.B1])
-    shown = np.hstack([plant.C2 @ W, plant.D21])
-    size = np.linalg.norm(wanted) + np.linalg.norm(Lambda)
-    # The simplest first: the mode itself is driven by measurements.
-    T = np.zeros((q, x))
-    L = np.linalg.lstsq(shown.T, wanted.T, rcond=HIDDEN_SHARE)[0].T
-    if not np.linalg.norm(wanted - L @ shown) <= DRIVEN_SHARE * size:
-        turned = np.hstack([inner, W.T @ plant.B1])
-        kept = np.hstack([np.eye(x), np.zeros((x, plant.B1.shape[1]))])
-        # wanted + T turned - Lambda T kept = L shown, in rows stacked one after another.
-        one = np.eye(q)
-        columns = np.hstack(
-            [np.kron(one, shown.T), np.kron(Lambda, kept.T) - np.kron(one, turned.T)]
-        )
-        solution = np.linalg.lstsq(columns, wanted.ravel(), rcond=HIDDEN_SHARE)[0]
-        L, T = solution[: q * len(shown)].reshape(q, -1), solution[q * len(shown) :].reshape(q, x)
-        missed = wanted + T @ turned - Lambda @ T @ kept - L @ shown
-        if not np.linalg.norm(missed) <= DRIVEN_SHARE * (size + np.linalg.norm(T)):
-            return None
-    L = np.where(np.abs(L) * np.linalg.norm(shown, axis=1) > DRIVEN_SHARE * size, L, 0.0)
-    M = np.asarray(V.T @ plant.B2 + T @ W.T @ plant.B2 - L @ plant.D22)
-    M[np.abs(M) <= DRIVEN_SHARE * np.linalg.norm(plant.B2)] = 0.0
-    return W, T, L, M
-
-
-def _unobservable(A: RealArray, C: RealArray) -> RealArray:
-    """Orthonormal basis (n, k) of the states that C exp(A t) does not show."""
-    size = max(float(np.linalg.norm(A)), float(np.linalg.norm(C)))
-    N = np.eye(len(A))
-    shown = C
-    while N.shape[1]:
-        kept = _null(shown @ N, HIDDEN_SHARE * size)
-        if kept.shape[1] == N.shape[1]:
-            return N
-        N = N @ kept
-        shown = A - N @ (N.T @ A)  # what leaves the space of N
-    return N
-
-
-def _null(M: RealArray, small: float) -> RealArray:
-    """Orthonormal basis of what M takes to 0; unit vectors where it is spanned by such."""
-    zero = np.abs(M).max(axis=0, initial=0.0) <= small
-    _, values, Vh = np.linalg.svd(M)
-    rank = int((values > small).sum())
-    if int(zero.sum()) == M.shape[1] - rank:
-        return np.eye(M.shape[1])[:, zero]
-    return np.asarray(Vh[rank:].T)
-
-
-def _orthogonal(V: RealArray, n: int) -> RealArray:
-    """Orthonormal basis of what is orthogonal to the columns of V (n, k)."""
-    return null_space(V.T) if V.shape[1] else np.eye(n)
-
-
 def _place(pole: complex, dt: float) -> complex:
     """A pole of the transformed plant, in the plane of the given one."""
     return complex((1 + pole) / (1 - pole)) if dt else complex(pole)
@@ -269,21 +123,24 @@ def _said(pole: complex, dt: float) -> str:
     return f"z = {pole:.6g}" if dt else f"{pole:.6g} rad/s"
 
 
-def _fails(through: str) -> str:
+def _shown(plant: StandardPlant, dt: float, through: str) -> Shared:
+    """As `shown`; `dt` and what the given plant is shown `through` are for messages."""
+    try:
+        return shown(plant)
+    except HiddenPoleError as error:
+        where, unstable = _said(_place(error.pole, dt), dt), error.unstable
     if through == "measurement":
-        return "(C2, A) is not detectable: no measurement shows"
-    return "(A, B2) is not stabilisable: no control reaches"
-
-
-def _refusal(through: str, pole: complex, dt: float) -> str:
-    if through == "measurement":
-        why = (
-            "no measurement drives it alone, so no controller can hold it in place of a weight: "
-            "weigh a signal that is measured, or move the pole to the left"
-        )
+        fails = "(C2, A) is not detectable: no measurement shows the mode"
+        why = "no measurement drives it alone"
+        remedy = "weigh a signal that is measured, or move the pole to the left"
     else:
-        why = (
-            "its effect is not that of a control, so no controller can hold it in place of a "
-            "weight: move the pole to the left"
+        fails = "(A, B2) is not stabilisable: no control reaches the mode"
+        why = "its effect is not that of a control"
+        remedy = "move the pole to the left"
+    if unstable:
+        raise HiddenModeError(
+            f"{fails} {where}; weights must be stable, but for poles on the stability boundary"
         )
-    return f"{_fails(through)} the mode {_said(pole, dt)}, and {why}"
+    raise HiddenModeError(
+        f"{fails} {where}, and {why}, so no controller can hold it in place of a weight: {remedy}"
+    )

@@ -4,13 +4,14 @@ Tolerant Control of CD-players (2003), eq. 5.6, which weighs S and K S).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
+from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.absorbed import between_poles
@@ -32,8 +33,10 @@ class MixedSensitivity(HinfSynthesis):
     G
         StateSpace or TransferFunction from u to x.
     W_S, W_KS, W_T
-        Stable weights of the error, the control and the output: StateSpace, TransferFunction or
-        number. A weight with a single channel acts on every channel. None leaves the row out.
+        Weights of the error, the control and the output: StateSpace, TransferFunction or number.
+        A weight with a single channel acts on every channel. None leaves the row out. Weights are
+        stable, but W_S may have poles on the stability boundary, as an integrator or a resonator:
+        the controller then has them too (``answer.lti``), and the loop is stable without weights.
     gamma
         As in `HinfSynthesis`.
 
@@ -89,7 +92,12 @@ class MixedSensitivity(HinfSynthesis):
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
         over = f"at {omega.size} frequencies"
         limit = 2.0 * NORM_TOLERANCE
-        return [*found, Check("definition", statement, excess, limit, where, over=over)]
+        found.append(Check("definition", statement, excess, limit, where, over=over))
+        if self.absorbed.copies:
+            bare = _stack(self.G, {"S": as_weight(1.0, self.G.noutputs, "W_S")})
+            said = "stability without weights"
+            found.append(replace(stability_of(bare.close(K)), name=said))
+        return found
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
         """[W_S S; W_KS K S; W_T T] by its definition, from responses of G, K and the weights."""

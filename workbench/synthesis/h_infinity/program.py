@@ -250,7 +250,7 @@ class HinfSynthesis(Program):
     def facts(self, answer: HinfController) -> Sequence[str]:
         crossover = highest_crossover(self.absorbed.plant.controlled(), answer.K)
         said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
-        if self.absorbed.poles:
+        if self.absorbed.copies:
             poles = ", ".join(f"{pole:.4g}" for pole in self.absorbed.poles)
             said.append(
                 f"shared with the controller: {poles}, poles on the stability boundary of the "
