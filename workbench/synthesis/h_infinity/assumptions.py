@@ -8,6 +8,7 @@ Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -22,7 +23,7 @@ from workbench.synthesis.h_infinity.normalised import (
     has_rank,
     normalised_plant,
 )
-from workbench.systems.balancing import speed, state_units
+from workbench.systems.balancing import balanced, speed, state_units
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_response import frequency_response
@@ -60,38 +61,63 @@ def checked(plant: StandardPlant) -> Scaled:
         ) from None
     small = normal.plant
 
-    def at(place: complex) -> str:
-        """Text for a point of the scaled s plane in the plant's own s or z plane."""
-        if not plant.dt:
-            return f"{place * normal.rate:.6g} rad/s"
-        s = place * normal.rate
-        return f"z = {(1 + s) / (1 - s):.6g}"
-
-    hidden = _unreached(small.A, small.B2)
-    if hidden is not None:
-        raise HiddenModeError(
-            f"(A, B2) is not stabilisable: no control reaches the mode {at(hidden)}; weights must "
-            "be stable, their integrators moved a little to the left"
-        )
-    hidden = _unreached(small.A.T, small.C2.T)
-    if hidden is not None:
-        raise HiddenModeError(
-            f"(C2, A) is not detectable: no measurement shows the mode {at(hidden)}; weights must "
-            "be stable, their integrators moved a little to the left"
-        )
+    _need_stabilisable(small, normal.rate, plant.dt)
+    on_the_axis = "has an invariant zero on the stability boundary, at"
     zeros = axis_zeros(small.A, small.B2, small.C1, small.D12)
     if zeros:
+        where = _place(1j * zeros[0].omega * normal.rate, plant.dt)
         raise SingularPlantError(
-            "(A, B2, C1, D12), u -> z, has an invariant zero on the stability boundary, at "
-            f"{at(1j * zeros[0].omega)}: weigh a signal that moves there, or ask regularised()"
+            f"(A, B2, C1, D12), u -> z, {on_the_axis} {where}: weigh a signal that moves there, or "
+            "ask regularised()"
         )
     zeros = axis_zeros(small.A.T, small.C2.T, small.B1.T, small.D21.T)
     if zeros:
+        where = _place(1j * zeros[0].omega * normal.rate, plant.dt)
         raise SingularPlantError(
-            "(A, B1, C2, D21), w -> y, has an invariant zero on the stability boundary, at "
-            f"{at(1j * zeros[0].omega)}: let a disturbance or noise act there, or ask regularised()"
+            f"(A, B1, C2, D21), w -> y, {on_the_axis} {where}: let a disturbance or noise act there, "
+            "or ask regularised()"
         )
     return normal
+
+
+def scaled_if_regular(plant: StandardPlant) -> Scaled | None:
+    """As `checked`; None where only a perturbation makes the plant meet the assumptions."""
+    try:
+        return checked(plant)
+    except SingularPlantError:
+        need_stabilisable(plant)
+    return None
+
+
+def need_stabilisable(plant: StandardPlant) -> None:
+    """Raise HiddenModeError for a mode that no control stabilises or no measurement shows."""
+    given = continuous(plant)
+    rate = speed(given.A, given.B, given.C)
+    root = math.sqrt(rate)
+    A, B, C = balanced(given.A / rate, given.B / root, given.C / root)
+    _need_stabilisable(replace(given, A=A, B=B, C=C), rate, plant.dt)
+
+
+def _need_stabilisable(scaled: StandardPlant, rate: float, dt: float) -> None:
+    """As `need_stabilisable`, of a plant in balanced units; `rate` and `dt` are for messages."""
+    advice = "weights must be stable, their integrators moved a little to the left"
+    hidden = _unreached(scaled.A, scaled.B2)
+    if hidden is not None:
+        where = _place(hidden * rate, dt)
+        raise HiddenModeError(
+            f"(A, B2) is not stabilisable: no control reaches the mode {where}; {advice}"
+        )
+    hidden = _unreached(scaled.A.T, scaled.C2.T)
+    if hidden is not None:
+        where = _place(hidden * rate, dt)
+        raise HiddenModeError(
+            f"(C2, A) is not detectable: no measurement shows the mode {where}; {advice}"
+        )
+
+
+def _place(s: complex, dt: float) -> str:
+    """Text for a point of the transformed s plane in the plant's own s or z plane."""
+    return f"z = {(1 + s) / (1 - s):.6g}" if dt else f"{s:.6g} rad/s"
 
 
 def _unreached(A: RealArray, B: RealArray) -> complex | None:

@@ -22,8 +22,8 @@ from workbench.solution import solve
 from workbench.solvers import Options
 from workbench.synthesis.h_infinity import figures as drawn
 from workbench.synthesis.h_infinity.absorbed import Absorbed, absorbed, between_poles, loop_gains
-from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked
-from workbench.synthesis.h_infinity.normalised import Scaled, SingularPlantError
+from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
+from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
@@ -150,13 +150,10 @@ class HinfSynthesis(Program):
     def _tested(self) -> tuple[Absorbed, Scaled | None]:
         """The plant without modes that the controller shares, and scaled where it is regular."""
         try:
-            return Absorbed(self.plant), checked(standard_plant(self.plant))
-        except (HiddenModeError, SingularPlantError):
+            return Absorbed(self.plant), scaled_if_regular(standard_plant(self.plant))
+        except HiddenModeError:
             remaining = absorbed(self.plant)
-        try:
-            return remaining, checked(standard_plant(remaining.plant))
-        except SingularPlantError:
-            return remaining, None
+        return remaining, scaled_if_regular(standard_plant(remaining.plant))
 
     @property
     def absorbed(self) -> Absorbed:

@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import null_space, schur, solve_continuous_are
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.systems.balancing import axis_rounding, balanced, integrators_first, speed
+from workbench.systems.hidden_states import ZERO_ROUNDING
 from workbench.systems.standard_plant import StandardPlant
 
-HIDDEN_SHARE = 1e-11
-"""Singular values below this share of the largest, in balanced units, count as zero."""
 AXIS_SHARE = 1e-8
 """A hidden mode lies on the axis if its real part is at most this share of its size."""
 DRIVEN_SHARE = 1e-9
@@ -148,7 +147,7 @@ def _drives(plant: StandardPlant, V: RealArray, W: RealArray) -> Iterator[_Drive
             turn = np.kron(np.eye(q), turned[:, part].T)
             parts.append(np.kron(Lambda, kept[:, part].T) - turn)
         matrix = np.hstack(parts)
-        found = np.linalg.lstsq(matrix, into[:, part].ravel(), rcond=HIDDEN_SHARE)[0]
+        found = np.linalg.lstsq(matrix, into[:, part].ravel(), rcond=ZERO_ROUNDING * EPS)[0]
         size = float(np.linalg.norm(into) + np.linalg.norm(Lambda) * (1 + np.linalg.norm(found)))
         missed = np.linalg.norm(matrix @ found - into[:, part].ravel())
         if missed <= DRIVEN_SHARE * size:
@@ -166,11 +165,11 @@ def _cleared(M: RealArray, rows: RealArray, whole: float) -> RealArray:
 
 def _unobservable(A: RealArray, C: RealArray) -> RealArray:
     """Orthonormal basis (n, k) of the states that C exp(A t) does not show."""
-    size = max(float(np.linalg.norm(A)), float(np.linalg.norm(C)))
+    small = ZERO_ROUNDING * EPS * len(A) * float(max(np.linalg.norm(A), np.linalg.norm(C)))
     N = np.eye(len(A))
     shown = C
     while N.shape[1]:
-        kept = _null(shown @ N, HIDDEN_SHARE * size)
+        kept = _null(shown @ N, small)
         if kept.shape[1] == N.shape[1]:
             return N
         N = N @ kept
