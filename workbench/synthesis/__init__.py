@@ -6,15 +6,16 @@ from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.synthesis.designs import DESIGNS, DesignTask
-    from workbench.synthesis.h_infinity.assumptions import regularised
     from workbench.synthesis.h_infinity.gap_metric import gap_metric
+    from workbench.synthesis.h_infinity.hinf import hinf
     from workbench.synthesis.h_infinity.known_disturbance import (
         DisturbanceBound,
         known_disturbance_bound,
     )
     from workbench.synthesis.h_infinity.loop_shaping import LoopShaping
     from workbench.synthesis.h_infinity.mixed_sensitivity import MixedSensitivity
-    from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis, hinf
+    from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
+    from workbench.synthesis.h_infinity.singular_plants.regularised import regularised
     from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
     from workbench.synthesis.implementation.approximation import approximated, approximations
     from workbench.synthesis.implementation.continuation import continuous_time

@@ -27,8 +27,8 @@ from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion import loops
-from workbench.synthesis.h_infinity.assumptions import regularised
-from workbench.synthesis.h_infinity.program import hinf
+from workbench.synthesis.h_infinity.hinf import hinf
+from workbench.synthesis.h_infinity.singular_plants.regularised import regularised
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation

@@ -14,9 +14,9 @@ from workbench.certify.norms import NORM_TOLERANCE
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.h_infinity.absorbed import between_poles
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.singular_plants.absorbed import between_poles
 from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.generalised_plant import GeneralisedPlant, response

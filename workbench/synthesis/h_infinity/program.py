@@ -6,25 +6,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.program import Program
 from workbench.second_opinion import loops
-from workbench.solution import solve
-from workbench.solvers import Options
 from workbench.synthesis.h_infinity import figures as drawn
-from workbench.synthesis.h_infinity.absorbed import Absorbed, absorbed, between_poles, loop_gains
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
 from workbench.synthesis.h_infinity.normalised import Scaled
-from workbench.systems.conversion import as_system
+from workbench.synthesis.h_infinity.singular_plants.absorbed import (
+    Absorbed,
+    absorbed,
+    between_poles,
+    loop_gains,
+)
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
@@ -302,65 +304,3 @@ class HinfSynthesis(Program):
         numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
         K = self.absorbed.plant.named(restored(data, "controller"))
         return self.witnessed(HinfController(K, *numbers))
-
-
-def hinf(
-    plant: Any,
-    measurements: int | None = None,
-    controls: int | None = None,
-    *,
-    gamma: float | None = None,
-    method: str | None = None,
-    options: Options | None = None,
-) -> HinfController:
-    """The H-infinity controller u = K y (positive feedback) of a plant, certified.
-
-    Parameters
-    ----------
-    plant
-        `GeneralisedPlant`, or a StateSpace or TransferFunction whose last outputs are the
-        measurements and whose last inputs are the controls.
-    measurements, controls
-        Numbers of measurements and controls, for a StateSpace or TransferFunction only.
-    gamma
-        As in `HinfSynthesis`.
-    method
-        ``"riccati"`` (default), ``"sb10ad"`` or the name of a conic solver.
-
-    Raises
-    ------
-    InputError
-        As `HinfSynthesis`; numbers are missing, or given together with a GeneralisedPlant.
-    SolverError
-        No valid controller was found. The message says why; if gamma is too small, it gives the
-        least level.
-
-    Examples
-    --------
-    >>> import control
-    >>> from workbench.synthesis import hinf
-    >>> B, C, D = [[1.0, 0, 1]], [[1.0], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
-    >>> P = control.ss([[-1.0]], B, C, D)
-    >>> found = hinf(P, measurements=1, controls=1)
-    >>> bool(found.norm < 1), found.K.nstates
-    (True, 1)
-    """
-    import control
-
-    if isinstance(plant, control.StateSpace | control.TransferFunction):
-        if measurements is None or controls is None:
-            raise InputError(
-                f"a {type(plant).__name__} needs the numbers of measurements and controls"
-            )
-        plant = GeneralisedPlant(as_system(plant, "plant"), None, controls, measurements)
-    elif measurements is not None or controls is not None:
-        raise InputError(
-            "measurements and controls belong to a StateSpace or TransferFunction; the plant is "
-            f"{type(plant).__name__}"
-        )
-    solution = solve(HinfSynthesis(plant, gamma), method, options)
-    if solution.certificate is None:
-        raise SolverError(solution.message)
-    if not solution.certificate.valid:
-        raise SolverError("; ".join(solution.certificate.failures))
-    return solution.answer

@@ -27,7 +27,7 @@ from workbench.synthesis.h_infinity.levels import (
 )
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
-from workbench.synthesis.h_infinity.singular import made_regular, wholly_perturbed
+from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation

@@ -13,8 +13,8 @@ from workbench import figures
 from workbench.arrays import RealArray
 from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.structure import Structure
-from workbench.synthesis.h_infinity.assumptions import ADDED
 from workbench.synthesis.h_infinity.figures import grid
+from workbench.synthesis.h_infinity.singular_plants.regularised import ADDED
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart
 from workbench.systems.realisation import worst_pole

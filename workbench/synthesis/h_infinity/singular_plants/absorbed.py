@@ -29,7 +29,11 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError
-from workbench.synthesis.h_infinity.shared_poles import HiddenPoleError, Shared, shown
+from workbench.synthesis.h_infinity.singular_plants.shared_poles import (
+    HiddenPoleError,
+    Shared,
+    shown,
+)
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation

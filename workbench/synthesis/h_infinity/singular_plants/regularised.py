@@ -1,0 +1,191 @@
+"""Plants made regular by small signals of their own, for whoever wants to see what is added."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.input_checks import need_positive
+from workbench.synthesis.h_infinity.assumptions import checked
+from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
+from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
+from workbench.synthesis.h_infinity.singular_plants.perturbed import (
+    DEFAULT_SIZE,
+    made_regular,
+    wholly_perturbed,
+)
+from workbench.systems.balancing import speed, state_units
+from workbench.systems.bilinear import continuous, to_sampled
+from workbench.systems.conversion import need_plant
+from workbench.systems.frequency_response import frequency_response
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.standard_plant import StandardPlant, standard_plant
+
+ADDED = "regular_"
+"""How names of the signals begin that `regularised` adds."""
+
+
+def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> GeneralisedPlant:
+    """Add small exogenous inputs and performance outputs so that the plant meets the assumptions.
+
+    Where D12 lacks rank, every control becomes a performance output. Where D21 lacks rank, every
+    measurement gets noise. Both pass through a first-order high-pass whose corner is the plant's
+    fastest pole, so that they have no effect at low frequencies, where weights may integrate. For
+    each zero on the stability boundary, performance outputs show the states that move there
+    unseen, or disturbances move them (two for a zero other than 0).
+
+    The weight of u is `size` times the largest response of u -> z at the corner, the weight of the
+    noise `size` times the largest response of w -> y there. The outputs for a zero are `size` times
+    as large as the terms of z that cancel there; where none do, as the largest entry of C1 for
+    balanced states (1 if that is zero). The disturbances are as large by w -> y. The closed loop
+    contains the old channels, so its norm is at least theirs.
+
+    Where this is not enough, as with controls that do the same, all of these are weighed at every
+    frequency instead, and balanced states are shown and moved where there are zeros. A plant that
+    can be stabilised then meets the assumptions. Synthesis does so by itself; the plant is wanted
+    to see the perturbed problem.
+
+    The new signals come after the old exogenous inputs and performance outputs. Their names are
+    ``regular_u0`` (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
+
+    Raises
+    ------
+    InputError
+        `size` is not positive and finite; or as `standard_plant` and `continuous`.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import hinf, regularised
+    >>> from workbench.uncertainty import generalised_plant
+    >>> G = control.tf([1.0], [1.0, 1.0])
+    >>> plant = generalised_plant(
+    ...     [(G, "u", "x")],
+    ...     {"e": "r - x"},
+    ...     exogenous=["r"],
+    ...     performance=["e"],
+    ...     control="u",
+    ...     measurement="e",
+    ... )
+    >>> regular = regularised(plant)  # neither u nor noise stood in the plant
+    >>> regular.system.ninputs - plant.system.ninputs, bool(hinf(regular).norm <= 1.1)
+    (0, True)
+    """
+    need_plant(plant)
+    need_positive(size, "size")
+    found = plant
+    for larger in (_narrowly, _by(made_regular), _by(wholly_perturbed)):
+        try:
+            found = larger(plant, size)
+            checked(standard_plant(found))
+        except SingularPlantError:
+            continue
+        except InputError:  # not for want of signals, or the corner of the high-pass is a pole
+            if found is plant:
+                continue
+        break
+    return found
+
+
+def _narrowly(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
+    """The plant with signals at high frequencies and at zeros on the boundary, if needed."""
+    given = standard_plant(plant)
+    u, x_out = _additions(given, size)
+    y, x_in = _additions(given.dual, size)
+    a, b, c, d = _high_pass(given)
+    (z, w), m, p = given.D11.shape, given.controls, given.measurements
+    # Order of the states: plant, high-passes of the controls, high-passes of the noises.
+    states, k, j = given.states, len(u), len(y)
+    A = block_diag(given.A, a * np.eye(k), a * np.eye(j))
+    B = np.zeros((len(A), w + j + len(x_in) + m))
+    C = np.zeros((z + k + len(x_out) + p, len(A)))
+    D = np.zeros((len(C), B.shape[1]))
+    noise, rows = slice(w, w + j), slice(z, z + k)
+    B[:states, :w], B[:states, w + j : -m], B[:states, -m:] = given.B1, x_in.T, given.B2
+    C[:z, :states], C[z + k : -p, :states], C[-p:, :states] = given.C1, x_out, given.C2
+    D[:z, :w], D[:z, -m:], D[-p:, :w], D[-p:, -m:] = given.D11, given.D12, given.D21, given.D22
+    out, into = slice(states, states + k), slice(states + k, None)
+    B[out, -m:], C[rows, out], D[rows, -m:] = b * u, c * np.eye(k), d * u
+    B[into, noise], C[-p:, into], D[-p:, noise] = b * np.eye(j), c * y.T, d * y.T
+    return _named(plant, (A, B, C, D), j, k)
+
+
+def _by(
+    perturbed: Callable[[StandardPlant, float], StandardPlant],
+) -> Callable[[GeneralisedPlant, float], GeneralisedPlant]:
+    """A plant perturbed at every frequency, as a function of it and the size."""
+
+    def larger(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
+        given = continuous(standard_plant(plant))
+        found = perturbed(given, size)
+        matrices = (found.A, found.B, found.C, found.D)
+        new_rows, new_columns = len(found.C1) - len(given.C1), len(found.B1.T) - len(given.B1.T)
+        noises = given.measurements if new_columns and not has_rank(given.D21.T) else 0
+        costs = given.controls if new_rows and not has_rank(given.D12) else 0
+        return _named(plant, to_sampled(matrices) if plant.system.dt else matrices, noises, costs)
+
+    return larger
+
+
+def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -> GeneralisedPlant:
+    """A larger plant, whose first new inputs are noises and first new outputs costs of u."""
+    system = plant.system
+    inputs, outputs = list(system.input_labels), list(system.output_labels)
+    w, z = len(inputs) - plant.controls, len(outputs) - plant.measurements
+    rows, columns = larger[3].shape
+    entering = _names(noises, "y", columns - len(inputs))
+    leaving = _names(costs, "u", rows - len(outputs))
+    named = realisation(
+        larger,
+        float(system.dt or 0.0),
+        inputs=[*inputs[:w], *entering, *inputs[w:]],
+        outputs=[*outputs[:z], *leaving, *outputs[z:]],
+    )
+    return GeneralisedPlant(named, plant.structure, plant.controls, plant.measurements)
+
+
+def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
+    """Rows that make u and states performance outputs; no rows where not needed."""
+    n, m = given.states, given.controls
+    plant = continuous(given)
+    u = np.zeros((0, m))
+    if not has_rank(plant.D12):
+        M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
+        response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
+        u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
+    Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
+    rate = speed(plant.A, plant.B, plant.C)
+    # All channels count for the units, those of states that z does not show too.
+    factor = state_units(plant.A / rate, plant.B, plant.C)
+    A, B2 = plant.A * factor[:, None] / factor, plant.B2 * factor[:, None]
+    C1 = np.vstack([plant.C1 / factor, np.zeros((len(u), n))])
+    root = math.sqrt(rate)
+    zeros = axis_zeros(A / rate, B2 @ np.linalg.inv(R) / root, C1 / root, Q)
+    rows = [size * root * zero.outputs * factor for zero in zeros]
+    return u, np.vstack([np.zeros((0, n)), *rows])
+
+
+def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
+    """A, B, C, D of s / (s + c) with c the size of the plant's fastest pole."""
+    corner = _fastest(continuous(given).A)
+    one = np.eye(1)
+    parts: Matrices = (-corner * one, corner * one, -one, one)
+    a, b, c, d = (float(part[0, 0]) for part in (to_sampled(parts) if given.dt else parts))
+    return a, b, c, d
+
+
+def _fastest(A: RealArray) -> float:
+    """The magnitude of the largest pole [rad/s]; 1 where all are 0."""
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
+
+
+def _names(first: int, kind: str, count: int) -> list[str]:
+    """Names of added signals: ``first`` of a kind, the others of states."""
+    named = [f"{ADDED}{kind}{i}" for i in range(first)]
+    return [*named, *(f"{ADDED}x{i}" for i in range(count - first))]
