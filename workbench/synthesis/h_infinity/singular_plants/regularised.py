@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
-from workbench.errors import InputError
 from workbench.input_checks import need_positive
-from workbench.synthesis.h_infinity.assumptions import checked
+from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
+from workbench.synthesis.h_infinity.levels import MIDDLE_POINT
 from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
 from workbench.synthesis.h_infinity.singular_plants.perturbed import (
     DEFAULT_SIZE,
@@ -27,6 +26,8 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
+NEAR_CORNER = 1e-9
+"""Share of the fastest pole's size within which it counts as a pole on the axis."""
 ADDED = "regular_"
 """How names of the signals begin that `regularised` adds."""
 
@@ -79,17 +80,14 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     """
     need_plant(plant)
     need_positive(size, "size")
-    found = plant
-    for larger in (_narrowly, _by(made_regular), _by(wholly_perturbed)):
+    found = _narrowly(plant, size)
+    for more in (made_regular, wholly_perturbed):
         try:
-            found = larger(plant, size)
             checked(standard_plant(found))
         except SingularPlantError:
-            continue
-        except InputError:  # not for want of signals, or the corner of the high-pass is a pole
-            if found is plant:
-                continue
-        break
+            found = _perturbed(plant, more(continuous(standard_plant(plant)), size))
+        except HiddenModeError:  # not for want of signals
+            pass
     return found
 
 
@@ -116,21 +114,14 @@ def _narrowly(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     return _named(plant, (A, B, C, D), j, k)
 
 
-def _by(
-    perturbed: Callable[[StandardPlant, float], StandardPlant],
-) -> Callable[[GeneralisedPlant, float], GeneralisedPlant]:
-    """A plant perturbed at every frequency, as a function of it and the size."""
-
-    def larger(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
-        given = continuous(standard_plant(plant))
-        found = perturbed(given, size)
-        matrices = (found.A, found.B, found.C, found.D)
-        new_rows, new_columns = len(found.C1) - len(given.C1), len(found.B1.T) - len(given.B1.T)
-        noises = given.measurements if new_columns and not has_rank(given.D21.T) else 0
-        costs = given.controls if new_rows and not has_rank(given.D12) else 0
-        return _named(plant, to_sampled(matrices) if plant.system.dt else matrices, noises, costs)
-
-    return larger
+def _perturbed(plant: GeneralisedPlant, larger: StandardPlant) -> GeneralisedPlant:
+    """The plant with the signals that a continuous one has in addition."""
+    given = continuous(standard_plant(plant))
+    (z, w), (rows, columns) = given.D11.shape, larger.D11.shape
+    costs = given.controls if rows > z and not has_rank(given.D12) else 0
+    noises = given.measurements if columns > w and not has_rank(given.D21.T) else 0
+    matrices = (larger.A, larger.B, larger.C, larger.D)
+    return _named(plant, to_sampled(matrices) if plant.system.dt else matrices, noises, costs)
 
 
 def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -> GeneralisedPlant:
@@ -157,7 +148,10 @@ def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]
     u = np.zeros((0, m))
     if not has_rank(plant.D12):
         M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
-        response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
+        corner = _fastest(plant.A)
+        on_axis = np.isclose(np.linalg.eigvals(plant.A), 1j * corner, rtol=NEAR_CORNER).any()
+        at = corner * (MIDDLE_POINT if on_axis else 1j)
+        response = np.abs(frequency_response(M, n, [at])[0]).max(axis=0)
         u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
     Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
     rate = speed(plant.A, plant.B, plant.C)
