@@ -26,6 +26,9 @@ from workbench.synthesis import (
     sampled_conditions,
     second_order_sections,
 )
+from workbench.synthesis.h_infinity.assumptions import checked
+from workbench.synthesis.h_infinity.normalised import SingularPlantError
+from workbench.systems.standard_plant import standard_plant
 from workbench.uncertainty import GeneralisedPlant
 
 S = control.tf("s")
@@ -117,7 +120,6 @@ class TestHinf:
             ({"B": [[1.0, np.nan, 1.0]]}, "B of .*plant .*not finite"),
             ({"D": np.full((3, 3), np.inf)}, "D of .*plant .*not finite"),
             ({"C": [[1e200], [0.0], [1.0]]}, r"C of the plant .* 1e\+200.*nearer to 1"),
-            ({"C": [[0.0], [0.0], [1.0]], "D": entry(PLANT.D, 0.0, 1, 2)}, "D12.*weight on u"),
         ],
     )
     def test_matrices(self, form, parts, said):
@@ -202,22 +204,27 @@ class TestHinf:
             plant.close("K")
 
 
+def tested(system):
+    """The assumptions of H-infinity synthesis, tested without a perturbation."""
+    return checked(standard_plant(GeneralisedPlant(system, None, 1, 1)))
+
+
 def test_direct_terms_of_a_sampled_plant_are_those_at_half_the_sampling_rate():
     """D12 = 0 costs nothing continuous a control, but a sampled one acts on z one sample later."""
     assert hinf(changed(sampled(PLANT), D=entry(PLANT.D, 0.0, 1, 2)), 1, 1).norm < np.inf
-    with pytest.raises(InputError, match="D12"):
-        hinf(changed(PLANT, D=entry(PLANT.D, 0.0, 1, 2)), 1, 1)
+    with pytest.raises(SingularPlantError, match="D12"):
+        tested(changed(PLANT, D=entry(PLANT.D, 0.0, 1, 2)))
     silent = {"C": [[0.0], [0.0], [1.0]], "D": entry(PLANT.D, 0.0, 1, 2)}
-    with pytest.raises(InputError, match=r"D12.*responses at z = -1"):
-        hinf(changed(sampled(PLANT), **silent), 1, 1)
+    with pytest.raises(SingularPlantError, match=r"D12.*responses at z = -1"):
+        tested(changed(sampled(PLANT), **silent))
 
 
 def test_zeros_on_the_stability_boundary_are_placed():
     parts = [[1.0, 0.0, 1.0]], [[0.0], [1.0]], [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
-    with pytest.raises(InputError, match=r"invariant zero.*at 0\+0j rad/s.*regularised"):
-        hinf(control.ss([[0.0]], *parts), 1, 1)
-    with pytest.raises(InputError, match=r"invariant zero.*at z = 1\+0j.*regularised"):
-        hinf(control.StateSpace([[1.0]], *parts, 0.1, remove_useless_states=False), 1, 1)
+    with pytest.raises(SingularPlantError, match=r"invariant zero.*at 0\+0j rad/s.*regularised"):
+        tested(control.ss([[0.0]], *parts))
+    with pytest.raises(SingularPlantError, match=r"invariant zero.*at z = 1\+0j.*regularised"):
+        tested(control.StateSpace([[1.0]], *parts, 0.1, remove_useless_states=False))
 
 
 def test_sampling_times_that_are_not_known():
@@ -235,14 +242,15 @@ def test_zero_is_claimed_no_closer_than_it_is_known():
         assert 0.0 < hinf(system, 1, 1, gamma=gamma).norm <= 1e-6
 
 
-def test_poles_too_far_apart_are_said_to_be_so():
+def test_poles_too_far_apart_are_perturbed_further():
+    """The Riccati equations of slow weights, cheap control and little noise are ill-conditioned."""
     from workbench.plants.cd_drive.control.control_problem import generalised
     from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
     plant = generalised("focus", parametric_plant("focus")).channel(["z_p", "z_u"], "w_p").nominal()
-    with pytest.raises((InputError, SolverError), match=r"larger size|invariant zero.*at 0"):
-        hinf(regularised(plant, 1e-7))
-    assert hinf(regularised(plant, 1e-1)).norm < 1.0
+    wide = hinf(regularised(plant, 1e-1)).norm
+    assert wide < 1.0
+    assert hinf(regularised(plant, 1e-7)).norm < wide
 
 
 # --- mixed sensitivity and loop shaping ---------------------------------------------------------
@@ -253,15 +261,14 @@ def test_poles_too_far_apart_are_said_to_be_so():
     [
         ({}, "no weight"),
         ({"W_S": S + 1, "W_KS": 1.0}, "W_S has no realisation.*fast poles"),
-        ({"W_S": 1 / S, "W_KS": 1.0}, r"not detectable.*mode 0.*integrators moved"),
+        ({"W_S": 1.0, "W_KS": 1 / S}, r"not detectable.*mode 0.*no measurement drives it"),
+        ({"W_S": 1.0, "W_T": 1 / S, "W_KS": 1.0}, r"not detectable.*mode 0.*no measurement"),
         ({"W_S": 1 / (S - 1), "W_KS": 1.0}, "not detectable.*weights must be stable"),
         ({"W_S": np.nan, "W_KS": 1.0}, "W_S is nan"),
         ({"W_S": 1.0, "W_KS": np.inf}, "W_KS is inf"),
         ({"W_S": 1j, "W_KS": 1.0}, "W_S must be"),
         ({"W_S": True, "W_KS": 1.0}, "W_S must be"),
         ({"W_S": [1.0, 2.0], "W_KS": 1.0}, "W_S has 2 inputs"),
-        ({"W_S": 0.0, "W_KS": 0.0}, "D12"),
-        ({"W_S": 1 / (S + 1)}, "D12.*weight on u"),
         ({"W_S": control.ss([], [], [], np.eye(3)), "W_KS": 1.0}, "W_S has 3 inputs"),
         ({"W_S": control.tf(1, [1, -0.5], 0.1), "W_KS": 1.0}, "sampling times"),
     ],

@@ -102,7 +102,6 @@ def test_a_level_that_cannot_be_had():
         (lambda: MixedSensitivity("G", 1.0), "G must be"),
         (lambda: MixedSensitivity(s, 1.0, 1.0), "realisation"),
         (lambda: MixedSensitivity(1 / (s + 1), WIDE, 1.0), "inputs"),
-        (lambda: MixedSensitivity(1 / (s + 1), 1.0), "D12"),
         (lambda: MixedSensitivity(1 / (s + 1), "W", 1.0), "W_S must be"),
         (lambda: LoopShaping(1 / s, 1.0, WIDE), "inputs"),
         (lambda: LoopShaping(1 / s, control.ss([], [], [], np.ones((2, 1)))), "outputs"),

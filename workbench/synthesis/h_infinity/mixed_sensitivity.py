@@ -86,9 +86,8 @@ class MixedSensitivity(HinfSynthesis):
         K = self.absorbed.whole(answer.K)
         omega = between_poles(grid(self.absorbed.plant.close(answer.K)), self.plant, K)
         size = np.linalg.norm(self._formula(K, omega), 2, axis=(-2, -1))
-        excess, where = worst(
-            size / answer.norm - 1.0, lambda index: f"at {omega[index[0]]:.6g} rad/s"
-        )
+        over_norm = size / answer.norm - 1.0 if answer.norm else np.where(size > 0.0, np.inf, 0.0)
+        excess, where = worst(over_norm, lambda index: f"at {omega[index[0]]:.6g} rad/s")
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
         over = f"at {omega.size} frequencies"
         limit = 2.0 * NORM_TOLERANCE

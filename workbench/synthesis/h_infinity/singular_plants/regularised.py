@@ -80,7 +80,7 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     """
     need_plant(plant)
     need_positive(size, "size")
-    found = _narrowly(plant, size)
+    found = narrowly_regularised(plant, size)
     for more in (made_regular, wholly_perturbed):
         try:
             checked(standard_plant(found))
@@ -91,7 +91,7 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     return found
 
 
-def _narrowly(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
+def narrowly_regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     """The plant with signals at high frequencies and at zeros on the boundary, if needed."""
     given = standard_plant(plant)
     u, x_out = _additions(given, size)
