@@ -1,8 +1,8 @@
 """Sixty plants of COMPleib, named before the first of them was tried.
 
-F. Leibfritz, COMPleib: constrained matrix-optimization problem library (2004). The collection is its
-author's, so the test reads the user's own copy: a folder of MAT files ``AC1.mat`` and so on, each
-with the matrices that COMPleib.m returns. An environment variable names the folder.
+F. Leibfritz, COMPleib: constrained matrix-optimization problem library (2004). The collection is
+its author's, so the test reads the user's own copy: a folder of MAT files ``AC1.mat`` and so on,
+each with the matrices that COMPleib.m returns. An environment variable names the folder.
 """
 
 import os
@@ -30,7 +30,7 @@ NAMES = (
 """Plants of at most 20 states whose matrices stand in COMPleib.m itself."""
 
 PUBLISHED = {"AC2": 0.1115, "AC3": 2.97, "AC6": 3.43, "HE2": 2.42, "REA1": 0.862, "NN8": 2.36}
-"""Least norms of controllers of full order, as the inequalities of Gahinet and Apkarian give them."""
+"""Least norms of controllers of full order, by the inequalities of Gahinet and Apkarian."""
 
 
 def test_there_are_sixty():

@@ -41,8 +41,8 @@ CANCELLED_CLAIM = 1e-8
 """Share of w -> z without K that is claimed as norm where K cancels it up to rounding."""
 SIZES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """Sizes of perturbations, tried one after another."""
-SETTLED_FALL = 1e-3
-"""The norm is settled where the next smaller perturbation lowers it by at most this share ..."""
+SETTLED_CHANGE = 1e-3
+"""The norm is settled where the next smaller perturbation changes it by at most this share ..."""
 SETTLED_DISTANCE = 1e-2
 """... and the perturbed loop's level is at most this share above it."""
 
@@ -120,13 +120,16 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
 
 
 def _is_settled(program: HinfSynthesis, tried: list[HinfController]) -> bool:
-    """Whether a smaller perturbation changes little, or the norm is negligible."""
-    last = tried[-1]
+    """Whether the last perturbation changed little, or the norm is negligible."""
+    *others, last = tried
     whole = normalised_plant(wholly_perturbed(_given(program), SIZES[0])).plant
     if last.norm <= NEGLIGIBLE_LEVEL * without_control(whole):
         return True
     near = last.gamma <= (1.0 + SETTLED_DISTANCE) * last.norm
-    return near and len(tried) > 1 and last.norm >= (1.0 - SETTLED_FALL) * tried[-2].norm
+    if not (near and others):
+        return False
+    before = min(each.norm for each in others)
+    return abs(last.norm - before) <= SETTLED_CHANGE * before
 
 
 def _given(program: HinfSynthesis) -> StandardPlant:
@@ -142,7 +145,8 @@ def _perturbed(program: HinfSynthesis, size: float) -> Iterator[StandardPlant]:
     """
     given = _given(program)
     yield made_regular(given, size)
-    yield continuous(standard_plant(narrowly_regularised(program.absorbed.plant, size)))
+    singular = program.scaled is None
+    yield continuous(standard_plant(narrowly_regularised(program.absorbed.plant, size, singular)))
     yield wholly_perturbed(given, size)
 
 
@@ -167,7 +171,7 @@ def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[HinfControl
             continue
         if not reached <= (program.gamma or sys.float_info.max):
             said = f"the loop of a perturbed plant of level {made.gamma:.6g} has norm {reached:.6g}"
-        elif best is None or reached < (1.0 - SETTLED_FALL) * best.norm:
+        elif best is None or reached < (1.0 - SETTLED_CHANGE) * best.norm:
             best = HinfController(K, reached, made.gamma)
     return best, said
 

@@ -28,6 +28,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import central_above, central_of
+from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
@@ -231,11 +232,10 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
     import control
 
     plant = program.plant if used is None else scaled_plant(program.plant, used)
-    normal = normalised_plant(standard_plant(plant))
     if used is None or math.isnan(used.level):
-        made = central_of(normal, LEVEL_TOLERANCE)
+        made = on_regular(plant, lambda normal: central_of(normal, LEVEL_TOLERANCE))
     else:
-        made = central_above(normal, used.level, LEVEL_TOLERANCE)
+        made = central_above(normalised_plant(standard_plant(plant)), used.level, LEVEL_TOLERANCE)
     return control.ss(*made.K), made.gamma
 
 

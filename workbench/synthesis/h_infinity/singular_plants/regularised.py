@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
+from workbench.errors import SolverError
 from workbench.input_checks import need_positive
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
 from workbench.synthesis.h_infinity.levels import MIDDLE_POINT
-from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
+from workbench.synthesis.h_infinity.normalised import (
+    Scaled,
+    SingularPlantError,
+    has_rank,
+    normalised_plant,
+)
 from workbench.synthesis.h_infinity.singular_plants.perturbed import (
     DEFAULT_SIZE,
     made_regular,
@@ -25,6 +33,8 @@ from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
+
+T = TypeVar("T")
 
 NEAR_CORNER = 1e-9
 """Share of the fastest pole's size within which it counts as a pole on the axis."""
@@ -91,11 +101,30 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     return found
 
 
-def narrowly_regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
-    """The plant with signals at high frequencies and at zeros on the boundary, if needed."""
+def on_regular(plant: GeneralisedPlant, made: Callable[[Scaled], T]) -> T:
+    """What is made of a continuous plant, scaled; of a perturbed one where it must be.
+
+    For steps of iterations, whose results are judged by the plant itself afterwards.
+    """
+    try:
+        return made(normalised_plant(standard_plant(plant)))
+    except (SingularPlantError, SolverError):
+        regular = regularised(plant)
+        if regular.system.D.shape == plant.system.D.shape:
+            raise
+    return made(normalised_plant(standard_plant(regular)))
+
+
+def narrowly_regularised(
+    plant: GeneralisedPlant, size: float, whether_needed: bool = True
+) -> GeneralisedPlant:
+    """The plant with signals at high frequencies and at zeros on the boundary.
+
+    Those at high frequencies are left out where D12 or D21 has full rank, if ``whether_needed``.
+    """
     given = standard_plant(plant)
-    u, x_out = _additions(given, size)
-    y, x_in = _additions(given.dual, size)
+    u, x_out = _additions(given, size, whether_needed)
+    y, x_in = _additions(given.dual, size, whether_needed)
     a, b, c, d = _high_pass(given)
     (z, w), m, p = given.D11.shape, given.controls, given.measurements
     # Order of the states: plant, high-passes of the controls, high-passes of the noises.
@@ -141,12 +170,14 @@ def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -
     return GeneralisedPlant(named, plant.structure, plant.controls, plant.measurements)
 
 
-def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
+def _additions(
+    given: StandardPlant, size: float, whether_needed: bool
+) -> tuple[RealArray, RealArray]:
     """Rows that make u and states performance outputs; no rows where not needed."""
     n, m = given.states, given.controls
     plant = continuous(given)
     u = np.zeros((0, m))
-    if not has_rank(plant.D12):
+    if not (whether_needed and has_rank(plant.D12)):
         M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
         corner = _fastest(plant.A)
         on_axis = np.isclose(np.linalg.eigvals(plant.A), 1j * corner, rtol=NEAR_CORNER).any()

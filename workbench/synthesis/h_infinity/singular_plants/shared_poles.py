@@ -102,12 +102,12 @@ def _hidden_axis_modes(plant: StandardPlant, rate: float) -> RealArray:
     N = _unobservable(A, plant.C2)
     if not N.shape[1]:
         return N
-    hidden = N.T @ A @ N
-    Q, T, k = integrators_first(hidden, axis_rounding(hidden))
+    rounding, hidden = axis_rounding(A), N.T @ A @ N
+    Q, T, k = integrators_first(hidden, rounding)
     rest = T[k:, k:]
 
     def beyond(real: float, imag: float = 0.0) -> bool:
-        return real >= -AXIS_SHARE * abs(complex(real, imag)) - axis_rounding(hidden)
+        return real >= -AXIS_SHARE * abs(complex(real, imag)) - rounding
 
     if len(rest):
         _, turn, more = schur(rest, sort=beyond)
@@ -115,7 +115,7 @@ def _hidden_axis_modes(plant: StandardPlant, rate: float) -> RealArray:
         k += more
     V: RealArray = N @ Q[:, :k]
     for mode in np.linalg.eigvals((V.T @ A @ V)[len(T) - len(rest) :, len(T) - len(rest) :]):
-        if mode.real > AXIS_SHARE * abs(mode) + axis_rounding(hidden):
+        if mode.real > AXIS_SHARE * abs(mode) + rounding:
             raise HiddenPoleError(complex(mode) * rate, True)
     return V
 
