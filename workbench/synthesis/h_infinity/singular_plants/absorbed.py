@@ -32,7 +32,6 @@ from workbench.synthesis.h_infinity.assumptions import HiddenModeError
 from workbench.synthesis.h_infinity.singular_plants.shared_poles import (
     HiddenPoleError,
     Shared,
-    shown,
 )
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant, response
@@ -128,9 +127,9 @@ def _said(pole: complex, dt: float) -> str:
 
 
 def _shown(plant: StandardPlant, dt: float, through: str) -> Shared:
-    """As `shown`; `dt` and what the given plant is shown `through` are for messages."""
+    """As `modes_shown`; `dt` and what the given plant is shown `through` are for messages."""
     try:
-        return shown(plant)
+        return modes_shown(plant)
     except HiddenPoleError as error:
         where, unstable = _said(_place(error.pole, dt), dt), error.unstable
     if through == "measurement":

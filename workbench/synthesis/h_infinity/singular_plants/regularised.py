@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
-from workbench.errors import SolverError
+from workbench.errors import InputError, SolverError
 from workbench.input_checks import need_positive
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, checked
 from workbench.synthesis.h_infinity.axis_zeros import axis_zeros
@@ -42,7 +42,9 @@ ADDED = "regular_"
 """How names of the signals begin that `regularised` adds."""
 
 
-def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> GeneralisedPlant:
+def regularised(
+    plant: GeneralisedPlant, *by_place: float, size: float = DEFAULT_SIZE
+) -> GeneralisedPlant:
     """Add small exogenous inputs and performance outputs so that the plant meets the assumptions.
 
     Where D12 lacks rank, every control becomes a performance output. Where D21 lacks rank, every
@@ -62,13 +64,16 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     can be stabilised then meets the assumptions. Synthesis does so by itself; the plant is wanted
     to see the perturbed problem.
 
+    The size may be given by its place too, as before it had a default.
+
     The new signals come after the old exogenous inputs and performance outputs. Their names are
     ``regular_u0`` (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
 
     Raises
     ------
     InputError
-        `size` is not positive and finite; or as `standard_plant` and `continuous`.
+        `size` is not positive and finite, or there are two; or as `standard_plant` and
+        `continuous`.
 
     Examples
     --------
@@ -89,6 +94,9 @@ def regularised(plant: GeneralisedPlant, size: float = DEFAULT_SIZE) -> Generali
     (0, True)
     """
     need_plant(plant)
+    if len(by_place) > 1:
+        raise InputError(f"regularised takes a plant and one size, not {len(by_place)} sizes")
+    size = by_place[0] if by_place else size
     need_positive(size, "size")
     found = narrowly_regularised(plant, size)
     for more in (made_regular, wholly_perturbed):

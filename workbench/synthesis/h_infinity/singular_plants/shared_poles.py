@@ -40,7 +40,7 @@ class Shared(NamedTuple):
     poles: tuple[complex, ...] = ()
 
 
-def shown(plant: StandardPlant) -> Shared:
+def modes_shown(plant: StandardPlant) -> Shared:
     """A continuous plant whose measurements show every mode on the axis.
 
     Raises
