@@ -32,6 +32,7 @@ from workbench.synthesis.h_infinity.assumptions import HiddenModeError
 from workbench.synthesis.h_infinity.singular_plants.shared_poles import (
     HiddenPoleError,
     Shared,
+    modes_shown,
 )
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant, response
