@@ -146,7 +146,7 @@ def lqg(task: DesignTask, context: Context) -> StateSpace:
 
 def mixed_sensitivity(task: DesignTask, context: Context) -> StateSpace:
     """The least norm of [W_S S; W_KS K S]: the nominal plant alone."""
-    K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).K
+    K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).lti
     return K
 
 
@@ -183,7 +183,7 @@ def full_block(task: DesignTask, context: Context) -> StateSpace:
 
     sizes = context.track(list(task.sizes), "sizes of the full block")
     best = min((level(float(size)), float(size)) for size in sizes)[1]
-    K: StateSpace = _answer(HinfSynthesis(task.full_block_plant(best)), context).K
+    K: StateSpace = _answer(HinfSynthesis(task.full_block_plant(best)), context).lti
     return K
 
 

@@ -14,6 +14,7 @@ from workbench.errors import InputError
 from workbench.synthesis import HinfSynthesis, MixedSensitivity, hinf, regularised
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
+from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import standard_plant
@@ -127,14 +128,40 @@ def test_a_singular_plant_is_solved_to_its_infimum(kind, seed):
     assert (1 - 1e-3) * least <= answer.norm <= (1 + 3e-3) * least
 
 
-def test_a_state_feedback_in_closed_form():
-    """x' = x + w + u, z = (x, u), y = x: the least norm is sqrt(2), of u = F x as F grows ..."""
-    plant = plant_of([[1.0]], [[1.0]], [[1.0]], [[1.0], [0.0]], [[1.0]], D12=[[0.0], [1.0]])
-    # For u = F x the norm is sqrt(1 + F^2) / |1 + F|, least at F = 1 / 1 ...
-    F = np.linspace(-50, -1.01, 200001)
-    static = np.sqrt(1 + F**2) / abs(1 + F)
-    least = static[static.argmin()]
-    assert hinf(plant).norm == pytest.approx(min(least, 1.0), rel=3e-3)
+@pytest.mark.parametrize("kind", [state_feedback, full_information])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_controller_that_sees_all_states_is_static(kind, seed):
+    answer = hinf(kind(seed))
+    assert answer.K.nstates == 0
+    assert answer.norm <= (1 + 3e-3) * least_by_inequalities(kind(seed))
+
+
+@pytest.mark.parametrize("a", [-1.0, 0.0, 1.0, 3.0])
+def test_a_state_feedback_in_closed_form(a):
+    """x' = a x + w + u, z = (x, u), y = x: u = F x has the norm sqrt(1 + F^2) / |a + F|.
+
+    For a > 0 it is least at F = -1 / a where this stabilises. Else it falls to 1 as F grows.
+    """
+    plant = plant_of([[a]], [[1.0]], [[1.0]], [[1.0], [0.0]], [[1.0]], D12=[[0.0], [1.0]])
+    F = -np.geomspace(1e-3, 1e6, 400_001)
+    F = F[a + F < 0]
+    least = float((np.sqrt(1 + F**2) / -(a + F)).min())
+    assert hinf(plant).norm == pytest.approx(least, rel=3e-3)
+
+
+def test_fast_poles_are_left_out_where_they_are_not_needed():
+    slow, fast = np.diag([-1.0, -2.0]), np.diag([-1e6, -2e6])
+    A = np.block([[slow, np.ones((2, 2))], [np.zeros((2, 2)), fast]])
+    K = A, np.vstack([np.eye(2), 1e6 * np.eye(2)]), np.ones((1, 4)), np.zeros((1, 2))
+    A, B, C, D = without_fast_poles(K, lambda found: len(found[0]) == 2)
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(A)), [-2.0, -1.0])
+    gain = D - C @ np.linalg.solve(A, B)
+    np.testing.assert_allclose(gain, K[3] - K[2] @ np.linalg.solve(K[0], K[1]))
+    s = 1j
+    there = D + C @ np.linalg.solve(s * np.eye(2) - A, B)
+    exact = K[3] + K[2] @ np.linalg.solve(s * np.eye(4) - K[0], K[1])
+    np.testing.assert_allclose(there, exact, rtol=1e-5)
+    assert without_fast_poles(K, lambda found: False) is K
 
 
 @pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])

@@ -33,7 +33,7 @@ def nominal_filter(program: FaultEstimation, context: Context, name: str) -> Cla
             f"no filter does better than u_f = 0, whose norm is {without:.4g}: with these weights "
             f"faults cannot be told from disturbances; {said}"
         )
-    return program.answer(found.K, least=found.least), outcome, said
+    return program.answer(found.lti, least=found.least), outcome, said
 
 
 @method(FaultEstimation, "riccati", optimal=False, accuracy=LEVEL_ACCURACY)

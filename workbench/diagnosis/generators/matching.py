@@ -127,7 +127,7 @@ def model_matching(
         model.dt,
     )
     generalised = GeneralisedPlant(plant, None, k, int(R.noutputs))
-    K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).K
+    K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).lti
     names = [f"r{i + 1}" for i in range(k)]
     generator = ResidualGenerator(
         followed_by(base.Q, K, names), followed_by(R, K, names), model.faults, model.noise

@@ -28,6 +28,7 @@ from workbench.synthesis.h_infinity.levels import (
 )
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.synthesis.h_infinity.singular_plants.regularised import narrowly_regularised
 from workbench.systems.bilinear import continuous, to_sampled
@@ -100,7 +101,7 @@ def claimed(program: HinfSynthesis, made: Made) -> Claim:
 
 def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
     """The claim for the best controller of perturbed plants, by its loop with the plant itself."""
-    tried: list[HinfController] = []
+    tried: list[Made] = []
     said = "no perturbation was tried"
     for number in context.rounds(len(SIZES), "sizes of the perturbation"):
         size = SIZES[number]
@@ -109,7 +110,7 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
             if tried:
                 break
             continue
-        context.record({"perturbation": size, "norm": found.norm, "level": found.gamma})
+        context.record({"perturbation": size, "norm": found.size, "level": found.gamma})
         tried.append(found)
         if program.gamma is not None or _is_settled(program, tried):
             break
@@ -119,17 +120,17 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
     return best, Outcome.SOLVED, "the plant was perturbed; no lower bound of the norm is known"
 
 
-def _is_settled(program: HinfSynthesis, tried: list[HinfController]) -> bool:
+def _is_settled(program: HinfSynthesis, tried: list[Made]) -> bool:
     """Whether the last perturbation changed little, or the norm is negligible."""
     *others, last = tried
     whole = normalised_plant(wholly_perturbed(_given(program), SIZES[0])).plant
-    if last.norm <= NEGLIGIBLE_LEVEL * without_control(whole):
+    if last.size <= NEGLIGIBLE_LEVEL * without_control(whole):
         return True
-    near = last.gamma <= (1.0 + SETTLED_DISTANCE) * last.norm
+    near = last.gamma <= (1.0 + SETTLED_DISTANCE) * last.size
     if not (near and others):
         return False
-    before = min(each.norm for each in others)
-    return abs(last.norm - before) <= SETTLED_CHANGE * before
+    before = min(each.size for each in others)
+    return abs(last.size - before) <= SETTLED_CHANGE * before
 
 
 def _given(program: HinfSynthesis) -> StandardPlant:
@@ -150,12 +151,13 @@ def _perturbed(program: HinfSynthesis, size: float) -> Iterator[StandardPlant]:
     yield wholly_perturbed(given, size)
 
 
-def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[HinfController | None, str]:
+def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[Made | None, str]:
     """The best controller of the plant with perturbations of a size, and a message.
 
-    Its norm is that for the plant itself.
+    Its norm is that of its loop with the plant itself.
     """
-    best, said, given = None, "", _given(program)
+    best: Made | None = None
+    said, given = "", _given(program)
     for plant in _perturbed(program, size):
         if plant.D.shape == given.D.shape:  # it is regular as it is, and was tried so
             continue
@@ -165,27 +167,49 @@ def _found(program: HinfSynthesis, step: Step, size: float) -> tuple[HinfControl
                 said = made.said
                 continue
             reached = norm(given.close(made.K), NORM_TOLERANCE)
-            K = _realised(program, made.K)
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             said = " ".join(str(error).split())
             continue
         if not reached <= (program.gamma or sys.float_info.max):
             said = f"the loop of a perturbed plant of level {made.gamma:.6g} has norm {reached:.6g}"
-        elif best is None or reached < (1.0 - SETTLED_CHANGE) * best.norm:
-            best = HinfController(K, reached, made.gamma)
+        elif best is None or reached < (1.0 - SETTLED_CHANGE) * best.size:
+            best = made._replace(size=reached)
     return best, said
 
 
-def _best_proven(program: HinfSynthesis, tried: list[HinfController]) -> HinfController | None:
-    """The controller of least norm, as the kernel proves it for the plant itself."""
-    best: HinfController | None = None
-    for one in sorted(tried, key=lambda each: each.norm):
-        if best is not None and best.norm <= one.norm:
-            break
-        proven = _proven(program, one.K)
-        if np.isfinite(proven) and (best is None or proven < best.norm):
-            best = HinfController(one.K, proven, program.gamma or max(proven, one.gamma))
+def _best_proven(program: HinfSynthesis, tried: list[Made]) -> HinfController | None:
+    """The controller of least norm, as the kernel proves it for the plant itself.
+
+    Its fast poles are left out where this costs no more than what counts as settled.
+    """
+    given, best = _given(program), None
+    for made in sorted(tried, key=lambda each: each.size):
+        allowed = program.gamma or (1.0 + SETTLED_CHANGE) * made.size
+        for K in _fewer_poles(made, given, allowed):
+            try:
+                found = _realised(program, K)
+            except np.linalg.LinAlgError:  # not causal
+                continue
+            proven = _proven(program, found)
+            if np.isfinite(proven) and (best is None or proven < best.norm):
+                best = HinfController(found, proven, program.gamma or max(proven, made.gamma))
+            if proven <= (1.0 + CLAIM_TOLERANCE) * allowed:
+                return best
     return best
+
+
+def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[Matrices]:
+    """The controller without fast poles where its loop has the norm allowed, and as it was made."""
+
+    def good(K: Matrices) -> bool:
+        try:
+            return norm(given.close(K), NORM_TOLERANCE) <= allowed
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return False
+
+    if made.K is not None:
+        yield without_fast_poles(made.K, good)
+        yield made.K
 
 
 def _realised(program: HinfSynthesis, K: Matrices) -> StateSpace:
