@@ -193,7 +193,7 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     also at least the coupling of X and Y at gamma = infinity, because X and Y grow as gamma falls.
     """
     m, p = plant.controls, plant.measurements
-    state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
+    state, estimate = state_feedback(plant, math.inf), state_feedback(plant.dual, math.inf)
     if state is None or estimate is None:
         where = (
             "(A, B2, C1, D12), of control," if state is None else "(A, B1, C2, D21), of estimation,"
@@ -237,16 +237,16 @@ def without_control(plant: StandardPlant) -> float:
 
 def level_at(plant: StandardPlant, gamma: float) -> Level | None:
     """X, Y and gains of a level; None where a Riccati equation has no stabilising X, Y >= 0."""
-    state = _state_feedback(plant, gamma)
+    state = state_feedback(plant, gamma)
     if state is None:
         return None
-    estimate = _state_feedback(plant.dual, gamma)
+    estimate = state_feedback(plant.dual, gamma)
     if estimate is None:
         return None
     return Level(gamma, state[0], estimate[0], state[1], estimate[1].T)
 
 
-def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealArray] | None:
+def state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealArray] | None:
     """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
 
     The control u is chosen to cancel the last performance outputs and to add v, so that these

@@ -29,6 +29,7 @@ from workbench.synthesis.h_infinity.levels import (
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
+from workbench.synthesis.h_infinity.singular_plants.known_states import static_controller
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.synthesis.h_infinity.singular_plants.regularised import narrowly_regularised
 from workbench.systems.bilinear import continuous, to_sampled
@@ -199,7 +200,7 @@ def _best_proven(program: HinfSynthesis, tried: list[Made]) -> HinfController | 
 
 
 def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[Matrices]:
-    """The controller without fast poles where its loop has the norm allowed, and as it was made."""
+    """A static controller or one without fast poles, if as good as allowed, and as it was made."""
 
     def good(K: Matrices) -> bool:
         try:
@@ -207,6 +208,11 @@ def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[M
         except (ArithmeticError, np.linalg.LinAlgError):
             return False
 
+    for size in SIZES:
+        static = static_controller(given, (1.0 + SETTLED_CHANGE / 2) * made.size, size)
+        if static is not None and good(static):
+            yield static
+            return
     if made.K is not None:
         yield without_fast_poles(made.K, good)
         yield made.K

@@ -36,7 +36,7 @@ def made_regular(plant: StandardPlant, size: float = DEFAULT_SIZE) -> StandardPl
     A plant that meets the assumptions is returned unchanged. The controls and measurements are the
     same, so a controller of the one is a controller of the other.
     """
-    return _disturbed(_costed(plant, size), size)
+    return _disturbed(costed(plant, size), size)
 
 
 def wholly_perturbed(plant: StandardPlant, size: float) -> StandardPlant:
@@ -47,11 +47,11 @@ def wholly_perturbed(plant: StandardPlant, size: float) -> StandardPlant:
 def _disturbed(plant: StandardPlant, size: float) -> StandardPlant:
     """The plant with disturbances where D21 lacks rank or w -> y has zeros on the axis."""
     dual = plant.dual
-    costed = _costed(dual, size)
-    return plant if costed is dual else costed.dual
+    larger = costed(dual, size)
+    return plant if larger is dual else larger.dual
 
 
-def _costed(plant: StandardPlant, size: float) -> StandardPlant:
+def costed(plant: StandardPlant, size: float) -> StandardPlant:
     """The plant with costs where D12 lacks rank or u -> z has zeros on the axis."""
     if not has_rank(plant.D12):
         plant = with_outputs(plant, *control_costs(plant, size))
