@@ -114,7 +114,7 @@ def _same(
 ) -> bool:
     """Whether two realisations have equal responses at points around the sizes of the modes."""
     size = np.abs(modes)
-    radius = np.unique(np.maximum(size, 1e-8 * size.max() + np.finfo(float).tiny))
+    radius = np.unique(np.maximum(size, 1e-8 * float(size.max()) or 1.0))
     radius = np.geomspace(radius[0] / 3, radius[-1] * 3, 12)
     points = np.concatenate([radius * np.exp(0.5j), radius * np.exp(2.0j)])
 

@@ -255,3 +255,13 @@ def test_a_regular_plant_is_not_touched():
 def test_names_of_signals_at_every_frequency():
     labels = regularised(repeated_controls(0)).system.output_labels
     assert [name for name in labels if name.startswith("regular_")] == ["regular_u0", "regular_u1"]
+
+
+def test_integrators_alone_that_one_control_cannot_part():
+    """A = 0 has no size by which a value could count as rounding."""
+    plant = plant_of(np.zeros((2, 2)), np.eye(2), [[1.0], [1.0]], np.eye(2), np.eye(2))
+    with pytest.raises(InputError, match="not stabilisable"):
+        HinfSynthesis(plant)
+    silent = plant_of([[0.0]], [[0.0]], [[0.0]], [[1.0]], [[1.0]])
+    with pytest.raises(InputError, match="unstable mode 0"):
+        HinfSynthesis(silent)

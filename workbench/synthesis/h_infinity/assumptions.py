@@ -112,7 +112,7 @@ def _place(s: complex, dt: float) -> str:
 
 def _unreached(A: RealArray, B: RealArray) -> complex | None:
     """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None if none."""
-    size = float(np.linalg.norm(A))
+    size = float(np.linalg.norm(A) or np.linalg.norm(B))  # integrators alone have no size
     rounding = ZERO_ROUNDING * EPS * len(A) * size
     for mode in np.linalg.eigvals(A).astype(complex):
         if mode.real < -rounding:

@@ -208,8 +208,9 @@ def _fewer_poles(made: Made, given: StandardPlant, allowed: float) -> Iterator[M
         except (ArithmeticError, np.linalg.LinAlgError):
             return False
 
+    level = (1.0 + SETTLED_CHANGE / 2) * made.size or made.gamma
     for size in SIZES:
-        static = static_controller(given, (1.0 + SETTLED_CHANGE / 2) * made.size, size)
+        static = static_controller(given, level, size)
         if static is not None and good(static):
             yield static
             return
