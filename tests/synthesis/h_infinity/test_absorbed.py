@@ -190,6 +190,22 @@ def test_poles_that_no_controller_can_share(weights, said):
         MixedSensitivity(G, **weights)
 
 
+@pytest.mark.parametrize("W_KS", [None, 0.1])
+@pytest.mark.parametrize(
+    ("zeros", "weight"),
+    [
+        (S / (S + 1), (S + 1) / S),
+        ((S**2 + 4) / (S + 1) ** 2, (S**2 + S + 4) / (S**2 + 4)),
+        (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [2.0]], np.zeros((2, 2))), (S + 1) / S),
+        (control.ss(-np.eye(2), [[1.0], [1.0]], np.eye(2), np.zeros((2, 1))), (S + 1) / S),
+    ],
+)
+def test_zeros_of_the_plant_at_poles_of_the_weight(zeros, weight, W_KS):
+    """No control moves the error there: the zero would cancel the controller's own pole."""
+    with pytest.raises(InputError, match=r"not stabilisable.*zero of the plant"):
+        MixedSensitivity(zeros, W_S=weight, W_KS=W_KS)
+
+
 def test_a_norm_of_its_own():
     answer = solve(program := MixedSensitivity(G, W_S=(S + 1) / S, W_KS=0.1)).answer
     loop = program.absorbed.plant.close(answer.K)

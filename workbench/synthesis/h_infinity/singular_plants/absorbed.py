@@ -73,7 +73,8 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
     """
     given = standard_plant(plant)
     seen = _shown(continuous(given), given.dt, "measurement")
-    reached = _shown(seen.plant.dual, given.dt, "control")
+    copied = 0 if seen.copy is None else seen.copy.states
+    reached = _shown(seen.plant.dual, given.dt, "control", copied)
     poles = seen.poles + reached.poles
     if not poles:
         return Absorbed(plant)
@@ -127,10 +128,10 @@ def _said(pole: complex, dt: float) -> str:
     return f"z = {pole:.6g}" if dt else f"{pole:.6g} rad/s"
 
 
-def _shown(plant: StandardPlant, dt: float, through: str) -> Shared:
-    """As `modes_shown`; `dt` and what the given plant is shown `through` are for messages."""
+def _shown(plant: StandardPlant, dt: float, through: str, copied: int = 0) -> Shared:
+    """As `modes_shown`; `dt` and what it is shown `through` are for messages."""
     try:
-        return modes_shown(plant)
+        return modes_shown(plant, copied)
     except HiddenPoleError as error:
         where, unstable = _said(_place(error.pole, dt), dt), error.unstable
     if through == "measurement":
@@ -140,6 +141,8 @@ def _shown(plant: StandardPlant, dt: float, through: str) -> Shared:
     else:
         fails = "(A, B2) is not stabilisable: no control reaches the mode"
         why = "its effect is not that of a control"
+        if copied:
+            why = f"a zero of the plant cancels it, or {why}"
         remedy = "move the pole to the left"
     if unstable:
         raise HiddenModeError(

@@ -40,8 +40,11 @@ class Shared(NamedTuple):
     poles: tuple[complex, ...] = ()
 
 
-def modes_shown(plant: StandardPlant) -> Shared:
+def modes_shown(plant: StandardPlant, copied: int = 0) -> Shared:
     """A continuous plant whose measurements show every mode on the axis.
+
+    The first states of the result are those of the copy. The first ``copied`` states of the plant
+    are states of a controller already, none of a weight, and must not be hidden.
 
     Raises
     ------
@@ -57,6 +60,8 @@ def modes_shown(plant: StandardPlant) -> Shared:
         return Shared(plant)
     Lambda, W = V.T @ A @ V, _orthogonal(V)
     poles = tuple(rate * pole for pole in np.linalg.eigvals(Lambda).astype(complex).tolist())
+    if np.abs(V[:copied]).max(initial=0.0) > DRIVEN_SHARE:
+        raise HiddenPoleError(poles[0], False)
     for T, L, M in _drives(scaled, V, W):
         # Only the part that y and u reach leaves 0.
         R = _orthogonal(_unobservable(Lambda.T, np.hstack([L, M]).T))
@@ -72,11 +77,11 @@ def modes_shown(plant: StandardPlant) -> Shared:
         replace(scaled, A=inward @ A @ outward, B=inward @ B, C=C @ outward), drive
     )
     units = {"A": rate, "B": root, "C": root}
-    plant, copied = (
+    plant, kept = (
         replace(one, **{name: unit * getattr(one, name) for name, unit in units.items()})
         for one in (scaled, copy)
     )
-    return Shared(plant, copied if len(R.T) else None, poles)
+    return Shared(plant, kept if len(R.T) else None, poles)
 
 
 def _joined(plant: StandardPlant, drive: _Drive) -> tuple[StandardPlant, StandardPlant]:
