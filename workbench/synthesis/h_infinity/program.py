@@ -45,7 +45,9 @@ class HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the norm of its loop.
 
     ``gamma`` is the level for which K was made; ``norm`` is at most gamma. ``least`` is a level
-    below which the method found no controller (NaN: the method was asked for a given level).
+    below which the method found no controller (NaN: the method was asked for a given level, or none
+    is known since the plant had to be perturbed). Where the controller shares poles with weights,
+    K is the part without them, and ``whole`` or ``lti`` the controller of the given plant.
 
     Examples
     --------
@@ -258,13 +260,14 @@ class HinfSynthesis(Program):
         return said
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
+        whole = self._whole(answer)
         return {
             "norm": answer.norm,
             "gamma": answer.gamma,
-            "order": float(self._whole(answer).nstates),
+            "order": float(whole.nstates),
             "crossover_hz": highest_crossover(self.absorbed.plant.controlled(), answer.K),
-            "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
-            "stable_controller": float(stability_of(answer.K).holds),
+            "fastest_pole_rad_s": float(pole_sizes(whole).max(initial=0.0)),
+            "stable_controller": float(stability_of(whole).holds),
         }
 
     def _whole(self, answer: HinfController) -> StateSpace:
