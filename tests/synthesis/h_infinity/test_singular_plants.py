@@ -122,7 +122,8 @@ def test_a_singular_plant_is_solved_to_its_infimum(kind, seed):
     solution = solve(HinfSynthesis(plant))
     assert solution.certificate.holds, solution.certificate.failures
     answer, least = solution.answer, least_by_inequalities(plant)
-    assert np.isnan(answer.least)  # that of a perturbed plant is none of this one
+    # That of a perturbed plant would be above the infimum; where one side is regular, it has one.
+    assert np.isnan(answer.least) or answer.least <= (1 + 1e-5) * least
     assert certified_norm(plant.close(answer.K)) <= answer.norm * (1 + 2e-4)
     # Methods keep 1e-3 from a least level; a perturbation ends when it gains less than 1e-3.
     assert (1 - 1e-3) * least <= answer.norm <= (1 + 3e-3) * least
@@ -134,6 +135,7 @@ def test_a_controller_that_sees_all_states_is_static(kind, seed):
     answer = hinf(kind(seed))
     assert answer.K.nstates == 0
     assert answer.norm <= (1 + 3e-3) * least_by_inequalities(kind(seed))
+    assert answer.least >= answer.norm / (1 + 3e-3)  # who sees less does no better
 
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 1.0, 3.0])
@@ -171,7 +173,7 @@ def test_every_method_perturbs(method):
     assert solution.certificate.holds
     # A conic solver's controllers are made up to 5e-2 above its least level.
     assert solution.answer.norm <= 1.05 * least_by_inequalities(plant)
-    assert "no lower bound" in solution.message
+    assert "perturbed" in solution.message
 
 
 @pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])

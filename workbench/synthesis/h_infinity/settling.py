@@ -2,7 +2,7 @@
 
 A method answers a scaled plant that meets the assumptions. Where the given plant does not, the
 method answers perturbed ones. Each controller is judged by its loop with the given plant alone, so
-nothing of a perturbation enters the answer; no lower bound is claimed.
+nothing of a perturbation enters the answer.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,10 @@ from workbench.synthesis.h_infinity.levels import (
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
-from workbench.synthesis.h_infinity.singular_plants.known_states import static_controller
+from workbench.synthesis.h_infinity.singular_plants.known_states import (
+    informed_level,
+    static_controller,
+)
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.synthesis.h_infinity.singular_plants.regularised import narrowly_regularised
 from workbench.systems.bilinear import continuous, to_sampled
@@ -118,7 +122,20 @@ def settled(program: HinfSynthesis, context: Context, step: Step) -> Claim:
     best = _best_proven(program, tried)
     if best is None:
         return None, Outcome.FAILED, f"the perturbed plant has no controller: {said}"
-    return best, Outcome.SOLVED, "the plant was perturbed; no lower bound of the norm is known"
+    return _bounded(program, best), Outcome.SOLVED, "the plant was perturbed"
+
+
+def _bounded(program: HinfSynthesis, found: HinfController) -> HinfController:
+    """The controller with a level that none reaches, where the plant itself gives one.
+
+    The perturbed plants give none: their least levels are larger.
+    """
+    if program.gamma is not None:
+        return found
+    given = _given(program)
+    levels = [informed_level(side, found.norm, SETTLED_CHANGE / 2) for side in (given, given.dual)]
+    known = [level for level in levels if not math.isnan(level)]
+    return replace(found, least=max(known, default=math.nan))
 
 
 def _is_settled(program: HinfSynthesis, tried: list[Made]) -> bool:

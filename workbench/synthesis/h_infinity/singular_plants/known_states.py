@@ -1,6 +1,7 @@
 """Static controllers of plants whose measurements tell every state, and perhaps the disturbance.
 
-Dynamic controllers do no better there, and one Riccati equation gives the static ones (P. P.
+Dynamic controllers do no better there, and one Riccati equation gives the static ones. Its least
+level bounds those of all plants that only measure less (P. P.
 Khargonekar, I. R. Petersen, M. A. Rotea, H-infinity optimal control with state feedback, IEEE
 Trans. Automatic Control 33 (1988) 786-788).
 """
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,40 +31,69 @@ def static_controller(plant: StandardPlant, gamma: float, size: float) -> Matric
     None where the measurements do not tell the states, or where no state feedback reaches the level
     with the costs of ``size`` that a singular plant needs.
     """
-    rate = speed(plant.A, plant.B, plant.C)
-    # Also the square root of time, whose unit B and C share.
-    units = math.sqrt(rate) * state_units(plant.A / rate, plant.B, plant.C)
-    n, m = plant.states, plant.controls
-    seen = np.hstack([plant.C2 / units, plant.D21])
+    one = _Scaled.of(costed(plant, size))
+    n, m, p = plant.states, plant.controls, plant.measurements
+    seen = np.hstack([plant.C2 / one.units, plant.D21])
     state = _combination(seen, np.eye(n, seen.shape[1]))
-    if state is None or not n:
+    found = None if state is None or not n else state_feedback(one.plant, gamma)
+    if state is None or found is None:
         return None
-    larger = costed(plant, size)
-    whole, R = np.linalg.qr(larger.D12, mode="complete")
-    Q, R = np.hstack([whole[:, m:], whole[:, :m]]), R[:m]
-    B2 = np.asarray(np.linalg.solve(R.T, larger.B2.T).T)
-    scaled = replace(
-        larger,
-        A=larger.A * units[:, None] / units / rate,
-        B=np.hstack([larger.B1, B2]) * units[:, None] / rate,
-        C=np.vstack([Q.T @ larger.C1, larger.C2]) / units,
-        D=np.block([[Q.T @ larger.D11, Q.T @ larger.D12], [larger.D21, larger.D22]]),
-    )
-    found = state_feedback(scaled, gamma)
-    if found is None:
-        return None
-    F1, F2 = np.split(found[1], [larger.D11.shape[1]])
-    gain: RealArray = (
-        F2 @ state
-    )  # the best against a disturbance as bad as it can be, which is F1 x
+    F1, F2 = np.split(found[1], [one.plant.D11.shape[1]])
+    gain: RealArray = F2 @ state  # the best against a disturbance as bad as it can be, F1 x
     disturbance = _combination(seen, np.eye(seen.shape[1])[n:])
     if disturbance is not None:
-        through = scaled.D11[-m:]
+        through = one.plant.D11[-m:]
         gain = (F2 + through @ F1) @ state - through @ disturbance
-    gain = np.asarray(np.linalg.solve(R, gain))
+    gain = np.asarray(np.linalg.solve(one.controls, gain))
     gain = np.asarray(np.linalg.solve(np.eye(m) + gain @ plant.D22, gain))
-    p = plant.measurements
     return np.zeros((0, 0)), np.zeros((0, p)), np.zeros((m, 0)), gain
+
+
+def informed_level(plant: StandardPlant, reached: float, tolerance: float) -> float:
+    """A level that no controller reaches, not even one that knows the states and disturbances.
+
+    ``reached`` is the norm that a controller has. NaN where u -> z misses an assumption, whose
+    Riccati equation alone this is, or where no such level is found within the tolerance of 0.
+    """
+    if not (reached > 0.0 and costed(plant, 1.0) is plant):
+        return math.nan
+    scaled = _Scaled.of(plant).plant
+    low, high = 0.0, reached
+    while high > (1.0 + tolerance) * low:
+        trial = math.sqrt(low * high) if low else high / 2.0
+        if trial < tolerance * reached:
+            return math.nan
+        if state_feedback(scaled, trial) is None:
+            low = trial
+        else:
+            high = trial
+    return low
+
+
+class _Scaled(NamedTuple):
+    """A plant with D12 = [0; I] in units of its own: the states times ``units``, ``controls`` u."""
+
+    plant: StandardPlant
+    units: RealArray
+    controls: RealArray
+
+    @classmethod
+    def of(cls, plant: StandardPlant) -> _Scaled:
+        """A continuous plant with D12 of full rank, scaled."""
+        rate, m = speed(plant.A, plant.B, plant.C), plant.controls
+        # Also the square root of time, whose unit B and C share.
+        units = math.sqrt(rate) * state_units(plant.A / rate, plant.B, plant.C)
+        whole, R = np.linalg.qr(plant.D12, mode="complete")
+        Q, R = np.hstack([whole[:, m:], whole[:, :m]]), R[:m]
+        B2 = np.asarray(np.linalg.solve(R.T, plant.B2.T).T)
+        scaled = replace(
+            plant,
+            A=plant.A * units[:, None] / units / rate,
+            B=np.hstack([plant.B1, B2]) * units[:, None] / rate,
+            C=np.vstack([Q.T @ plant.C1, plant.C2]) / units,
+            D=np.block([[Q.T @ plant.D11, np.eye(len(Q))[:, -m:]], [plant.D21, plant.D22]]),
+        )
+        return cls(scaled, units, R)
 
 
 def _combination(seen: RealArray, wanted: RealArray) -> RealArray | None:
