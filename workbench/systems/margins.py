@@ -150,14 +150,15 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     elif np.linalg.norm(plant.D @ K.D, 2) >= 1:
         return math.inf
     moving = poles[np.abs(poles) > 0]
-    undamped = np.unique(np.abs(poles.imag[poles.real == 0.0]))
+    undamped = np.unique(np.abs(poles.imag[np.abs(poles.real) <= POLE_STEP * np.abs(poles)]))
     omega = starting_grid(moving)
     omega = omega[(omega > 0) & (omega < end)]
 
     def excess(at: RealArray) -> RealArray:
         omega = 2 * np.pi * at
         # beside a pole the gain is as good as infinite
-        omega = np.where(np.isin(omega, undamped), omega * (1.0 + POLE_STEP), omega)
+        near = np.isclose(omega[:, None], undamped, rtol=POLE_STEP / 2, atol=0.0).any(axis=1)
+        omega = np.where(near, omega * (1.0 + POLE_STEP), omega)
         values = np.linalg.svd(response(plant, omega) @ response(K, omega), compute_uv=False)
         return np.log(np.maximum(values.max(axis=1, initial=0.0), 1e-300))
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError
 from workbench.synthesis.h_infinity.singular_plants.shared_poles import (
@@ -39,6 +39,9 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
+RESPONSE_ROUNDING = 1e5
+"""Rounding errors of terms of a response, in units of the machine epsilon: controllers of nearly
+singular plants have poles of very different sizes, which cost digits."""
 POLE_DISTANCE = 1e-5
 """Share of a frequency within which a pole spoils responses by cancellation."""
 
@@ -95,12 +98,20 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
 
 
 def loop_gains(plant: GeneralisedPlant, K: StateSpace, omega: RealArray) -> RealArray:
-    """Largest singular values (F,) of a loop by responses of plant and K."""
+    """Largest singular values (F,) of a loop by responses of plant and K, less their rounding."""
     P, k = plant.response(omega), response(K, omega)
     z, w = P.shape[-2] - plant.measurements, P.shape[-1] - plant.controls
     inner = np.eye(plant.measurements) - P[:, z:, w:] @ k
-    closed = P[:, :z, :w] + P[:, :z, w:] @ k @ np.linalg.solve(inner, P[:, z:, :w])
-    return np.linalg.norm(closed, 2, axis=(-2, -1))
+    moved = k @ np.linalg.solve(inner, P[:, z:, :w])
+    closed = P[:, :z, :w] + P[:, :z, w:] @ moved
+    direct, through, inward, size = (
+        np.linalg.norm(part, 2, axis=(-2, -1))
+        for part in (P[:, :z, :w], P[:, :z, w:], moved, closed)
+    )
+    # Large terms cancel, of which those in the inner loop are as uncertain as it is near-singular.
+    terms = direct + through * inward * np.linalg.cond(inner)
+    lower: RealArray = np.maximum(size - RESPONSE_ROUNDING * EPS * terms, 0.0)
+    return lower
 
 
 def between_poles(omega: RealArray, plant: GeneralisedPlant, K: StateSpace) -> RealArray:

@@ -16,7 +16,7 @@ from workbench.systems.standard_plant import StandardPlant
 
 AXIS_SHARE = 1e-8
 """A hidden mode lies on the axis if its real part is at most this share of its size."""
-DRIVEN_SHARE = 1e-9
+DRIVEN_SHARE = 1e-12
 """Largest share of what drives a mode that may be neither a measurement nor a control."""
 
 
