@@ -23,6 +23,9 @@ def hinf(
 ) -> HinfController:
     """The H-infinity controller u = K y (positive feedback) of a plant, certified.
 
+    Plants that miss an assumption are perturbed until the norm of the loop settles. Where weights
+    have poles on the stability boundary, the controller is ``lti`` of the answer, and K a part.
+
     Parameters
     ----------
     plant
