@@ -8,17 +8,23 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, null_space
 
-from workbench import Outcome, solve
+from workbench import Options, Outcome, solve
 from workbench.certify.norms import certified_norm
 from workbench.errors import InputError
-from workbench.synthesis import HinfSynthesis, MixedSensitivity, hinf, regularised
+from workbench.synthesis import (
+    HinfSynthesis,
+    MixedSensitivity,
+    MuSynthesis,
+    hinf,
+    regularised,
+)
 from workbench.synthesis.h_infinity.assumptions import checked
 from workbench.synthesis.h_infinity.normalised import SingularPlantError, has_rank
 from workbench.synthesis.h_infinity.singular_plants.fast_poles import without_fast_poles
 from workbench.synthesis.h_infinity.singular_plants.perturbed import made_regular, wholly_perturbed
 from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import standard_plant
-from workbench.uncertainty import GeneralisedPlant
+from workbench.uncertainty import GeneralisedPlant, generalised_plant, real, tf
 
 S = control.tf("s")
 TOO_HIGH = 1e-2
@@ -270,3 +276,19 @@ def test_integrators_alone_that_one_control_cannot_part():
     silent = plant_of([[0.0]], [[0.0]], [[0.0]], [[1.0]], [[1.0]])
     with pytest.raises(InputError, match="unstable mode 0"):
         HinfSynthesis(silent)
+
+
+def test_mu_synthesis_of_an_integrator_without_a_weight_of_u():
+    """At high frequencies S = 1 and the weight is 0.5, which no controller changes."""
+    G = tf([real("k", 1, percent=20)], [1, 0])
+    plant = generalised_plant(
+        [(G, "u", "x"), ((0.5 * S + 1) / (S + 0.01), "e", "z")],
+        {"e": "r - x"},
+        exogenous=["r"],
+        performance=["z"],
+        control=["u"],
+        measurement="e",
+    )
+    solution = solve(MuSynthesis(plant), "dk", Options("low"))
+    assert solution.certificate.holds
+    assert 0.5 <= solution.answer.upper <= 0.51
