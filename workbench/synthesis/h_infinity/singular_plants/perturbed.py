@@ -26,6 +26,8 @@ from workbench.systems.balancing import speed, state_units
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.standard_plant import StandardPlant
 
+SLOW_SHARE, ROUNDED_POLE = 1e-6, 1e-8
+"""Share of a response at the slowest pole that counts, and of the fastest pole that is none."""
 DEFAULT_SIZE = 1e-3
 """Size of the perturbation where none is given, relative to the signals of the plant."""
 
@@ -67,10 +69,18 @@ def _all_costed(plant: StandardPlant, size: float) -> StandardPlant:
 
 
 def control_costs(plant: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
-    """Rows of C1 and D12: u times `size` times the response of u -> z at a middle frequency."""
+    """Rows of C1 and D12: u times `size` times the response of u -> z at a middle frequency.
+
+    Long chains of states leave nothing there of what they pass on slowly: at least a small share of
+    the response at a slow frequency counts.
+    """
     A, B, C, _, _ = _in_units(plant)
     M = np.block([[A, B[:, -plant.controls :]], [C[: len(plant.C1)], plant.D12]])
-    response = np.abs(frequency_response(M, plant.states, [MIDDLE_POINT])[0]).max(axis=0)
+    poles = np.abs(np.linalg.eigvals(A))
+    slowest = poles[poles > ROUNDED_POLE * poles.max(initial=0.0)].min(initial=1.0)
+    points = [MIDDLE_POINT, slowest * MIDDLE_POINT]
+    middle, slow = np.abs(frequency_response(M, plant.states, points)).max(axis=1)
+    response = np.maximum(middle, SLOW_SHARE * slow)
     weight = np.where(response > 0.0, response, response.max(initial=0.0) or 1.0)
     return np.zeros((plant.controls, plant.states)), size * np.diag(weight)
 
