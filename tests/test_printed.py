@@ -58,3 +58,48 @@ def test_a_system_in_words():
     assert in_words(control.ss(0.5, 1, 1, 0, 0.1)).startswith("order 1, stable itself")
     assert "UNSTABLE" in in_words(control.ss(1.5, 1, 1, 0, 0.1))
     assert in_words(control.ss([], [], [], 3.0)) == "order 0, stable itself"
+
+
+S = control.tf("s")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("G", "said"),
+    [
+        (1e9 / (1e-6 * S), "with an integrator"),
+        ((S + 1) / (S * (S + 10)), "with an integrator, stable otherwise"),
+        (1 / (S**2 * (S + 3)), "with 2 integrators, stable otherwise"),
+        (1 / (S * (S - 1)), "with an integrator, UNSTABLE otherwise"),
+        (1 / (S**2 + 4), "with undamped poles at 2 rad/s"),
+        (1 / (S * (S**2 + 4)), "with an integrator and undamped poles at 2 rad/s"),
+        (1 / (S * (S + 1) * (S + 1e6)), "with an integrator, stable otherwise"),
+        (1 / (S + 1e-9), "stable itself"),
+        (1 / ((S + 1) * (S - 1e-7)), "UNSTABLE itself"),
+    ],
+)
+def test_an_integrator_is_called_so(G, said, turned):
+    """In triangular states, in full ones that round, and sampled (a pole at 1)."""
+    K = control.ss(G)
+    n = K.nstates
+    if turned:
+        T = np.linalg.qr(np.random.default_rng(0).normal(size=(n, n)))[0] + 0.1 * np.eye(n)
+        K = control.ss(np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T, K.D)
+    words = in_words(K).removeprefix(f"order {n}, ").split(", fastest")[0]
+    assert words == said
+
+
+@pytest.mark.parametrize(
+    ("A", "said"),
+    [
+        ([[1.0]], "order 1, with an integrator"),
+        ([[1.0, 1.0], [0.0, 0.5]], "order 2, with an integrator, stable otherwise"),
+        ([[1.0, 0.0], [0.0, 1.5]], "order 2, with an integrator, UNSTABLE otherwise"),
+        ([[0.0, 1.0], [-1.0, 0.0]], "order 2, with undamped poles at 15.71 rad/s"),
+        ([[1.0 - 1e-9]], "order 1, stable itself"),
+    ],
+)
+def test_integrators_of_sampled_systems(A, said):
+    n = len(A)
+    G = control.ss(A, np.ones((n, 1)), np.ones((1, n)), 0.0, 0.1)
+    assert in_words(G).split(", fastest")[0] == said

@@ -8,13 +8,23 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import EPS, Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.systems.balancing import balancing
+from workbench.systems.axis_poles import pole_may_be_at
+from workbench.systems.balancing import (
+    axis_rounding,
+    balancing,
+    integrators_first,
+    state_units,
+)
 
 Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""
+
+
+NEAR_BOUNDARY = 1e-6
+"""Distance of a pole from the boundary of stability over its size, up to which it may be on it."""
 
 
 def matrices_of(system: StateSpace) -> Matrices:
@@ -51,10 +61,58 @@ def worst_pole(system: StateSpace) -> tuple[complex, float]:
 
 
 def in_words(system: StateSpace) -> str:
-    """Order of a system, whether it is stable itself, and its fastest pole, for people."""
-    stable, size = worst_pole(system)[1] < 0, pole_sizes(system)
-    fastest = f", fastest pole {size.max():.4g} rad/s" if size.size else ""
-    return f"order {system.nstates}, {'stable' if stable else 'UNSTABLE'} itself{fastest}"
+    """Order of a system, whether it is stable itself, and its fastest pole, for people.
+
+    Integrators and undamped poles are called so, not unstable.
+    """
+    size = pole_sizes(system)
+    fastest = f", fastest pole {size.max():.4g} rad/s" if size.max(initial=0.0) > 0 else ""
+    return f"order {system.nstates}, {_stability_in_words(system)}{fastest}"
+
+
+def _stability_in_words(system: StateSpace) -> str:
+    """Whether a system is stable itself, but for poles on the boundary, which are named."""
+    count, undamped, rest = _boundary_poles(system)
+    state = "stable" if (rest < 0).all() else "UNSTABLE"
+    named = ["an integrator" if count == 1 else f"{count} integrators"] if count else []
+    named += [f"undamped poles at {size:.4g} rad/s" for size in undamped]
+    if not named:
+        return f"{state} itself"
+    return f"with {' and '.join(named)}{f', {state} otherwise' if len(rest) else ''}"
+
+
+def _boundary_poles(system: StateSpace) -> tuple[int, list[float], RealArray]:
+    """Poles on the boundary of stability, up to rounding, and how far beyond it the others are.
+
+    The number of integrators, the sizes of undamped pairs [rad/s], and distances (r,).
+    """
+    A, poles, at_rest = np.asarray(system.A, dtype=float), system.poles(), float(bool(system.dt))
+    poles = poles[np.argsort(np.abs(poles - at_rest))]
+    count = _integrators(system, poles - at_rest, at_rest)
+    poles = poles[count:]
+    boundary = poles / np.maximum(np.abs(poles), EPS) if system.dt else 1j * poles.imag
+    near = np.abs(poles - boundary) <= NEAR_BOUNDARY * np.abs(poles)
+    on = np.array([k for k in np.flatnonzero(near) if pole_may_be_at(complex(boundary[k]), A)], int)
+    sizes = root_sizes(boundary[on[poles[on].imag >= 0]], system.dt)
+    rest = np.delete(poles, on)
+    beyond: RealArray = np.abs(rest) - 1.0 if system.dt else rest.real
+    return count, sizes.tolist(), beyond
+
+
+def _integrators(system: StateSpace, beside: Array, at_rest: float) -> int:
+    """Number of poles at 0 (sampled: 1), up to rounding; ``beside`` are all, relative to there.
+
+    A slow stable pole is none, where the entries of A tell it from 0.
+    """
+    A = np.asarray(system.A, dtype=float)
+    units = state_units(A, system.B, system.C)
+    moved = A * units[:, None] / units - at_rest * np.eye(len(A))
+    count = integrators_first(moved, axis_rounding(moved))[2] if len(A) else 0
+    size = np.abs(beside)
+    slow = (beside[:count].real < 0).all() and (
+        size[:count] > len(A) * EPS * size.max(initial=0.0)
+    ).all()
+    return 0 if slow and not pole_may_be_at(at_rest, A) else count
 
 
 def realisation(matrices: Matrices, dt: float | None, **labels: Any) -> StateSpace:
