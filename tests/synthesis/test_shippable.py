@@ -16,9 +16,8 @@ from workbench.executor import Context
 from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.structure import Complex
-from workbench.synthesis import MuSynthesis
+from workbench.synthesis import Modal, MuSynthesis
 from workbench.synthesis.mu import interlacing
-from workbench.synthesis.mu.families import Modal
 from workbench.synthesis.mu.interlacing import NoStableController
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.bilinear import bilinear_sampled
@@ -133,7 +132,7 @@ def test_iterations_hand_over_what_they_do_not_meet(full):
 def test_halfspaces_are_the_stable_and_the_slow_controllers(seed):
     rng = np.random.default_rng(seed)
     order = int(rng.integers(1, 6))
-    family = Modal(tuple(rng.uniform(0.5, 5, (order + 1) // 2)), 1, 1, order)
+    family = Modal(order, corners=tuple(rng.uniform(0.5, 5, (order + 1) // 2)))
     fastest = float(rng.uniform(1, 6))
     rows, sides = family.halfspaces(True, fastest)
     for _ in range(50):
@@ -365,7 +364,7 @@ def test_sampled_plants_as_they_are(method):
     assert solve(again, "fixed").answer.upper <= found.answer.upper * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}, {"family": Modal((1.0,), 1, 1, 1)}])
+@pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}, {"family": Modal(1)}])
 def test_what_sampled_plants_do_not_take(demand):
     plant = unstable_first_order()
     sampled = GeneralisedPlant(

@@ -53,7 +53,7 @@ def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
     in_order = 0.0 <= low[0] <= low[1] < high[0] <= high[1] and math.isfinite(low[1])
     if not in_order or plant.dt:
         return Interlacing(False, False, False)
-    p = _matrix(plant.A).charpoly()
+    p = exact_matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
     opposite = _sign_of(p, low) * _sign_of(p, high) < 0
     has_low, has_high = (_has_zero(plant, common, ends) for ends in (low, high))
@@ -65,7 +65,7 @@ def separated_zeros(plant: StateSpace) -> tuple[Range, Range] | None:
 
     The zeros are isolated as roots of an exact polynomial: one at 0 is at 0, whatever rounds.
     """
-    p = _matrix(plant.A).charpoly()
+    p = exact_matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
     roots: Any = common.numer().complex_roots()
     real = [root.real for root, _ in roots if root.imag == 0]
@@ -89,11 +89,11 @@ def _range_about(root: arb) -> Range:
 
 def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
     """Greatest common divisor of the entries of n: n_ij = det(s I - A + b_j c_i) - p + d_ij p."""
-    A, D = _matrix(plant.A), plant.D
+    A, D = exact_matrix(plant.A), plant.D
     found = fmpq_poly([])
     for i, j in np.ndindex(D.shape):
-        b, c = _matrix(plant.B[:, [j]]), _matrix(plant.C[[i]])
-        found = found.gcd((A - b * c).charpoly() + (_exact(D[i, j]) - 1) * p)
+        b, c = exact_matrix(plant.B[:, [j]]), exact_matrix(plant.C[[i]])
+        found = found.gcd((A - b * c).charpoly() + (exact(D[i, j]) - 1) * p)
     return found
 
 
@@ -102,7 +102,7 @@ def _has_zero(plant: StateSpace, common: fmpq_poly, ends: Range) -> bool:
     if math.isinf(ends[0]):
         return not np.any(plant.D)
     once = common / common.gcd(common.derivative()) if common else common  # its roots are simple
-    low, high = (once(_exact(end)) for end in ends)
+    low, high = (once(exact(end)) for end in ends)
     return low * high <= 0
 
 
@@ -114,7 +114,7 @@ def _sign_of(p: fmpq_poly, ends: Range) -> int:
     """
     if math.isinf(ends[0]):
         return 1
-    low, high = map(_exact, ends)
+    low, high = map(exact, ends)
     first, *others = p(fmpq_poly([(low + high) / 2, 1])).coeffs()
     r = (high - low) / 2
     if abs(first) <= sum((abs(q) * r**k for k, q in enumerate(others, start=1)), fmpq(0)):
@@ -122,12 +122,12 @@ def _sign_of(p: fmpq_poly, ends: Range) -> int:
     return 1 if first > 0 else -1
 
 
-def _matrix(values: RealArray) -> fmpq_mat:
+def exact_matrix(values: RealArray) -> fmpq_mat:
     """Doubles (m, n) as fractions."""
     rows, columns = values.shape
-    return fmpq_mat(rows, columns, [_exact(value) for value in values.ravel()])
+    return fmpq_mat(rows, columns, [exact(value) for value in values.ravel()])
 
 
-def _exact(value: float) -> fmpq:
+def exact(value: float) -> fmpq:
     """A double as a fraction."""
     return fmpq(*float(value).as_integer_ratio())

@@ -47,10 +47,13 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.control_cover import ControlCover
     from workbench.synthesis.mu.demand_cost import DemandCost
     from workbench.synthesis.mu.equalising_gain import equalising_gain
-    from workbench.synthesis.mu.families import Family, Modal
+    from workbench.synthesis.mu.families.decentralised import Decentralised
+    from workbench.synthesis.mu.families.family import Family
+    from workbench.synthesis.mu.families.lead_lag import LeadLag
+    from workbench.synthesis.mu.families.modal import Modal, Static
+    from workbench.synthesis.mu.families.three_terms import PD, PI, PID
     from workbench.synthesis.mu.program import MuController, MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
-    from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
     from workbench.synthesis.records.record import NoiseEnergy, StateRecords
@@ -79,6 +82,8 @@ else:
 
 __all__ = [
     "DESIGNS",
+    "PD",
+    "PI",
     "PID",
     "AnalyticBasis",
     "ApproximatedSystem",
@@ -123,6 +128,7 @@ __all__ = [
     "Sections",
     "SingleLoops",
     "StateRecords",
+    "Static",
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",

@@ -15,7 +15,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import need_positive, need_whole
+from workbench.input_checks import as_array, need_positive, need_whole
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
@@ -24,10 +24,11 @@ from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.figures import DrawnController, controller
-from workbench.synthesis.mu.families import Family
+from workbench.synthesis.mu.families.family import Family, need_family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
 from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
+from workbench.synthesis.mu.no_gain import NoStabilisingGain
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.synthesis.mu.shippable import Shippable
@@ -212,8 +213,8 @@ class MuSynthesis(Program):
             raise InputError(f"random is {self.random}; it must be 0 or more")
         if not isinstance(self.stable, bool):
             raise InputError(f"stable is {self.stable!r}; it must be True or False")
-        if self.family is not None and not isinstance(self.family, Family):
-            raise InputError(f"family must be a Family, not {type(self.family).__name__}")
+        if self.family is not None:
+            need_family(self.family, "family")
         plant, structure = self.plant, self.structure or self.plant.structure
         if structure is None:
             raise InputError(
@@ -233,8 +234,13 @@ class MuSynthesis(Program):
             )
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
+        if self.family is not None:
+            object.__setattr__(
+                self, "family", self.family.sized(plant.measurements, plant.controls)
+            )
+            object.__setattr__(self, "default_method", "fixed")
         if self.start is not None:
-            object.__setattr__(self, "start", as_system(self.start, "start"))
+            object.__setattr__(self, "start", self._started(self.start))
             stability = stability_of(plant.close(self.start))
             if not stability.holds:
                 raise InputError(
@@ -243,15 +249,34 @@ class MuSynthesis(Program):
                     f"{stability.limit:.3g}, its rounding error"
                 )
 
+    def _started(self, start: Any) -> StateSpace:
+        """The start as a system, which is a member of the family where there is one."""
+        if self.family is None:
+            return as_system(start, "start")
+        if np.ndim(start) == 1 and not isinstance(start, str):
+            x, count = as_array(start, "start"), self.family.count
+            if count is not None and len(x) != count:
+                raise InputError(
+                    f"start has {len(x)} numbers; a member of {self.family} has {count} parameters"
+                )
+            return self.family.system(x)
+        K = as_system(start, "start")
+        self.family.about(K)  # raises for what is no member
+        return K
+
     @property
     def demands(self) -> Shippable:
         """What the controller must be besides."""
         return Shippable(self.order, self.stable, self.fastest_pole)
 
     def claim_task(self, claim: Outcome) -> Task | None:
-        if claim is not Outcome.INFEASIBLE or not self.stable or self.plant.system.dt:
+        if claim is not Outcome.INFEASIBLE or self.plant.system.dt:
             return None
-        return NoStableController(self.plant.controlled())
+        controlled = self.plant.controlled()
+        if self.stable and violated(controlled) is not None:
+            return NoStableController(controlled)
+        alone = (controlled.ninputs, controlled.noutputs) == (1, 1)
+        return NoStabilisingGain(controlled) if alone else None
 
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""

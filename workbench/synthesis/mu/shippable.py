@@ -30,6 +30,11 @@ class Shippable:
         """Whether anything is asked."""
         return self.order is not None or self.stable or self.fastest is not None
 
+    @property
+    def asked_of_poles(self) -> bool:
+        """Whether anything is asked of the controller's poles."""
+        return self.stable or self.fastest is not None
+
     def checks(self, K: StateSpace) -> list[Check]:
         """Checks that a controller meets the demands."""
         found = []

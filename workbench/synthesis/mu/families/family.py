@@ -7,23 +7,24 @@ effect everywhere.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-
-LEAST_DAMPING, POLE_ROOM = 1e-6, 1e-6
-"""Least coefficient of a block that is asked to be stable, and the share of the size allowed that
-poles keep away from it."""
-STATE_DIRECTIONS = 24
-"""Directions of the first state of a second-order block that are tried for good conditioning."""
+from workbench.input_checks import is_real
+from workbench.synthesis.mu.families.least_squares import descended
+from workbench.systems.generalised_plant import response
 
 
 class Family(ABC):
     """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x.
+
+    A family of one's own needs `system`, `response` and `parameters`. With `examples` a method
+    finds its own starts in it.
 
     Examples
     --------
@@ -60,177 +61,83 @@ class Family(ABC):
         """
         return np.zeros((0, 0)), np.zeros(0)
 
+    def about(self, K: StateSpace) -> tuple[Family, RealArray]:
+        """The family in parameters that suit a member, and the member's parameters (k,).
 
-@dataclass(frozen=True)
-class Modal(Family):
-    """Every controller of an order, with second-order blocks in A and free B, C and D.
-
-    A has blocks w [[-b, -a], [1, 0]], and a block -w c if the order is odd. A block may have
-    complex or real poles, stable or not. The ``corners`` [rad/s] are the w of the controller for
-    which the family is made, so that the parameters are of order one.
-
-    Examples
-    --------
-    >>> import control
-    >>> import numpy as np
-    >>> from workbench.synthesis import Modal
-    >>> K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[1.0], [0.0]], [[0.0, 1.0]], [[0.5]])
-    >>> family, x = Modal.of(K)
-    >>> bool(np.isclose(family.system(x)(3j), K(3j)))
-    True
-    """
-
-    corners: tuple[float, ...]
-    inputs: int
-    outputs: int
-    order: int
-
-    @classmethod
-    def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
-        """The family that contains a controller, and the controller's parameters.
-
-        Raises InputError for a controller with a mode that no second-order block has.
+        Raises InputError for other controllers.
         """
-        blocks, T = _blocks(K.A)
-        corners, shapes, changes = (
-            zip(*map(_companion, blocks), strict=True) if blocks else ((),) * 3
-        )
-        family = cls(tuple(corners), K.ninputs, K.noutputs, K.nstates)
-        B, C = np.linalg.solve(T, K.B), K.C @ T
-        at = 0
-        for block, change in zip(blocks, changes, strict=True):
-            part = slice(at, at + len(change))
-            if block[0, -1] == 0:  # two real modes: a block may hold one large, the other small
-                for mode in range(part.start, part.stop):
-                    _even(B, C, slice(mode, mode + 1))
-            B[part], C[:, part] = np.linalg.solve(change, B[part]), C[:, part] @ change
-            _even(B, C, part)
-            at = part.stop
-        x = np.concatenate([*shapes, B.ravel(), C.ravel(), K.D.ravel()]) if shapes else K.D.ravel()
-        return family, np.asarray(x, dtype=float)
+        return self, self.parameters(K)
 
-    def parameters(self, K: StateSpace) -> RealArray:
-        family, x = Modal.of(K)
-        if family != self:
-            raise InputError(f"the controller has other corners than the family: {family} {self}")
-        return x
+    def sized(self, inputs: int, outputs: int) -> Family:
+        """The family for a plant with so many measurements and controls.
 
-    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
-        # A block s^2 + w b s + w^2 a has stable poles where a, b > 0, and poles of size P at most
-        # where |w^2 a| <= P^2 and P^2 + w^2 a >= P |w b|: Jury's triangle, scaled.
-        n, m, p = self.order, self.inputs, self.outputs
-        rows: list[RealArray] = []
-        sides: list[float] = []
+        Raises InputError where the family has other numbers of inputs and outputs.
+        """
+        return self
 
-        def add(side: float, *terms: tuple[int, float]) -> None:
-            row = np.zeros(n + n * m + p * n + p * m)
-            for place, value in terms:
-                row[place] = value
-            rows.append(row)
-            sides.append(side)
+    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
+        """Members from which searches begin: corners about one [rad/s], gains far below one.
 
-        for k, w in enumerate(self.corners):
-            i, pair = 2 * k, 2 * k + 1 < n
-            if stable:
-                for place in (i, i + 1)[: 1 + pair]:
-                    add(-LEAST_DAMPING, (place, -1.0))
-            if fastest is not None:
-                size = w / (fastest * (1.0 - POLE_ROOM))
-                reach = size**2 if pair else size
-                add(1.0, (i, reach))
-                add(1.0, (i, -reach))
-                if pair:
-                    add(1.0, (i, -reach), (i + 1, size))
-                    add(1.0, (i, -reach), (i + 1, -size))
-        if not rows:
-            return np.zeros((0, n + n * m + p * n + p * m)), np.zeros(0)
-        return np.array(rows), np.array(sides)
+        None where a family knows none; it then needs a start.
+        """
+        return ()
 
-    def matrices(self, x: RealArray) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """A, B, C and D of the controller with parameters x."""
-        n, m, p = self.order, self.inputs, self.outputs
-        shape, B, C, D = np.split(x, np.cumsum([n, n * m, p * n]))
-        A = np.zeros((n, n))
-        for k, w in enumerate(self.corners):
-            i = 2 * k
-            if i + 1 < n:
-                # With b first eigenvalues keep the digits of a slow pole beside a fast one.
-                A[i, i], A[i, i + 1], A[i + 1, i] = -w * shape[i + 1], -w * shape[i], w
-            else:
-                A[i, i] = -w * shape[i]
-        return A, B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
+    @property
+    def count(self) -> int | None:
+        """Number of parameters; None where the family does not tell."""
+        return None
 
-    def system(self, x: RealArray) -> StateSpace:
-        import control
+    def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
+        """The member nearest to a controller: least sum of squares of weight (F,) times distance.
 
-        return control.ss(*self.matrices(x))
+        omega: frequencies (F,) [rad/s]. None where no member is found. Families that are not linear
+        in their parameters descend from their `examples`, to a local optimum.
+        """
+        wanted = response(K, omega)
+        corner = float(np.exp(np.average(np.log(omega), weights=weight / weight.max())))
+        gain = float(np.average(np.abs(wanted).max(axis=(1, 2)), weights=weight))
+        found: list[tuple[float, int, StateSpace]] = []
+        for example in self.examples(corner, gain):
+            family, x = self.about(example)
+            best, miss = descended(family.response, x, wanted, omega, weight)
+            found.append((miss, len(found), family.system(best)))
+        return min(found)[2] if found else None
 
-    def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
-        A, B, C, D = self.matrices(x)
-        n, m, p, count = self.order, self.inputs, self.outputs, len(omega)
-        resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(n) - A)
-        into, out = resolvent @ B, C @ resolvent
-        slopes = np.zeros((count, x.size, p, m), complex)
-        for i in range(n):
-            w, row, column = self.corners[i // 2], i - i % 2, min(i ^ 1, n - 1)
-            slopes[:, i] = -w * out[:, :, row, None] * into[:, None, column, :]
-        B_slopes = slopes[:, n : n + n * m].reshape(count, n, m, p, m)
-        C_slopes = slopes[:, n + n * m : n + n * m + p * n].reshape(count, p, n, p, m)
-        D_slopes = slopes[:, n + n * m + p * n :].reshape(count, p, m, p, m)
-        for j in range(m):
-            B_slopes[:, :, j, :, j] = out.transpose(0, 2, 1)
-        for i in range(p):
-            C_slopes[:, i, :, i, :] = into
-            for j in range(m):
-                D_slopes[:, i, j, i, j] = 1.0
-        K: ComplexArray = np.asarray(out @ B + D, dtype=complex)
-        return K, slopes
+    def settings(self, K: StateSpace) -> Mapping[str, float]:
+        """The numbers by which people know a member, by name with unit; empty where none have one.
+
+        Raises InputError for other controllers.
+        """
+        return {}
 
 
-def _even(B: RealArray, C: RealArray, part: slice) -> None:
-    """Scale some of the states so that their rows of B and columns of C have one size."""
-    out, into = float(np.linalg.norm(C[:, part])), float(np.linalg.norm(B[part]))
-    size = np.sqrt(out / into) if out > 0 and into > 0 else 1.0
-    B[part], C[:, part] = B[part] * size, C[:, part] / size
-
-
-def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
-    """Real second-order blocks of A's modes, one of first order if n is odd, and their basis."""
-    values, vectors = np.linalg.eig(A)
-    if len(A) and np.linalg.cond(vectors) > 1e12:
-        raise InputError("the controller has a defective mode; perturb or reduce it first")
-    pairs = np.flatnonzero(values.imag > 0)
-    blocks = [np.array([[v.real, v.imag], [-v.imag, v.real]]) for v in values[pairs]]
-    basis = [np.column_stack([vectors[:, i].real, vectors[:, i].imag]) for i in pairs]
-    reals = np.flatnonzero(values.imag == 0)
-    reals = reals[np.argsort(np.abs(values[reals]))]
-    half = len(reals) // 2
-    # Combine slow poles with fast ones, since two equal poles have no common block.
-    for i, j in zip(reals[:half], reals[half : 2 * half], strict=True):
-        blocks.append(np.diag(values[[i, j]].real))
-        basis.append(vectors[:, [i, j]].real)
-    if len(reals) % 2:
-        blocks.append(values[reals[-1:], None].real)
-        basis.append(vectors[:, reals[-1:]].real)
-    return blocks, np.hstack(basis) if basis else np.zeros((0, 0))
-
-
-def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
-    """Corner, shape parameters, and the change of state that gives a block the family's form."""
-    if len(block) == 1:
-        corner = float(abs(block[0, 0])) or 1.0
-        return corner, [-block[0, 0] / corner], np.eye(1)
-    determinant, trace = float(np.linalg.det(block)), float(np.trace(block))
-    corner = float(np.sqrt(abs(determinant))) or 1.0
-    # The first state may be any direction u; the second is then (block u - trace u) / corner.
-    angles = np.pi * np.arange(STATE_DIRECTIONS) / STATE_DIRECTIONS
-    changes = [
-        np.column_stack([u, (block @ u - trace * u) / corner])
-        for u in np.column_stack([np.cos(angles), np.sin(angles)])
-    ]
-    best = min(changes, key=np.linalg.cond)
-    if np.linalg.cond(best) > 1e10:
+def need_size(family: Family, has: tuple[int, int], inputs: int, outputs: int, do: str) -> None:
+    """Raise InputError unless a family with ``has`` inputs and outputs fits a plant."""
+    if has != (inputs, outputs):
         raise InputError(
-            "two equal real poles of the controller have no common block; perturb them"
+            f"{family} has {has[0]} inputs and {has[1]} outputs, the plant {inputs} measurements "
+            f"and {outputs} controls: {do}"
         )
-    return corner, [determinant / corner**2, -trace / corner], best
+
+
+def need_leak(leak: Any) -> None:
+    """Raise InputError for the pole of an integrator that is no number from 0 on."""
+    if not (is_real(leak) and 0.0 <= leak < np.inf):
+        raise InputError(f"leak is {leak!r}; it must be a number of rad/s, 0 or more")
+
+
+def need_family(family: Any, name: str) -> None:
+    """Raise InputError for what is no family, saying how one is given."""
+    if isinstance(family, Family):
+        return
+    if isinstance(family, type) and issubclass(family, Family):
+        raise InputError(f"{name} is the class {family.__name__}: write {family.__name__}()")
+    if isinstance(family, tuple) and family and isinstance(family[0], Family):
+        raise InputError(
+            f"{name} is a tuple of a family and parameters: give the first as the family, and "
+            "the second as start"
+        )
+    raise InputError(
+        f"{name} must be a Family, not {type(family).__name__}: PID(), PI(), PD(), LeadLag(), "
+        "Static(), Modal(order) or Decentralised(PID(), PI())"
+    )

@@ -10,38 +10,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
-from workbench.certify.stability import stability_of
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError
 from workbench.executor import Context, InProcess, spread
 from workbench.heavy_types import StateSpace
-from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
-from workbench.structure import Structure
-from workbench.synthesis.mu.families import Family, Modal
+from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.shippable import Shippable
-from workbench.synthesis.mu.structured.starts import found_starts
-from workbench.systems.frequency_grid import frequencies_of
-from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.synthesis.mu.structured.problem import Problem
+from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
+from workbench.synthesis.mu.structured.starts.search import Start
 
 MOST_STEPS = 300
 """Most steps of the optimisation."""
 LOWERED_SHARE = 0.6
 """A step lowers the bounds at all frequencies where they are above this share of the peak."""
-RESOLVED_SHARE, MAXIMUM_TOLERANCE, GRID_REFINEMENTS = 0.8, 5e-4, 5
-"""Maxima above the first share of the peak are refined until neighbours differ by less than the
-second share of the peak, at most as often as the third number says."""
 FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
 """First, largest and smallest trust radius, in units of the parameters."""
 ACCEPTED_SHARE, SHRINKING_SHARE, GROWING_SHARE = 0.02, 0.25, 0.7
@@ -50,6 +42,8 @@ above which it may grow."""
 START_SPREAD, DRAWS_PER_START = 0.5, 20
 """Standard deviation of random starts, in units of the parameters, and the most draws per start
 that is wanted."""
+GIVEN = "the given start"
+"""What the rule of a start that is given is called."""
 SHORTEST = 1e-3
 """Time for a start that comes late: it is its own answer [s]."""
 LEAST_PROMISE = 1e-6
@@ -63,47 +57,62 @@ rounds."""
 
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
-    """Nonsmooth optimisation over the start's family, or over all controllers of its order."""
-    starts, begun = _starts(program, context)
-    problems = [_problem(program, start) for start in starts]
+    """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+    try:
+        starts = _starts(program, context)
+    except NoStabilisingGainError:
+        return None, Outcome.INFEASIBLE, ""
+    problems = [_problem(program, start.K) for start in starts]
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     (first, x), *others = problems
     others += [(first, member) for member in _members(first, x, program.random, context.rng)]
+    context.progress(f"from {starts[0].rule}", 0, 1)
     minima = [_minimised(first, x, context, target)]
     limit = context.options.time_limit
     spent = time.perf_counter() - context.started
     until = None if limit is None else time.time() + limit - spent
     beside = partial(_minimised_until, until, target)
     where = context.executor or InProcess()
-    minima += spread(beside, others, where, context.progress, "further starts")
-    history, said = min(minima, key=lambda each: each[0][-1].peak)
-    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, begun + said
+    others_said = ", ".join(start.rule for start in starts[1:]) or "random ones"
+    minima += spread(beside, others, where, context.progress, f"further starts: {others_said}")
+    best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
+    history, said = minima[best]
+    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, _told(starts, best) + said
 
 
-def _starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpace], str]:
-    """Controllers to start from: the one given, or those that are found; and how."""
+def _starts(program: MuSynthesis, context: Context) -> list[Start]:
+    """Controllers to start from: the one given, or those that are found."""
     if program.start is not None:
         failed = [c.name for c in program.demands.checks(program.start) if not c.holds]
         if failed:
             raise InputError(
                 f"the start does not meet what is asked of the controller: {'; '.join(failed)}"
             )
-        return [program.start], ""
-    if program.order is None or program.family is not None:
+        return [Start(program.start, GIVEN)]
+    if program.order is None and program.family is None:
         raise InputError(
-            "a controller to start from is needed: give start, or order for one that is found"
+            "which controllers to search is not said: give start, or order, or a family such as "
+            "PID()"
         )
-    starts, said = found_starts(program, context)
-    return starts, f"{said}; "
+    return found_starts(program, context)
 
 
-def _problem(program: MuSynthesis, start: StateSpace) -> tuple[_Problem, RealArray]:
+def _told(starts: list[Start], best: int) -> str:
+    """Where the starts came from, and from which the answer descends."""
+    if starts[0].rule == GIVEN:
+        return ""
+    rules = list(dict.fromkeys(start.rule for start in starts))
+    won = starts[best].rule if best < len(starts) else "a random one"
+    more = f", best from {won}" if len(rules) > 1 or won not in rules else ""
+    return f"started from {' and from '.join(rules)}{more}; "
+
+
+def _problem(program: MuSynthesis, start: StateSpace) -> tuple[Problem, RealArray]:
     """Mu over the parameters of the family, or of all controllers of the start's order."""
-    if program.family is not None:
-        family, x = program.family, program.family.parameters(start)
-        return _Problem(program.plant, program.closed, family, program.demands), x
-    modal, x = Modal.of(start)
-    return _Problem(program.plant, program.closed, modal, program.demands), _stirred(modal, x)
+    family, x = (program.family or Modal(start.nstates)).about(start)
+    if isinstance(family, Modal):
+        x = _stirred(family, x)
+    return Problem(program.plant, program.closed, family, program.demands), x
 
 
 def _stirred(family: Modal, x: RealArray) -> RealArray:
@@ -111,7 +120,7 @@ def _stirred(family: Modal, x: RealArray) -> RealArray:
 
     Where B and C of a mode are zero no small step of either has an effect.
     """
-    n, m, p = family.order, family.inputs, family.outputs
+    n, m, p = family.order, family.inputs or 1, family.outputs or 1
     _, B, C, _ = np.split(x, np.cumsum([n, n * m, p * n]))
     B, C = B.reshape(n, m).copy(), C.reshape(p, n)
     for i in range(0, n, 2):
@@ -122,7 +131,7 @@ def _stirred(family: Modal, x: RealArray) -> RealArray:
 
 
 def _members(
-    problem: _Problem, x: RealArray, count: int, rng: np.random.Generator
+    problem: Problem, x: RealArray, count: int, rng: np.random.Generator
 ) -> Iterator[RealArray]:
     """Random parameters around x with stable loops; fewer than `count` where few are stable."""
     units = problem.family.units(x)
@@ -134,111 +143,8 @@ def _members(
             yield member
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Mixed mu of the loop as a function of the parameters of a family."""
-
-    plant: GeneralisedPlant
-    structure: Structure
-    family: Family
-    demands: Shippable = field(default_factory=Shippable)
-
-    @cached_property
-    def opened(self) -> GeneralisedPlant:
-        """The plant with the controls as exogenous inputs too, and the measurements as outputs."""
-        import control
-
-        system, m, p = self.plant.system, self.plant.controls, self.plant.measurements
-        inputs = [*range(system.ninputs), *range(system.ninputs - m, system.ninputs)]
-        outputs = [*range(system.noutputs), *range(system.noutputs - p, system.noutputs)]
-        doubled = control.StateSpace(
-            system.A,
-            system.B[:, inputs],
-            system.C[outputs],
-            system.D[np.ix_(outputs, inputs)],
-            0,
-            remove_useless_states=False,
-        )
-        return GeneralisedPlant(doubled, None, m, p)
-
-    def loop(self, x: RealArray) -> StateSpace | None:
-        """The closed loop; None where it is not stable, or K not what is asked."""
-        K = self.family.system(x)
-        if self.demands.asked and not self.demands.admits(K):
-            return None
-        loop = self.plant.close(K)
-        return loop if stability_of(loop).holds else None
-
-    def stable_loop(self, x: RealArray) -> StateSpace:
-        """The closed loop of parameters known to be stabilising."""
-        loop = self.loop(x)
-        if loop is None:
-            raise SolverError(
-                "rounding hides whether the loop of a stabilising controller is stable"
-            )
-        return loop
-
-    def about(self, K: StateSpace, x: RealArray) -> tuple[_Problem, RealArray]:
-        """The problem, and parameters x, with the family of all controllers made for K."""
-        if not isinstance(self.family, Modal):
-            return self, x
-        try:
-            family, new = Modal.of(K)
-        except (
-            InputError
-        ):  # poles that met have no common block: go on with the corners as they are
-            return self, x
-        return replace(self, family=family), new
-
-    def curve(self, loop: StateSpace) -> tuple[RealArray, RealArray]:
-        """Frequencies (F,) [rad/s] that resolve the maxima of the upper bound, and bounds (F,)."""
-        omega = frequencies_of(loop)
-        bound = self._bound(loop, omega)
-        for _ in range(GRID_REFINEMENTS):
-            new = _beside(omega, bound)
-            if not new.size:
-                break
-            place = np.argsort(np.concatenate([omega, new]))
-            bound = np.concatenate([bound, self._bound(loop, new)])[place]
-            omega = np.concatenate([omega, new])[place]
-        return omega, bound
-
-    def linear(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """Bounds (F,) at frequencies [rad/s] and their gradients (F, k) by the parameters."""
-        # The loop as it is closed: the open one may have poles on the imaginary axis.
-        m, p = self.plant.controls, self.plant.measurements
-        whole = response(self.opened.close(self.family.system(x)), omega)
-        N, back, out = whole[:, :-p, :-m], whole[:, :-p, -m:], whole[:, -p:, :-m]
-        _, slopes = self.family.response(x, omega)
-        bound: UpperBound = upper_bound(N, self.structure)
-        # dN = back dK out
-        with_K = out @ gradient(N, self.structure, bound) @ back
-        return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
-
-    def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
-        """The round that ends at x with bounds (F,)."""
-        return Iterate(float(bound.max()), np.nan, np.nan, self.family.system(x))
-
-    def _bound(self, loop: StateSpace, omega: RealArray) -> RealArray:
-        """Upper bounds of mixed mu (F,) at frequencies [rad/s]."""
-        value: RealArray = upper_bound(response(loop, omega), self.structure).value
-        return value
-
-
-def _beside(omega: RealArray, bound: RealArray) -> RealArray:
-    """Frequencies to add on either side of maxima that are not resolved."""
-    top = bound.max()
-    left = np.concatenate([[0.0], bound[:-1]])
-    right = np.concatenate([bound[1:], [0.0]])
-    peak = (bound >= left) & (bound >= right) & (bound > RESOLVED_SHARE * top)
-    steep = np.abs(np.diff(bound)) > MAXIMUM_TOLERANCE * top
-    wanted = steep & (peak[1:] | peak[:-1])
-    middle: RealArray = np.sqrt(omega[1:] * omega[:-1])[wanted]
-    return middle
-
-
 def _minimised(
-    problem: _Problem, x: RealArray, context: Context, target: float
+    problem: Problem, x: RealArray, context: Context, target: float
 ) -> tuple[list[Iterate], str]:
     """Minimise the peak from parameters x.
 
@@ -283,7 +189,7 @@ def _minimised(
 
 
 def _minimised_until(
-    until: float | None, target: float, begun: tuple[_Problem, RealArray]
+    until: float | None, target: float, begun: tuple[Problem, RealArray]
 ) -> tuple[list[Iterate], str]:
     """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
     left = None if until is None else max(until - time.time(), SHORTEST)
@@ -303,7 +209,7 @@ class _Lower(NamedTuple):
 
 
 def _lower(
-    problem: _Problem,
+    problem: Problem,
     x: RealArray,
     curve: tuple[RealArray, RealArray],
     hessian: RealArray,

@@ -1,208 +1,128 @@
-"""Starts of method "fixed": a D-K controller reduced, or a search for the rightmost pole."""
+"""The starts of method "fixed": every rule is asked, and the best of what they find are kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
-import numpy as np
-from scipy.optimize import minimize
-
-from workbench.arrays import RealArray
-from workbench.certify.stability import stability_of
-from workbench.errors import InputError, SolverError
+from workbench.errors import SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.dk import iterated
-from workbench.synthesis.mu.families import Modal
+from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.reduction import truncation
-from workbench.synthesis.reduction.kept_part import kept_and_stable
-from workbench.systems.realisation import Matrices, realisation
+from workbench.synthesis.mu.structured.starts.full_order import full_order
+from workbench.synthesis.mu.structured.starts.gains import gains, one_gain
+from workbench.synthesis.mu.structured.starts.lag_rules import lag_rules
+from workbench.synthesis.mu.structured.starts.quiet import quiet
+from workbench.synthesis.mu.structured.starts.rightmost import SEARCHES, rightmost
+from workbench.synthesis.mu.structured.starts.search import Search, Start
 
-DETOUR = 6
-"""States above the wanted order from which a reduction starts again at most."""
-REDUCED_STARTS, ALIKE = 2, 0.02
-"""Number of reductions that descent starts from, and the relative distance of their peaks."""
-REAL_POLES_APART = 0.8
-"""Ratio of the sizes of real poles that are slowed to what is asked."""
-SEARCHES, SEARCH_STEPS, MOST_SEARCHED = 12, 200, 4
-"""Random starts of the search for the rightmost pole, steps of each, and how many are compared."""
+OF_A_RULE, ALIKE, IN_ALL = 2, 0.02, 4
+"""Most starts of a rule, the relative distance of their peaks, and most starts in all."""
+MOST_SEARCHED = 4
+"""Results of the search for the rightmost pole that are compared."""
+
+Rule = Callable[[Search], Iterable[StateSpace]]
+
+FULL_ORDER = "a full-order controller, reduced"
+QUIET = "zero or a little integration"
+RULES: dict[str, Rule] = {
+    QUIET: quiet,
+    "the rules for lags with dead time (SIMC)": lag_rules,
+    FULL_ORDER: full_order,
+}
+"""Rules by what messages call them, cheap ones first."""
+OF_AN_ORDER = (QUIET, FULL_ORDER)
+"""The rules that controllers of an order need."""
+GAINS = "the ranges of stabilising gains"
+RIGHTMOST = "a search for the rightmost pole"
 
 
-def found_starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpace], str]:
-    """Controllers of the wanted order that stabilise and meet the demands, and how they were found.
+class NoStabilisingGainError(SolverError):
+    """No constant gain stabilises the plant, which fractions tell."""
 
-    They are the best approximations of a D-K controller and, where the plant is stable, one that
-    does nothing; where no approximation will do, one from a search for the rightmost pole too.
-    Descent ends at other places from each.
 
-    Raises SolverError where none was found.
+def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
+    """Members that stabilise and meet the demands, that of least peak first.
+
+    Where neither a rule for lags nor a full-order controller leads to one, a search for the
+    rightmost pole joins. Descent ends at other places from each.
+
+    Raises
+    ------
+    NoStabilisingGainError
+        A constant gain is asked for, and none stabilises.
+    SolverError
+        None was found.
     """
-    tried = list(_reduced(program, context))
-    admitted = [K for K in tried if _holds(program, K)]
-    found: list[StateSpace] = []
-    said: list[str] = []
-    if admitted:
-        found += _best(program, admitted)
-        said.append("a D-K controller, reduced")
-    else:  # from there descent reaches what it does not reach from zero
-        search = (K for K in _searched(program, tried, context) if _holds(program, K))
-        found += _best(program, list(islice(search, MOST_SEARCHED)))
-        said += ["a search for the rightmost pole"] * bool(found)
-    idle = _idle(program)
-    if _holds(program, idle):
-        found.append(idle)
-        said.append("zero")
+    family = program.family
+    if family is None:
+        assert program.order is not None
+        family = Modal(program.order).sized(program.plant.measurements, program.plant.controls)
+    search = Search(program, family, context)
+    asked = RULES
+    if one_gain(search):
+        asked = {GAINS: gains}
+    elif isinstance(family, Modal):
+        asked = {name: RULES[name] for name in OF_AN_ORDER}
+    found: list[Start] = []
+    for name, rule in asked.items():
+        found += _of_rule(search, name, rule, found)
+        if any(program.target and one.peak <= program.target for one in found):
+            break
+    if GAINS in asked and not found and not program.demands.asked_of_poles:
+        raise NoStabilisingGainError("no gain stabilises")
+    if not any(one.rule != QUIET for one in found):
+        found += _of_rule(search, RIGHTMOST, lambda s: islice(_met(s), MOST_SEARCHED), found)
     if not found:
-        met = " and meets the demands" if program.stable or program.fastest_pole else ""
-        raise SolverError(
-            f"no controller of order {program.order} that stabilises{met} was found in {SEARCHES} "
-            "searches: give a start, or a higher order"
-        )
-    return found, f"started from {' and from '.join(said)}"
+        raise SolverError(_failed(search, [*asked, RIGHTMOST]))
+    return sorted(found, key=lambda one: one.peak)[:IN_ALL]
 
 
-def _idle(program: MuSynthesis) -> StateSpace:
-    """A controller whose output is zero, with modes about as fast as the plant's."""
-    order, plant = program.order or 0, program.plant
-    rates = _speed(program) * np.geomspace(0.3, 3.0, max(order, 1))[:order]
-    if program.fastest_pole is not None:
-        rates = np.minimum(rates, 0.9 * program.fastest_pole * REAL_POLES_APART ** np.arange(order))
-    return realisation(
-        (
-            -np.diag(rates),
-            np.zeros((order, plant.measurements)),
-            np.zeros((plant.controls, order)),
-            np.zeros((plant.controls, plant.measurements)),
-        ),
-        0.0,
-    )
+def _of_rule(search: Search, name: str, rule: Rule, before: list[Start]) -> list[Start]:
+    """The best starts of a rule that are not alike; none once time is up, if there are others."""
+    context = search.context
+    context.progress(f"start: {name}", 0, 1)
+    good: list[StateSpace] = []
+    try:
+        for K in rule(search):
+            context.seconds_left(f"start: {name}")
+            if search.stabilises(K):
+                good.append(K)
+    except TimeLimitError:
+        if not (before or good):
+            raise
+    context.progress(f"start: {name}", 1, 1)
+    return _best(search, name, good)
 
 
-def _speed(program: MuSynthesis) -> float:
-    """The middle size of the plant's poles [rad/s]."""
-    size = np.abs(program.plant.system.poles())
-    size = size[size > 0]
-    return float(np.exp(np.mean(np.log(size)))) if size.size else 1.0
-
-
-def _holds(program: MuSynthesis, K: StateSpace) -> bool:
-    return program.demands.admits(K) and bool(stability_of(program.plant.close(K)).holds)
-
-
-def _best(program: MuSynthesis, controllers: list[StateSpace]) -> list[StateSpace]:
-    """The `REDUCED_STARTS` controllers of least peaks that are not alike."""
-    found: list[StateSpace] = []
+def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Start]:
+    """The controllers of least peaks that are not alike."""
+    found: list[Start] = []
     least = 0.0
-    for peak, place in sorted((_peak(program, K), i) for i, K in enumerate(controllers)):
-        if peak > (1 + ALIKE) * least and len(found) < REDUCED_STARTS:
-            found.append(controllers[place])
+    for peak, place in sorted((search.peak(K), i) for i, K in enumerate(controllers)):
+        if peak > (1 + ALIKE) * least and len(found) < OF_A_RULE:
+            found.append(Start(controllers[place], name, peak))
             least = peak
     return found
 
 
-def _peak(program: MuSynthesis, K: StateSpace) -> float:
-    found = program.certified(K, 0.05)
-    return np.inf if found is None else found.upper
+def _met(search: Search) -> Iterator[StateSpace]:
+    """What the search for the rightmost pole finds that stabilises."""
+    return (K for K in rightmost(search) if search.stabilises(K))
 
 
-def _reduced(program: MuSynthesis, context: Context) -> Iterator[StateSpace]:
-    """Approximations of a D-K controller with the wanted order, and zero of that order."""
-    order = program.order or 0
-    try:
-        left = context.seconds_left("D-K for a start")
-        options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
-        answer, _, _ = iterated(program.without_demands(), Context(options), 0.0)
-    except (SolverError, InputError):
-        answer = None
-    if answer is None:
-        return
-    K = answer.K
-    if K.nstates <= order:
-        yield K
-        return
-    parts: Matrices = (K.A, K.B, K.C, K.D)
-    loop = program.plant.close(K)
-    closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
-    ways: list[tuple[int, Callable[[int], Matrices]]] = [
-        (0, truncation.weighted(parts, program.plant, closed, answer.peak)),
-        truncation.balanced_truncation(kept_and_stable(parts)),
-        truncation.matchdc(kept_and_stable(parts)),
-        truncation.hankel(kept_and_stable(parts)),
-    ]
-    for least, way in ways:
-        if least <= order:
-            yield _system(way(order))
-    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
-        for least, way in ways:
-            if least > higher:
-                continue
-            fewer, again = truncation.balanced_truncation(kept_and_stable(way(higher)))
-            if fewer <= order:
-                yield _system(again(order))
-
-
-def _system(parts: Matrices) -> StateSpace:
-    return realisation(parts, 0.0)
-
-
-def _searched(
-    program: MuSynthesis, tried: list[StateSpace], context: Context
-) -> Iterator[StateSpace]:
-    """Controllers for which the loop's rightmost pole was moved left, from several starts."""
-    plant, order = program.plant, program.order or 0
-    speed = _speed(program)
-    for number in context.track(range(SEARCHES), "rightmost pole"):
-        if number < len(tried):
-            family, x = Modal.of(_tamed(tried[number], program))
-        else:
-            family, x = _drawn(program, order, speed, context.rng)
-        rows, sides = family.halfspaces(program.demands.stable, program.demands.fastest)
-        units = np.maximum(np.abs(x), 0.1)
-
-        def rightmost(y: RealArray, family: Modal = family, units: RealArray = units) -> float:
-            return float(np.max(plant.close(family.system(y * units)).poles().real)) / speed
-
-        limits = [{"type": "ineq", "fun": lambda y, G=rows * units, h=sides: h - G @ y}]
-        found = minimize(
-            rightmost,
-            x / units,
-            method="SLSQP",
-            constraints=limits if len(rows) else (),
-            options={"maxiter": SEARCH_STEPS},
-        )
-        yield family.system(found.x * units)
-
-
-def _tamed(K: StateSpace, program: MuSynthesis) -> StateSpace:
-    """K with its poles mirrored and slowed to what is asked."""
-    values, V = np.linalg.eig(K.A)
-    if not len(values):
-        return K
-    if program.demands.stable:
-        size = np.maximum(np.abs(values), 1e-6)
-        values = np.minimum(values.real, -1e-3 * size) + 1j * values.imag
-    if program.demands.fastest is not None:
-        # Real poles end at different places, since equal ones have no common block.
-        rank = np.cumsum(values.imag == 0) * (values.imag == 0)
-        size = 0.99 * program.demands.fastest * REAL_POLES_APART**rank
-        values = values * np.minimum(1.0, size / np.maximum(np.abs(values), 1e-12))
-    A = np.real(V @ np.diag(values) @ np.linalg.inv(V))
-    return realisation((A, K.B, K.C, K.D), 0.0)
-
-
-def _drawn(
-    program: MuSynthesis, order: int, speed: float, rng: np.random.Generator
-) -> tuple[Modal, RealArray]:
-    """A random controller with poles about as fast as the plant."""
-    plant = program.plant
-    corners = speed * np.exp(rng.normal(size=(order + 1) // 2))
-    if program.demands.fastest is not None:
-        corners = np.minimum(corners, 0.5 * program.demands.fastest)
-    family = Modal(tuple(map(float, corners)), plant.measurements, plant.controls, order)
-    count = order + order * plant.measurements + plant.controls * (order + plant.measurements)
-    x = rng.normal(size=count)
-    x[:order] = np.abs(x[:order]) + 0.1
-    return family, x
+def _failed(search: Search, tried: list[str]) -> str:
+    """What was tried in vain, and what to do."""
+    program = search.program
+    met = " and meets the demands" if program.demands.asked_of_poles else ""
+    kind = f"order {program.order}" if program.family is None else f"the family {search.family}"
+    least = min(search.abscissas, default=None)
+    seen = "" if least is None else (
+        f"; the least real part of a loop's rightmost pole was {least:.4g} rad/s, which must be "
+        "negative"
+    )  # fmt: skip
+    return (
+        f"no controller of {kind} that stabilises{met} was found by {', '.join(tried)} "
+        f"({SEARCHES} searches){seen}: give a start, or a family or order with more freedom"
+    )

@@ -1,0 +1,1 @@
+"""Families of controllers with a fixed structure and few real parameters."""

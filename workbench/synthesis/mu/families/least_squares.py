@@ -1,0 +1,61 @@
+"""Least squares over frequency: the member of a family that is nearest to a response."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+
+MOST_EVALUATIONS = 200
+"""Most evaluations of a descent."""
+MOST_MOVED = 20.0
+"""Largest change of a parameter of about one, or of a logarithm, on the way."""
+
+
+def combined(
+    basis: ComplexArray, wanted: ComplexArray, weight: RealArray
+) -> tuple[RealArray, float]:
+    """Real coefficients (k,) of responses (F, k, p, m) whose sum is nearest to one (F, p, m).
+
+    Returns the coefficients and the weighted distance that is left.
+    """
+    count = basis.shape[1]
+    columns = (weight[:, None, None, None] * basis).swapaxes(0, 1).reshape(count, -1)
+    right = (weight[:, None, None] * wanted).ravel()
+    size = np.maximum(np.linalg.norm(columns, axis=1), np.finfo(float).tiny)
+    rows = np.hstack([columns.real, columns.imag]) / size[:, None]
+    sides = np.concatenate([right.real, right.imag])
+    found = np.linalg.lstsq(rows.T, sides, rcond=None)[0]
+    return found / size, float(np.linalg.norm(rows.T @ found - sides))
+
+
+def descended(
+    response: Callable[[RealArray, RealArray], tuple[ComplexArray, ComplexArray]],
+    x: RealArray,
+    wanted: ComplexArray,
+    omega: RealArray,
+    weight: RealArray,
+) -> tuple[RealArray, float]:
+    """Parameters near x whose response is nearest to one (F, p, m), and the distance left."""
+    from scipy.optimize import least_squares
+
+    scale = np.linalg.norm(weight[:, None, None] * wanted) or 1.0
+
+    def parts(values: ComplexArray) -> RealArray:
+        values = values / scale
+        return np.concatenate([values.real.ravel(), values.imag.ravel()])
+
+    def missed(y: RealArray) -> RealArray:
+        return parts(weight[:, None, None] * (response(y, omega)[0] - wanted))
+
+    def slopes(y: RealArray) -> RealArray:
+        each = weight[:, None, None, None] * response(y, omega)[1]
+        return np.stack([parts(each[:, k]) for k in range(len(y))], axis=1)
+
+    room = MOST_MOVED * np.maximum(np.abs(x), 1.0)
+    found = least_squares(
+        missed, x, slopes, (x - room, x + room), x_scale="jac", max_nfev=MOST_EVALUATIONS
+    )
+    return found.x, float(np.sqrt(2.0 * found.cost)) * float(scale)

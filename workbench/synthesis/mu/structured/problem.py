@@ -1,0 +1,128 @@
+"""The peak of mixed mu as a function of the parameters of a family, with its slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
+from workbench.mu import UpperBound, gradient, upper_bound
+from workbench.structure import Structure
+from workbench.synthesis.mu.families.family import Family
+from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.mu.rounds import Iterate
+from workbench.synthesis.mu.shippable import Shippable
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import GeneralisedPlant, response
+
+RESOLVED_SHARE, MAXIMUM_TOLERANCE, GRID_REFINEMENTS = 0.8, 5e-4, 5
+"""Maxima above the first share of the peak are refined until neighbours differ by less than the
+second share of the peak, at most as often as the third number says."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Mixed mu of the loop as a function of the parameters of a family."""
+
+    plant: GeneralisedPlant
+    structure: Structure
+    family: Family
+    demands: Shippable = field(default_factory=Shippable)
+
+    @cached_property
+    def opened(self) -> GeneralisedPlant:
+        """The plant with the controls as exogenous inputs too, and the measurements as outputs."""
+        import control
+
+        system, m, p = self.plant.system, self.plant.controls, self.plant.measurements
+        inputs = [*range(system.ninputs), *range(system.ninputs - m, system.ninputs)]
+        outputs = [*range(system.noutputs), *range(system.noutputs - p, system.noutputs)]
+        doubled = control.StateSpace(
+            system.A,
+            system.B[:, inputs],
+            system.C[outputs],
+            system.D[np.ix_(outputs, inputs)],
+            0,
+            remove_useless_states=False,
+        )
+        return GeneralisedPlant(doubled, None, m, p)
+
+    def loop(self, x: RealArray) -> StateSpace | None:
+        """The closed loop; None where it is not stable, or K not what is asked."""
+        K = self.family.system(x)
+        if self.demands.asked and not self.demands.admits(K):
+            return None
+        loop = self.plant.close(K)
+        return loop if stability_of(loop).holds else None
+
+    def stable_loop(self, x: RealArray) -> StateSpace:
+        """The closed loop of parameters known to be stabilising."""
+        loop = self.loop(x)
+        if loop is None:
+            raise SolverError(
+                "rounding hides whether the loop of a stabilising controller is stable"
+            )
+        return loop
+
+    def about(self, K: StateSpace, x: RealArray) -> tuple[Problem, RealArray]:
+        """The problem, and parameters x, with the family of all controllers made for K."""
+        if not isinstance(self.family, Modal):
+            return self, x
+        try:
+            family, new = self.family.about(K)
+        except (
+            InputError
+        ):  # poles that met have no common block: go on with the corners as they are
+            return self, x
+        return replace(self, family=family), new
+
+    def curve(self, loop: StateSpace) -> tuple[RealArray, RealArray]:
+        """Frequencies (F,) [rad/s] that resolve the maxima of the upper bound, and bounds (F,)."""
+        omega = frequencies_of(loop)
+        bound = self._bound(loop, omega)
+        for _ in range(GRID_REFINEMENTS):
+            new = _beside(omega, bound)
+            if not new.size:
+                break
+            place = np.argsort(np.concatenate([omega, new]))
+            bound = np.concatenate([bound, self._bound(loop, new)])[place]
+            omega = np.concatenate([omega, new])[place]
+        return omega, bound
+
+    def linear(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
+        """Bounds (F,) at frequencies [rad/s] and their gradients (F, k) by the parameters."""
+        # The loop as it is closed: the open one may have poles on the imaginary axis.
+        m, p = self.plant.controls, self.plant.measurements
+        whole = response(self.opened.close(self.family.system(x)), omega)
+        N, back, out = whole[:, :-p, :-m], whole[:, :-p, -m:], whole[:, -p:, :-m]
+        _, slopes = self.family.response(x, omega)
+        bound: UpperBound = upper_bound(N, self.structure)
+        # dN = back dK out
+        with_K = out @ gradient(N, self.structure, bound) @ back
+        return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
+
+    def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
+        """The round that ends at x with bounds (F,)."""
+        return Iterate(float(bound.max()), np.nan, np.nan, self.family.system(x))
+
+    def _bound(self, loop: StateSpace, omega: RealArray) -> RealArray:
+        """Upper bounds of mixed mu (F,) at frequencies [rad/s]."""
+        value: RealArray = upper_bound(response(loop, omega), self.structure).value
+        return value
+
+
+def _beside(omega: RealArray, bound: RealArray) -> RealArray:
+    """Frequencies to add on either side of maxima that are not resolved."""
+    top = bound.max()
+    left = np.concatenate([[0.0], bound[:-1]])
+    right = np.concatenate([bound[1:], [0.0]])
+    peak = (bound >= left) & (bound >= right) & (bound > RESOLVED_SHARE * top)
+    steep = np.abs(np.diff(bound)) > MAXIMUM_TOLERANCE * top
+    wanted = steep & (peak[1:] | peak[:-1])
+    middle: RealArray = np.sqrt(omega[1:] * omega[:-1])[wanted]
+    return middle

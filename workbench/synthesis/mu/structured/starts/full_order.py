@@ -1,0 +1,90 @@
+"""Starts from a controller of full order: reduced to an order, or to the nearest members."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.h_infinity.assumptions import regularised
+from workbench.synthesis.mu.dk import iterated, k_step
+from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.mu.program import MuController, MuSynthesis
+from workbench.synthesis.mu.structured.starts.search import Search
+from workbench.synthesis.reduction import truncation
+from workbench.synthesis.reduction.kept_part import kept_and_stable
+from workbench.systems.realisation import Matrices, realisation
+
+DETOUR = 6
+"""States above the wanted order from which a reduction starts again at most."""
+REGULAR_SIZE = 1e-3
+"""Size by which a plant is regularised for a controller of full order that only is a start."""
+SHARE_OF_TIME = 0.5
+"""Share of the time left that an iteration for a start may take."""
+
+
+def full_order(search: Search) -> Iterator[StateSpace]:
+    """The H-infinity controller in the family; for an order, a D-K controller reduced."""
+    if isinstance(search.family, Modal):
+        yield from _reduced(search.program, search.family.order, search.context)
+    else:
+        yield from search.members(_central(search.program))
+
+
+def _central(program: MuSynthesis) -> Iterator[StateSpace]:
+    """The H-infinity controller of the plant, made regular where it is not."""
+    free = program.without_demands()
+    try:
+        yield k_step(free, None)[0]
+        return
+    except (SolverError, InputError):
+        pass
+    try:
+        yield k_step(replace(free, plant=regularised(free.plant, REGULAR_SIZE)), None)[0]
+    except (SolverError, InputError):
+        return
+
+
+def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
+    """Approximations of a D-K controller with the wanted order."""
+    answer = _iterated(program, context)
+    if answer is None or answer.peak is None:
+        return
+    K = answer.K
+    if K.nstates <= order:
+        yield K
+        return
+    parts: Matrices = (K.A, K.B, K.C, K.D)
+    loop = program.plant.close(K)
+    closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
+    ways: list[tuple[int, Callable[[int], Matrices]]] = [
+        (0, truncation.weighted(parts, program.plant, closed, answer.peak)),
+        truncation.balanced_truncation(kept_and_stable(parts)),
+        truncation.matchdc(kept_and_stable(parts)),
+        truncation.hankel(kept_and_stable(parts)),
+    ]
+    for least, way in ways:
+        if least <= order:
+            yield realisation(way(order), 0.0)
+    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
+        for least, way in ways:
+            if least > higher:
+                continue
+            fewer, again = truncation.balanced_truncation(kept_and_stable(way(higher)))
+            if fewer <= order:
+                yield realisation(again(order), 0.0)
+
+
+def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
+    """The answer of D-K iteration in a share of the time left; None where it has none."""
+    try:
+        left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
+        options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
+        answer, _, _ = iterated(program.without_demands(), Context(options), 0.0)
+    except (SolverError, InputError):
+        return None
+    return answer

@@ -1,0 +1,164 @@
+"""Starts by rules for lags with dead time (SIMC).
+
+The nominal plant becomes k e^(-delay s) / ((tau1 s + 1)(tau2 s + 1)) by the half rule: the largest
+neglected lag is shared between the lag before it and the dead time, smaller ones and zeros right of
+the axis count as dead time. Then the gains of a series PID controller follow from the closed-loop
+time constant, of which several are tried.
+
+Source: S. Skogestad, Simple analytic rules for model reduction and PID controller tuning, J.
+Process Control 13 (2003) 291-309. Of an unstable lag the PI controller whose loop has two equal
+poles: G. P. Rotstein, D. R. Lewin, Simple PI and PID tuning for open-loop unstable systems, Ind.
+Eng. Chem. Res. 30 (1991) 1864-1869.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.mu.structured.starts.search import Search
+from workbench.systems.generalised_plant import response
+
+CLOSED_LOOP_TIMES = tuple(np.geomspace(0.1, 10.0, 7))
+"""Closed-loop time constants over the plant's own time: its dead time, or a tenth of its lag."""
+AT_ZERO = 1e-9
+"""Size of poles and zeros that count as 0, over the largest."""
+FILTER_SHARE = 0.1
+"""Filter of the derivative over the derivative time, and over the closed-loop time."""
+LOW_SHARE = 1e-3
+"""Frequency at which the gain is read, over the least corner."""
+PID_TERMS = tuple[float, float, float, float]
+"""P, I, D and the filter T [s]."""
+
+
+@dataclass(frozen=True)
+class LagModel:
+    """gain e^(-delay s) / s^integrators / product of (tau s + 1), slow lags first; times in s.
+
+    ``unstable``: the first lag is (tau s - 1) in place of (tau s + 1).
+    """
+
+    gain: float
+    integrators: int
+    lags: tuple[float, ...]
+    delay: float
+    unstable: bool
+
+    def shortened(self, kept: int) -> LagModel:
+        """The model with so many lags, by the half rule."""
+        lags, delay = list(self.lags), self.delay
+        if len(lags) > kept:
+            half = lags[kept] / 2
+            if kept:
+                lags[kept - 1] += 0.0 if self.unstable and kept == 1 else half
+            delay += half + sum(lags[kept + 1 :])
+        return LagModel(self.gain, self.integrators, tuple(lags[:kept]), delay, self.unstable)
+
+    @property
+    def time(self) -> float:
+        """The plant's own time [s]: its dead time, or a share of its largest lag."""
+        return max(self.delay, 0.1 * max(self.lags, default=0.0)) or 1.0
+
+
+def lag_rules(search: Search) -> Iterator[StateSpace]:
+    """The members nearest to PI and PID controllers by the rules, fast and slow."""
+    yield from search.members(_targets(search))
+
+
+def _targets(search: Search) -> Iterator[StateSpace]:
+    found = search.loops()
+    if found is None:
+        return
+    plants, whole = found
+    models = [lag_model(H) for H in plants]
+    known = [model for model in models if model is not None]
+    if len(known) < len(models):
+        return
+    for factor in CLOSED_LOOP_TIMES:
+        for terms in (pi_terms, pid_terms):
+            each = [terms(model, factor * model.time) for model in known]
+            made = [controller(*one) for one in each if one is not None]
+            if len(made) == len(known):
+                yield whole(made)
+
+
+def lag_model(H: StateSpace) -> LagModel | None:
+    """The lags, integrators and dead time that a plant amounts to; None where they are no model."""
+    poles, zeros = H.poles(), H.zeros()
+    zeros = zeros[np.isfinite(zeros)]
+    largest = float(np.abs(np.concatenate([poles, zeros])).max(initial=0.0))
+    small = AT_ZERO * largest
+    integrators = int((np.abs(poles) <= small).sum())
+    moving, turned = poles[np.abs(poles) > small], zeros[np.abs(zeros) > small]
+    right = moving[moving.real > 0]
+    if (
+        len(turned) < len(zeros)
+        or integrators > 2
+        or len(right) > 1
+        or (integrators and len(right))
+    ):
+        return None  # no gain at rest, or more than the rules know
+    lags = sorted((1.0 / np.abs(moving[moving.real <= 0])).tolist(), reverse=True)
+    for zero in np.sort(1.0 / np.abs(turned[turned.real < 0]))[::-1]:
+        if lags:  # a zero and the nearest lag leave each other
+            lags.pop(int(np.argmin(np.abs(np.log(np.array(lags) / zero)))))
+    delay = float((1.0 / np.abs(turned[turned.real >= 0])).sum())
+    corner = float(np.abs(np.concatenate([moving, turned])).min(initial=np.inf))
+    s = LOW_SHARE * (corner if np.isfinite(corner) else 1.0)
+    gain = (complex(response(H, [s])[0, 0, 0]) * (1j * s) ** integrators).real
+    if len(right):
+        lags, gain = [1.0 / abs(right[0]), *lags], -gain
+    return LagModel(gain, integrators, tuple(lags), delay, bool(len(right))) if gain else None
+
+
+def pi_terms(model: LagModel, closed: float) -> PID_TERMS | None:
+    """Gains of the PI controller for a closed-loop time constant [s]; None without a rule."""
+    if model.integrators == 2:
+        return None
+    short = model.shortened(1 - model.integrators)
+    if short.unstable:
+        (tau,) = short.lags
+        wait = closed + short.delay
+        Kc = (1.0 + 2.0 * tau / wait) / short.gain
+        return Kc, tau / wait**2 / short.gain, 0.0, FILTER_SHARE * closed
+    Kc, tau_I = _simc(short, closed)
+    return Kc, Kc / tau_I, 0.0, FILTER_SHARE * closed
+
+
+def pid_terms(model: LagModel, closed: float) -> PID_TERMS | None:
+    """Gains of the PID controller for a closed-loop time constant [s]; None without a rule."""
+    if model.unstable:
+        return None
+    if model.integrators == 2:
+        wait = 4.0 * (closed + model.shortened(0).delay)
+        Kc, tau_I, tau_D = 4.0 / (model.gain * wait**2), wait, wait
+    else:
+        short = model.shortened(2 - model.integrators)
+        if len(short.lags) + short.integrators < 2:
+            return None
+        tau_D = short.lags[-1]
+        Kc, tau_I = _simc(short, closed)
+    # from series to parallel form
+    return Kc * (1 + tau_D / tau_I), Kc / tau_I, Kc * tau_D, FILTER_SHARE * min(tau_D, closed)
+
+
+def _simc(short: LagModel, closed: float) -> tuple[float, float]:
+    """Gain and integral time of the series form."""
+    wait = closed + short.delay
+    if short.integrators:
+        return 1.0 / (short.gain * wait), 4.0 * wait
+    tau = short.lags[0] if short.lags else 0.0
+    if tau == 0.0:  # a gain alone: integration
+        tau = FILTER_SHARE * wait
+    return tau / (short.gain * wait), min(tau, 4.0 * wait)
+
+
+def controller(P: float, I: float, D: float, T: float) -> StateSpace:  # noqa: E741
+    """P + I / s + D s / (T s + 1)."""
+    import control
+
+    K = control.ss([[0.0]], [[1.0]], [[I]], [[P]])
+    return K + control.ss([[-1.0 / T]], [[1.0 / T]], [[-D / T]], [[D / T]]) if D else K

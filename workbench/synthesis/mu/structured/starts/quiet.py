@@ -1,0 +1,48 @@
+"""Starts that do next to nothing, which stabilise a stable plant: zero, or a little integration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice, product
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.mu.structured.starts.search import Search
+from workbench.systems.generalised_plant import response
+
+SHARES = (0.3, 0.03, 0.003)
+"""Crossovers of a little integration over the speed of the plant's slowest pole."""
+MOST_SIGNS = 16
+"""Most combinations of signs of the channels' integral gains that are tried."""
+
+
+def quiet(search: Search) -> Iterator[StateSpace]:
+    """Members without gain; then integral gains with the signs of G(0), small ones last."""
+    yield from search.family.examples(search.speed, search.gain)
+    yield from search.members(_little_integration(search))
+
+
+def _little_integration(search: Search) -> Iterator[StateSpace]:
+    """Controllers k / s whose loops cross over far below the plant's speed."""
+    import control
+
+    found = search.loops()
+    if found is None:
+        return
+    plants, whole = found
+    slowest = [np.abs(H.poles()).min(initial=np.inf) for H in plants]
+    if not all(0 < each < np.inf for each in slowest):
+        return  # integrators, or gains alone
+    still = [complex(response(H, [1e-3 * each])[0, 0, 0]).real for H, each in
+             zip(plants, slowest, strict=True)]  # fmt: skip
+    if not all(still):
+        return
+    signs = islice(product((1.0, -1.0), repeat=len(plants)), MOST_SIGNS)
+    for turned in signs:
+        for share in SHARES:
+            gains = [
+                sign * share * rate / gain
+                for sign, rate, gain in zip(turned, slowest, still, strict=True)
+            ]
+            yield whole([control.ss([[0.0]], [[1.0]], [[gain]], [[0.0]]) for gain in gains])

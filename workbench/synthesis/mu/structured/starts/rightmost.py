@@ -1,0 +1,106 @@
+"""Starts from a search that moves the loop's rightmost pole left, over a family's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.optimize import minimize
+
+from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.mu.families.family import Family
+from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.structured.starts.search import Search
+from workbench.systems.realisation import realisation
+
+REAL_POLES_APART = 0.8
+"""Ratio of the sizes of real poles that are slowed to what is asked."""
+SEARCHES, SEARCH_STEPS = 12, 200
+"""Starts of the search, and steps of each."""
+LEAST_UNIT = 0.1
+"""Least unit of a parameter of a controller of an order, which are of order one."""
+
+
+def rightmost(search: Search) -> Iterator[StateSpace]:
+    """Members whose loops have the rightmost pole as far left as the search gets it.
+
+    It starts from members that were tried in vain, then from random ones.
+    """
+    plant = search.program.plant
+    for number in search.context.track(range(SEARCHES), "rightmost pole"):
+        family, x, units = _begun(search, number)
+        rows, sides = family.halfspaces(
+            search.program.demands.stable, search.program.demands.fastest
+        )
+
+        def abscissa(y: RealArray, family: Family = family, units: RealArray = units) -> float:
+            return float(np.max(plant.close(family.system(y * units)).poles().real)) / search.speed
+
+        limits = [{"type": "ineq", "fun": lambda y, G=rows * units, h=sides: h - G @ y}]
+        found = minimize(
+            abscissa,
+            x / units,
+            method="SLSQP",
+            constraints=limits if len(rows) else (),
+            options={"maxiter": SEARCH_STEPS},
+        )
+        yield family.system(found.x * units)
+
+
+def _begun(search: Search, number: int) -> tuple[Family, RealArray, RealArray]:
+    """Family, parameters (k,) and their units (k,) that a search begins with."""
+    tried, rng = search.missed[:SEARCHES], search.context.rng
+    if isinstance(search.family, Modal):
+        if number < len(tried):
+            family, x = Modal.of(_tamed(tried[number], search.program))
+        else:
+            family, x = _drawn(search)
+        return family, x, np.maximum(np.abs(x), LEAST_UNIT)
+    if number < len(tried) // 2:
+        own, x = search.family.about(tried[number])
+        return own, x, _units(own, x, search.speed, search.gain)
+    corner = search.speed * np.exp(rng.normal())
+    examples = search.family.examples(corner, search.gain)
+    own, x = search.family.about(examples[number % len(examples)])
+    units = _units(own, x, corner, search.gain)
+    return own, x + units * rng.normal(size=x.size), units
+
+
+def _units(family: Family, x: RealArray, corner: float, gain: float) -> RealArray:
+    """Steps that change the response at a corner by a gain; one where none does, at least own."""
+    size = np.abs(family.response(x, np.array([corner]))[1]).max(axis=(0, 2, 3))
+    by_slope = np.where(size > 0, gain / np.where(size > 0, size, 1.0), 1.0)
+    return np.maximum(np.minimum(by_slope, 1e3 * family.units(x) + by_slope), family.units(x))
+
+
+def _tamed(K: StateSpace, program: MuSynthesis) -> StateSpace:
+    """K with its poles mirrored and slowed to what is asked."""
+    values, V = np.linalg.eig(K.A)
+    if not len(values):
+        return K
+    if program.demands.stable:
+        size = np.maximum(np.abs(values), 1e-6)
+        values = np.minimum(values.real, -1e-3 * size) + 1j * values.imag
+    if program.demands.fastest is not None:
+        # Real poles end at different places, since equal ones have no common block.
+        rank = np.cumsum(values.imag == 0) * (values.imag == 0)
+        size = 0.99 * program.demands.fastest * REAL_POLES_APART**rank
+        values = values * np.minimum(1.0, size / np.maximum(np.abs(values), 1e-12))
+    A = np.real(V @ np.diag(values) @ np.linalg.inv(V))
+    return realisation((A, K.B, K.C, K.D), 0.0)
+
+
+def _drawn(search: Search) -> tuple[Modal, RealArray]:
+    """A random controller of the order with poles about as fast as the plant."""
+    program, rng = search.program, search.context.rng
+    assert isinstance(search.family, Modal)
+    order, m, p = search.family.order, program.plant.measurements, program.plant.controls
+    corners = search.speed * np.exp(rng.normal(size=(order + 1) // 2))
+    if program.demands.fastest is not None:
+        corners = np.minimum(corners, 0.5 * program.demands.fastest)
+    family = Modal(order, corners=tuple(map(float, corners)), inputs=m, outputs=p)
+    x = rng.normal(size=order + order * m + p * (order + m))
+    x[:order] = np.abs(x[:order]) + 0.1
+    return family, x

@@ -1,0 +1,149 @@
+"""What the rules for starts share: the family, whether a member stabilises, and how to come near.
+
+A rule hands over controllers of the family. Most think of a controller of another form first; its
+nearest members are taken, near in the closed loop and near in relative error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.mu.families.family import Family
+from workbench.synthesis.mu.families.three_terms import ThreeTerms
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.structured.problem import Problem
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.hidden_states import visible_matrices
+from workbench.systems.realisation import realisation
+
+COMPARED_WIDTH = 0.05
+"""Relative width of the bounds by which starts are compared."""
+BAND_DECADES, BAND_POINTS = 3.0, 120
+"""Decades on either side of the plant's speed, and points, where no loop tells the frequencies."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A stabilising controller, and the rule that found it."""
+
+    K: StateSpace
+    rule: str
+    peak: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A search for members of a family that stabilise the plant of a program.
+
+    ``missed`` are members that do not, for those who start from them; ``abscissas`` the real parts
+    of the rightmost poles [rad/s] that were seen.
+    """
+
+    program: MuSynthesis
+    family: Family
+    context: Context
+    missed: list[StateSpace] = field(default_factory=list)
+    abscissas: list[float] = field(default_factory=list)
+
+    @cached_property
+    def controlled(self) -> StateSpace:
+        """The plant from the controls to the measurements, its hidden states removed."""
+        G = self.program.plant.controlled()
+        return realisation((*visible_matrices(G.A, G.B, G.C), G.D), 0.0)
+
+    @cached_property
+    def speed(self) -> float:
+        """The middle size of the plant's poles [rad/s]."""
+        return speed(self.controlled) or speed(self.program.plant.system) or 1.0
+
+    @cached_property
+    def gain(self) -> float:
+        """The reciprocal of the plant's gain at its speed: the size of gains that matter."""
+        size = float(np.abs(response(self.controlled, [self.speed * 1.03])).max(initial=0.0))
+        return 1.0 / size if size > 0 else 1.0
+
+    @cached_property
+    def opened(self) -> GeneralisedPlant:
+        """The plant with its controls and measurements as outer signals too."""
+        return Problem(self.program.plant, self.program.closed, self.family).opened
+
+    def stabilises(self, K: StateSpace) -> bool:
+        """Whether a controller stabilises and meets the demands; what does not is kept."""
+        if self.program.demands.admits(K):
+            loop = self.program.plant.close(K)
+            self.abscissas.append(float(loop.poles().real.max(initial=-np.inf)))
+            if stability_of(loop).holds:
+                return True
+        self.missed.append(K)
+        return False
+
+    def peak(self, K: StateSpace) -> float:
+        """The peak of mu, roughly; infinite where it is not proven."""
+        found = self.program.certified(K, COMPARED_WIDTH)
+        return np.inf if found is None else found.upper
+
+    def members(self, targets: Iterable[StateSpace]) -> Iterator[StateSpace]:
+        """The nearest members to controllers of any form."""
+        for target in targets:
+            for omega, weight in self._weights(target):
+                try:
+                    member = self.family.nearest(target, omega, weight)
+                except (InputError, SolverError, np.linalg.LinAlgError):
+                    continue
+                if member is not None:
+                    yield member
+
+    def _weights(self, target: StateSpace) -> Iterator[tuple[RealArray, RealArray]]:
+        """Frequencies (F,) and weights (F,): of the closed loop where stable, and relative ones."""
+        loop = self.program.plant.close(target)
+        omega = self.speed * np.logspace(-BAND_DECADES, BAND_DECADES, BAND_POINTS)
+        if stability_of(loop).holds:
+            omega = frequencies_of(loop)
+            m, p = self.program.plant.controls, self.program.plant.measurements
+            whole = response(self.opened.close(target), omega)
+            # dN = back dK out
+            back, out = whole[:, :-p, -m:], whole[:, -p:, :-m]
+            weight = np.linalg.norm(back, axis=(1, 2)) * np.linalg.norm(out, axis=(1, 2))
+            if weight.max() > 0:
+                yield omega, weight / weight.max()
+        size = np.linalg.norm(response(target, omega), axis=(1, 2))
+        if size.max() > 0:
+            yield omega, size.min() / np.maximum(size, size.max() * np.finfo(float).eps)
+
+    def loops(self) -> tuple[list[StateSpace], Callable[[Sequence[StateSpace]], StateSpace]] | None:
+        """Plants H of single loops u = C (r - H u), and what makes a K of their controllers C.
+
+        None where the plant has no loops of its own: other numbers of controls than measurements.
+        """
+        import control
+
+        G = self.controlled
+        if isinstance(self.family, ThreeTerms) and self.family.setpoint_weights:
+            return [_part(G, 1, 0, 1.0)], lambda C: C[0] * control.ss([], [], [], [[1.0, -1.0]])
+        if G.ninputs != G.noutputs:
+            return None
+        diagonal = [_part(G, i, i, -1.0) for i in range(G.ninputs)]
+        return diagonal, lambda C: control.append(*C)
+
+
+def speed(system: StateSpace) -> float:
+    """The geometric mean of the sizes of the poles [rad/s]; 0 where all are at 0."""
+    size = np.abs(system.poles())
+    size = size[size > 0]
+    return float(np.exp(np.mean(np.log(size)))) if size.size else 0.0
+
+
+def _part(G: StateSpace, i: int, j: int, sign: float) -> StateSpace:
+    """An element of G with a sign, its hidden states removed."""
+    A, B, C = visible_matrices(G.A, G.B[:, [j]], sign * G.C[[i]])
+    return realisation((A, B, C, sign * G.D[[i]][:, [j]]), 0.0)
