@@ -10,6 +10,8 @@ from workbench.arrays import ComplexArray, RealArray
 
 MOST_EVALUATIONS = 200
 """Most evaluations of a descent."""
+NO_SHARE = 1e-9
+"""Share of the largest contribution to a sum below which another one is rounding, and made 0."""
 MOST_MOVED = 20.0
 """Largest change of a parameter of about one, or of a logarithm, on the way."""
 
@@ -28,6 +30,7 @@ def combined(
     rows = np.hstack([columns.real, columns.imag]) / size[:, None]
     sides = np.concatenate([right.real, right.imag])
     found = np.linalg.lstsq(rows.T, sides, rcond=None)[0]
+    found[np.abs(found) <= NO_SHARE * np.abs(found).max(initial=0.0)] = 0.0
     return found / size, float(np.linalg.norm(rows.T @ found - sides))
 
 

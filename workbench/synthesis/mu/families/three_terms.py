@@ -21,8 +21,10 @@ ROOT_TOLERANCE = 1e-6
 """Relative distance up to which a pole is the fixed pole of a family."""
 MEMBER_TOLERANCE = 1e-6
 """Relative distance of responses up to which a controller is a member."""
-FILTERS = 40
-"""Filters among which the nearest member is looked for."""
+FILTERS = tuple(np.geomspace(1e-3, 1.0, 13))
+"""Filters among which the nearest member is looked for, times the frequency that matters most."""
+AS_NEAR = 1e-6
+"""Relative difference of distances that are the same; of such filters the slowest is taken."""
 FAST_FILTER = 10.0
 """Corner of an example's filter over the other corners."""
 
@@ -133,11 +135,16 @@ class ThreeTerms(Family):
     def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
         """The gains by linear least squares, for each of many filters."""
         wanted = response(K, omega)
-        filters: Sequence[float] = [self.filter or 0.0]
+        filters = [self.filter or 0.0]
         if "T" in self.names:
-            filters = np.geomspace(0.1 / omega[-1], 1.0 / omega[0], FILTERS).tolist()
+            corner = float(np.exp(np.average(np.log(omega), weights=weight)))
+            own = K.poles()
+            own = own[own.real < 0].real
+            filters = sorted([each / corner for each in FILTERS] + (-1.0 / own).tolist())
         tried = [self._fitted(wanted, omega, weight, T) for T in filters]
-        return self.system(min(tried, key=lambda each: each[1])[0])
+        size = float(np.linalg.norm(weight[:, None, None] * wanted))
+        near = min(miss for _, miss in tried) + AS_NEAR * size
+        return self.system([x for x, miss in tried if miss <= near][-1])
 
     def settings(self, K: StateSpace) -> Mapping[str, float]:
         gains, T = self._gains(self.parameters(K))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -30,8 +31,10 @@ from workbench.synthesis.mu.structured.problem import Problem
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.synthesis.mu.structured.starts.search import Start
 
-MOST_STEPS = 300
-"""Most steps of the optimisation."""
+MOST_STEPS, TRIAL_STEPS = 300, 8
+"""Most steps of the optimisation, and of a trial from each of several starts."""
+FINALISTS, TRIAL_SHARE = 2, 0.5
+"""Starts that go on after the trials, and the share of the time left that trials may take."""
 LOWERED_SHARE = 0.6
 """A step lowers the bounds at all frequencies where they are above this share of the peak."""
 FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
@@ -62,22 +65,49 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
         starts = _starts(program, context)
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
-    problems = [_problem(program, start.K) for start in starts]
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
-    (first, x), *others = problems
+    rules = list(dict.fromkeys(start.rule for start in starts))
+    if len(starts) > 1:
+        starts = _ahead(program, starts, context, target)
+    (first, x), *others = [_problem(program, start.K) for start in starts]
     others += [(first, member) for member in _members(first, x, program.random, context.rng)]
     context.progress(f"from {starts[0].rule}", 0, 1)
     minima = [_minimised(first, x, context, target)]
-    limit = context.options.time_limit
-    spent = time.perf_counter() - context.started
-    until = None if limit is None else time.time() + limit - spent
-    beside = partial(_minimised_until, until, target)
+    beside = partial(_minimised_until, _end(context), target, MOST_STEPS)
     where = context.executor or InProcess()
-    others_said = ", ".join(start.rule for start in starts[1:]) or "random ones"
-    minima += spread(beside, others, where, context.progress, f"further starts: {others_said}")
+    minima += spread(beside, others, where, context.progress, "further starts")
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
-    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, _told(starts, best) + said
+    won = starts[best].rule if best < len(starts) else "a random one"
+    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, _told(rules, won) + said
+
+
+def _ahead(
+    program: MuSynthesis, starts: list[Start], context: Context, target: float
+) -> list[Start]:
+    """The starts from which some steps lead farthest down, moved to where these end."""
+    problems = [_problem(program, start.K) for start in starts]
+    trial = partial(_minimised_until, _end(context, TRIAL_SHARE), target, TRIAL_STEPS)
+    where = context.executor or InProcess()
+    rules = ", ".join(dict.fromkeys(start.rule for start in starts))
+    ended = spread(trial, problems, where, context.progress, f"first steps from {rules}")
+    moved = []
+    for start, (history, _) in zip(starts, ended, strict=True):
+        there = Start(history[-1].K, start.rule, history[-1].peak)
+        try:
+            _problem(program, there.K)
+        except InputError:  # poles that met have no common block
+            there = replace(there, K=start.K)
+        moved.append(there)
+    return sorted(moved, key=lambda one: one.peak)[:FINALISTS]
+
+
+def _end(context: Context, share: float = 1.0) -> float | None:
+    """The time at which a share of the time left is over [s since the epoch]; None: no limit."""
+    limit = context.options.time_limit
+    if limit is None:
+        return None
+    return time.time() + share * (limit - (time.perf_counter() - context.started))
 
 
 def _starts(program: MuSynthesis, context: Context) -> list[Start]:
@@ -97,13 +127,11 @@ def _starts(program: MuSynthesis, context: Context) -> list[Start]:
     return found_starts(program, context)
 
 
-def _told(starts: list[Start], best: int) -> str:
-    """Where the starts came from, and from which the answer descends."""
-    if starts[0].rule == GIVEN:
+def _told(rules: list[str], won: str) -> str:
+    """By which rules starts were found, and from which of them the answer descends."""
+    if rules == [GIVEN]:
         return ""
-    rules = list(dict.fromkeys(start.rule for start in starts))
-    won = starts[best].rule if best < len(starts) else "a random one"
-    more = f", best from {won}" if len(rules) > 1 or won not in rules else ""
+    more = f", best from {won}" if rules != [won] else ""
     return f"started from {' and from '.join(rules)}{more}; "
 
 
@@ -144,7 +172,7 @@ def _members(
 
 
 def _minimised(
-    problem: Problem, x: RealArray, context: Context, target: float
+    problem: Problem, x: RealArray, context: Context, target: float, steps: int = MOST_STEPS
 ) -> tuple[list[Iterate], str]:
     """Minimise the peak from parameters x.
 
@@ -161,7 +189,7 @@ def _minimised(
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
-    for _ in context.rounds(MOST_STEPS, "fixed structure", len(history) - 1):
+    for _ in context.rounds(steps, "fixed structure", len(history) - 1):
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
@@ -185,15 +213,15 @@ def _minimised(
             return history, "settled"
         state = {"x": x, "radius": np.array(radius), "hessian": hessian, "begun": np.array(begun)}
         context.checkpoint.save(state | packed(history))
-    return history, f"stopped after {MOST_STEPS} rounds"
+    return history, f"stopped after {steps} rounds"
 
 
 def _minimised_until(
-    until: float | None, target: float, begun: tuple[Problem, RealArray]
+    until: float | None, target: float, steps: int, begun: tuple[Problem, RealArray]
 ) -> tuple[list[Iterate], str]:
     """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
     left = None if until is None else max(until - time.time(), SHORTEST)
-    return _minimised(*begun, Context(Options(time_limit=left)), target)
+    return _minimised(*begun, Context(Options(time_limit=left)), target, steps)
 
 
 class _Lower(NamedTuple):

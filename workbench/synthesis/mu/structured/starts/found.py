@@ -17,7 +17,7 @@ from workbench.synthesis.mu.structured.starts.quiet import quiet
 from workbench.synthesis.mu.structured.starts.rightmost import SEARCHES, rightmost
 from workbench.synthesis.mu.structured.starts.search import Search, Start
 
-OF_A_RULE, ALIKE, IN_ALL = 2, 0.02, 4
+OF_A_RULE, ALIKE, IN_ALL = 3, 0.02, 8
 """Most starts of a rule, the relative distance of their peaks, and most starts in all."""
 MOST_SEARCHED = 4
 """Results of the search for the rightmost pole that are compared."""
