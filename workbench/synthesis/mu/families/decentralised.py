@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
@@ -103,6 +104,12 @@ class Decentralised(Family):
     def units(self, x: RealArray) -> RealArray:
         parts = zip(self.channels, self._split(x), strict=True)
         return np.concatenate([family.units(part) for family, part in parts])
+
+    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
+        rows, sides = zip(
+            *(each.halfspaces(stable, fastest) for each in self.channels), strict=True
+        )
+        return block_diag(*rows), np.concatenate(sides)
 
     def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
         """The channels' examples, in all combinations where these are few."""

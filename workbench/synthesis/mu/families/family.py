@@ -19,6 +19,9 @@ from workbench.input_checks import is_real
 from workbench.synthesis.mu.families.least_squares import descended
 from workbench.systems.generalised_plant import response
 
+POLE_ROOM = 1e-6
+"""Share of the size allowed that poles keep away from it."""
+
 
 class Family(ABC):
     """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x.
@@ -59,7 +62,7 @@ class Family(ABC):
 
         No rows where a family has no such form; its members are then only checked.
         """
-        return np.zeros((0, 0)), np.zeros(0)
+        return np.zeros((0, self.count or 0)), np.zeros(0)
 
     def about(self, K: StateSpace) -> tuple[Family, RealArray]:
         """The family in parameters that suit a member, and the member's parameters (k,).

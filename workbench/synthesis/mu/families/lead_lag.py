@@ -12,7 +12,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
-from workbench.synthesis.mu.families.family import Family, need_leak, need_size
+from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_leak, need_size
 
 SPREADS, SMALL_GAIN = (1.0, 10.0), 1e-2
 """Factors that set the corners of examples apart, and the gain of examples over the given one."""
@@ -113,6 +113,12 @@ class LeadLag(Family):
             self, (1, 1), inputs, outputs, "Decentralised(LeadLag(), LeadLag()) has one a channel"
         )
         return self
+
+    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
+        if fastest is None:
+            return np.zeros((0, self.count)), np.zeros(0)
+        rows = np.eye(self.count)[1 + self.zeros :]
+        return rows, np.full(self.poles, np.log(fastest * (1.0 - POLE_ROOM)))
 
     @property
     def count(self) -> int:

@@ -11,16 +11,15 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
-from workbench.synthesis.mu.families.family import Family, need_size
+from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_size
 from workbench.synthesis.mu.families.least_squares import combined
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import in_parallel, realisation
 
-LEAST_DAMPING, POLE_ROOM = 1e-6, 1e-6
-"""Least coefficient of a block that is asked to be stable, and the share of the size allowed that
-poles keep away from it."""
+LEAST_DAMPING = 1e-6
+"""Least coefficient of a block that is asked to be stable."""
 STATE_DIRECTIONS = 24
 """Directions of the first state of a second-order block that are tried for good conditioning."""
 

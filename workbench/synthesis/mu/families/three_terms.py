@@ -12,7 +12,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive
-from workbench.synthesis.mu.families.family import Family, need_leak, need_size
+from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_leak, need_size
 from workbench.synthesis.mu.families.least_squares import combined
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -25,6 +25,8 @@ FILTERS = tuple(np.geomspace(1e-3, 1.0, 13))
 """Filters among which the nearest member is looked for, times the frequency that matters most."""
 AS_NEAR = 1e-6
 """Relative difference of distances that are the same; of such filters the slowest is taken."""
+FARTHEST = 300.0
+"""Largest size of the logarithm of a filter: searches go beyond doubles else."""
 FAST_FILTER = 10.0
 """Corner of an example's filter over the other corners."""
 
@@ -109,6 +111,12 @@ class ThreeTerms(Family):
         """The sizes of the gains, and one for the logarithm of T."""
         return np.where([name == "T" for name in self.names], 1.0, np.abs(x))
 
+    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
+        if fastest is None or "T" not in self.names:
+            return np.zeros((0, self.count)), np.zeros(0)
+        row = np.array([[-1.0 if name == "T" else 0.0 for name in self.names]])
+        return row, np.array([np.log(fastest * (1.0 - POLE_ROOM))])
+
     def parameters(self, K: StateSpace) -> RealArray:
         inputs = 1 + self.setpoint_weights
         if (K.noutputs, K.ninputs) != (1, inputs) or K.nstates > 2 or K.dt:
@@ -120,7 +128,8 @@ class ThreeTerms(Family):
         near = 1.0 / T if T else float(np.abs(K.poles()).max(initial=0.0)) or 1.0
         omega = near * np.geomspace(1e-3, 3.0, 12)
         wanted = response(K, omega)
-        weight = 1.0 / np.maximum(np.abs(wanted).max(axis=(1, 2)), np.finfo(float).tiny)
+        size = np.abs(wanted).max(axis=(1, 2))
+        weight = 1.0 / np.where(size > 0, size, 1.0)
         x, miss = self._fitted(wanted, omega, weight, T)
         if miss > MEMBER_TOLERANCE * np.sqrt(wanted.size):
             raise InputError(f"the controller is no member of {self}: its response is another")
@@ -160,7 +169,9 @@ class ThreeTerms(Family):
         """The gains by name, and the time constant of the filter [s]."""
         gains = dict(zip(self.names, map(float, x), strict=True))
         log = gains.pop("T", None)
-        return gains, (self.filter or 1.0) if log is None else float(np.exp(log))
+        return gains, (self.filter or 1.0) if log is None else float(
+            np.exp(np.clip(log, -FARTHEST, FARTHEST))
+        )
 
     def _basis(self, omega: RealArray, T: float) -> dict[str, ComplexArray]:
         """Responses (F, 1, m) that the gains multiply."""

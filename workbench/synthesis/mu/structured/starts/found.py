@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
-from workbench.errors import SolverError, TimeLimitError
+from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.modal import Modal
@@ -60,6 +60,7 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
         assert program.order is not None
         family = Modal(program.order).sized(program.plant.measurements, program.plant.controls)
     search = Search(program, family, context)
+    _need_demands_met(search)
     asked = RULES
     if one_gain(search):
         asked = {GAINS: gains}
@@ -77,6 +78,19 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
     if not found:
         raise SolverError(_failed(search, [*asked, RIGHTMOST]))
     return sorted(found, key=lambda one: one.peak)[:IN_ALL]
+
+
+def _need_demands_met(search: Search) -> None:
+    """Raise InputError where no member can be as stable or as slow as is asked."""
+    examples = [K for each in search.corners for K in search.family.examples(each, search.gain)]
+    if not examples or any(search.program.demands.admits(K) for K in examples):
+        return
+    failed = [c for c in search.program.demands.checks(examples[-1]) if not c.holds]
+    raise InputError(
+        f"no member of {search.family} meets what is asked of the controller: "
+        f"{'; '.join(c.name for c in failed)}. An integrator is not stable: give it a leak "
+        "[rad/s]; a fixed filter is a pole of size 1 / filter"
+    )
 
 
 def _of_rule(search: Search, name: str, rule: Rule, before: list[Start]) -> list[Start]:

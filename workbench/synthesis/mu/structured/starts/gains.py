@@ -8,8 +8,8 @@ import numpy as np
 
 from workbench.certify.proofs.static_gains import gain_ranges
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.structured.starts.search import Search
+from workbench.systems.realisation import realisation
 
 MOST_STATES = 30
 """Most states of a plant for which fractions are asked, which grow with them."""
@@ -17,13 +17,14 @@ MOST_STATES = 30
 
 def one_gain(search: Search) -> bool:
     """Whether the family is one constant gain, of which all stabilising ones are known."""
-    G = search.controlled
-    alone = isinstance(search.family, Modal) and search.family.order == 0
-    return alone and (G.ninputs, G.noutputs) == (1, 1) and G.nstates <= MOST_STATES
+    G, members = search.controlled, search.family.examples(search.speed, search.gain)
+    alone = (G.ninputs, G.noutputs) == (1, 1) and G.nstates <= MOST_STATES
+    return alone and bool(members) and all(K.nstates == 0 for K in members)
 
 
 def gains(search: Search) -> Iterator[StateSpace]:
     """A gain of each range that stabilises."""
-    for one in gain_ranges(search.controlled):
-        if one.stabilises:
-            yield search.family.system(np.array([float(one.middle)]))
+    ranges = [one for one in gain_ranges(search.controlled) if one.stabilises]
+    nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    targets = [realisation((*nothing, np.array([[float(one.middle)]])), 0.0) for one in ranges]
+    yield from search.members(targets)

@@ -19,7 +19,8 @@ MOST_SIGNS = 16
 
 def quiet(search: Search) -> Iterator[StateSpace]:
     """Members without gain; then integral gains with the signs of G(0), small ones last."""
-    yield from search.family.examples(search.speed, search.gain)
+    for corner in search.corners:
+        yield from search.family.examples(corner, search.gain)
     yield from search.members(_little_integration(search))
 
 

@@ -38,7 +38,8 @@ def rightmost(search: Search) -> Iterator[StateSpace]:
         def abscissa(y: RealArray, family: Family = family, units: RealArray = units) -> float:
             return float(np.max(plant.close(family.system(y * units)).poles().real)) / search.speed
 
-        limits = [{"type": "ineq", "fun": lambda y, G=rows * units, h=sides: h - G @ y}]
+        scaled = rows * units if len(rows) else rows
+        limits = [{"type": "ineq", "fun": lambda y, G=scaled, h=sides: h - G @ y}]
         found = minimize(
             abscissa,
             x / units,

@@ -28,6 +28,9 @@ from workbench.systems.realisation import realisation
 
 COMPARED_WIDTH = 0.05
 """Relative width of the bounds by which starts are compared."""
+BELOW_FASTEST = (0.27, 0.004)
+"""Corners of examples over the fastest pole allowed: those of an order, whose poles are up to three
+times as fast, and those of other families."""
 BAND_DECADES, BAND_POINTS = 3.0, 120
 """Decades on either side of the plant's speed, and points, where no loop tells the frequencies."""
 
@@ -66,6 +69,14 @@ class Search:
         """The middle size of the plant's poles [rad/s]."""
         return speed(self.controlled) or speed(self.program.plant.system) or 1.0
 
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Corners of members that do next to nothing [rad/s], below the fastest pole allowed."""
+        fastest = self.program.demands.fastest
+        if fastest is None:
+            return (self.speed,)
+        return tuple(min(self.speed, share * fastest) for share in BELOW_FASTEST)
+
     @cached_property
     def gain(self) -> float:
         """The reciprocal of the plant's gain at its speed: the size of gains that matter."""
@@ -101,7 +112,18 @@ class Search:
                 except (InputError, SolverError, np.linalg.LinAlgError):
                     continue
                 if member is not None:
-                    yield member
+                    yield self._within(member)
+
+    def _within(self, member: StateSpace) -> StateSpace:
+        """A member with parameters moved to where the demands on poles are met, one by one."""
+        family, x = self.family.about(member)
+        demands = self.program.demands
+        for row, side in zip(*family.halfspaces(demands.stable, demands.fastest), strict=True):
+            own = np.flatnonzero(row)
+            if len(own) == 1 and row @ x > side:
+                x[own] = side / row[own]
+                member = family.system(x)
+        return member
 
     def _weights(self, target: StateSpace) -> Iterator[tuple[RealArray, RealArray]]:
         """Frequencies (F,) and weights (F,): of the closed loop where stable, and relative ones."""
