@@ -19,6 +19,8 @@ from workbench.input_checks import is_real
 from workbench.synthesis.mu.families.least_squares import descended
 from workbench.systems.generalised_plant import response
 
+LARGEST_LOG = 100.0
+"""Largest size of a logarithm among parameters, so that products stay within doubles."""
 POLE_ROOM = 1e-6
 """Share of the size allowed that poles keep away from it."""
 

@@ -12,7 +12,13 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
-from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_leak, need_size
+from workbench.synthesis.mu.families.family import (
+    LARGEST_LOG,
+    POLE_ROOM,
+    Family,
+    need_leak,
+    need_size,
+)
 
 SPREADS, SMALL_GAIN = (1.0, 10.0), 1e-2
 """Factors that set the corners of examples apart, and the gain of examples over the given one."""
@@ -91,7 +97,7 @@ class LeadLag(Family):
         import control
 
         zeros, poles = self._roots(x)
-        K = control.ss([], [], [], [[self._sign * float(np.exp(x[0]))]])
+        K = control.ss([], [], [], [[self._gain(x)]])
         for k, pole in enumerate(poles):
             direct, left = (1.0, zeros[k] - pole) if k < len(zeros) else (0.0, 1.0)
             K = control.ss(-pole, 1.0, left, direct) * K
@@ -100,7 +106,7 @@ class LeadLag(Family):
     def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
         s = 1j * omega[:, None]
         zeros, poles = self._roots(x)
-        K = self._sign * np.exp(x[0]) * (s + zeros).prod(axis=1) / (s + poles).prod(axis=1)
+        K = self._gain(x) * (s + zeros).prod(axis=1) / (s + poles).prod(axis=1)
         logs = np.hstack([np.ones_like(s), zeros / (s + zeros), -poles[1:] / (s + poles[1:])])
         return K[:, None, None], (K[:, None] * logs)[:, :, None, None]
 
@@ -139,7 +145,7 @@ class LeadLag(Family):
     def settings(self, K: StateSpace) -> Mapping[str, float]:
         family, x = self.about(K)
         zeros, poles = family._roots(x)
-        fixed = {"gain": family._sign * float(np.exp(x[0]))}
+        fixed = {"gain": family._gain(x)}
         moved = {f"zero {k} [rad/s]": float(-z) for k, z in enumerate(np.sort(zeros), start=1)}
         return (
             fixed
@@ -166,7 +172,15 @@ class LeadLag(Family):
     def units(self, x: RealArray) -> RealArray:
         return np.ones_like(x)
 
+    def _gain(self, x: RealArray) -> float:
+        return self._sign * float(_sizes(x[:1])[0])
+
     def _roots(self, x: RealArray) -> tuple[RealArray, RealArray]:
         """Sizes of the zeros and of the poles, the leak first [rad/s]."""
-        zeros, poles = np.split(np.exp(x[1:]), [self.zeros])
+        zeros, poles = np.split(_sizes(x[1:]), [self.zeros])
         return zeros, np.concatenate([[self.leak], poles])
+
+
+def _sizes(logs: RealArray) -> RealArray:
+    """Exponentials of logarithms, kept within doubles."""
+    return np.exp(np.clip(logs, -LARGEST_LOG, LARGEST_LOG))

@@ -12,7 +12,13 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive
-from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_leak, need_size
+from workbench.synthesis.mu.families.family import (
+    LARGEST_LOG,
+    POLE_ROOM,
+    Family,
+    need_leak,
+    need_size,
+)
 from workbench.synthesis.mu.families.least_squares import combined
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -25,8 +31,6 @@ FILTERS = tuple(np.geomspace(1e-3, 1.0, 13))
 """Filters among which the nearest member is looked for, times the frequency that matters most."""
 AS_NEAR = 1e-6
 """Relative difference of distances that are the same; of such filters the slowest is taken."""
-FARTHEST = 300.0
-"""Largest size of the logarithm of a filter: searches go beyond doubles else."""
 FAST_FILTER = 10.0
 """Corner of an example's filter over the other corners."""
 
@@ -170,7 +174,7 @@ class ThreeTerms(Family):
         gains = dict(zip(self.names, map(float, x), strict=True))
         log = gains.pop("T", None)
         return gains, (self.filter or 1.0) if log is None else float(
-            np.exp(np.clip(log, -FARTHEST, FARTHEST))
+            np.exp(np.clip(log, -LARGEST_LOG, LARGEST_LOG))
         )
 
     def _basis(self, omega: RealArray, T: float) -> dict[str, ComplexArray]:

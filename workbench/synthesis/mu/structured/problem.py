@@ -57,7 +57,10 @@ class Problem:
         K = self.family.system(x)
         if self.demands.asked and not self.demands.admits(K):
             return None
-        loop = self.plant.close(K)
+        try:
+            loop = self.plant.close(K)
+        except InputError:  # direct terms that cancel: the loop is not determined
+            return None
         return loop if stability_of(loop).holds else None
 
     def stable_loop(self, x: RealArray) -> StateSpace:

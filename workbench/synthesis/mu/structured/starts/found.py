@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 
+import numpy as np
+
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
@@ -25,10 +27,11 @@ MOST_SEARCHED = 4
 Rule = Callable[[Search], Iterable[StateSpace]]
 
 FULL_ORDER = "a full-order controller, reduced"
+LAGS = "the rules for lags with dead time (SIMC)"
 QUIET = "zero or a little integration"
 RULES: dict[str, Rule] = {
     QUIET: quiet,
-    "the rules for lags with dead time (SIMC)": lag_rules,
+    LAGS: lag_rules,
     FULL_ORDER: full_order,
 }
 """Rules by what messages call them, cheap ones first."""
@@ -73,8 +76,10 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
             break
     if GAINS in asked and not found and not program.demands.asked_of_poles:
         raise NoStabilisingGainError("no gain stabilises")
+    last: dict[str, Rule] = {LAGS: lag_rules, RIGHTMOST: _searched}
     if not any(one.rule != QUIET for one in found):
-        found += _of_rule(search, RIGHTMOST, lambda s: islice(_met(s), MOST_SEARCHED), found)
+        for name in [name for name in last if name not in asked]:
+            found += _of_rule(search, name, last[name], found)
     if not found:
         raise SolverError(_failed(search, [*asked, RIGHTMOST]))
     return sorted(found, key=lambda one: one.peak)[:IN_ALL]
@@ -121,9 +126,9 @@ def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Star
     return found
 
 
-def _met(search: Search) -> Iterator[StateSpace]:
-    """What the search for the rightmost pole finds that stabilises."""
-    return (K for K in rightmost(search) if search.stabilises(K))
+def _searched(search: Search) -> Iterator[StateSpace]:
+    """The first results of the search for the rightmost pole that stabilise."""
+    return islice((K for K in rightmost(search) if search.stabilises(K)), MOST_SEARCHED)
 
 
 def _failed(search: Search, tried: list[str]) -> str:
@@ -131,11 +136,13 @@ def _failed(search: Search, tried: list[str]) -> str:
     program = search.program
     met = " and meets the demands" if program.demands.asked_of_poles else ""
     kind = f"order {program.order}" if program.family is None else f"the family {search.family}"
-    least = min(search.abscissas, default=None)
-    seen = "" if least is None else (
-        f"; the least real part of a loop's rightmost pole was {least:.4g} rad/s, which must be "
-        "negative"
-    )  # fmt: skip
+    least = min(search.abscissas, default=np.inf)
+    size = "0 rad/s up to rounding" if least <= 0 else f"{least:.4g} rad/s"
+    seen = (
+        f"; the least real part of a loop's rightmost pole was {size}, which must be negative"
+        if search.abscissas
+        else ""
+    )
     return (
         f"no controller of {kind} that stabilises{met} was found by {', '.join(tried)} "
         f"({SEARCHES} searches){seen}: give a start, or a family or order with more freedom"

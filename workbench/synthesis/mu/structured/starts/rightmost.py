@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import RealArray
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.family import Family
 from workbench.synthesis.mu.families.modal import Modal
@@ -19,6 +20,8 @@ REAL_POLES_APART = 0.8
 """Ratio of the sizes of real poles that are slowed to what is asked."""
 SEARCHES, SEARCH_STEPS = 12, 200
 """Starts of the search, and steps of each."""
+FAR_RIGHT = 1e6
+"""Where a loop that is not determined counts to have its rightmost pole, over the plant's speed."""
 LEAST_UNIT = 0.1
 """Least unit of a parameter of a controller of an order, which are of order one."""
 
@@ -36,7 +39,11 @@ def rightmost(search: Search) -> Iterator[StateSpace]:
         )
 
         def abscissa(y: RealArray, family: Family = family, units: RealArray = units) -> float:
-            return float(np.max(plant.close(family.system(y * units)).poles().real)) / search.speed
+            try:
+                poles = plant.close(family.system(y * units)).poles()
+            except InputError:  # direct terms that cancel, or beyond doubles
+                return FAR_RIGHT
+            return float(np.max(poles.real)) / search.speed
 
         scaled = rows * units if len(rows) else rows
         limits = [{"type": "ineq", "fun": lambda y, G=scaled, h=sides: h - G @ y}]

@@ -90,13 +90,20 @@ class Search:
 
     def stabilises(self, K: StateSpace) -> bool:
         """Whether a controller stabilises and meets the demands; what does not is kept."""
-        if self.program.demands.admits(K):
-            loop = self.program.plant.close(K)
+        loop = self._closed(K) if self.program.demands.admits(K) else None
+        if loop is not None:
             self.abscissas.append(float(loop.poles().real.max(initial=-np.inf)))
             if stability_of(loop).holds:
                 return True
         self.missed.append(K)
         return False
+
+    def _closed(self, K: StateSpace) -> StateSpace | None:
+        """The loop; None where direct terms cancel, so that it is not determined."""
+        try:
+            return self.program.plant.close(K)
+        except InputError:
+            return None
 
     def peak(self, K: StateSpace) -> float:
         """The peak of mu, roughly; infinite where it is not proven."""
@@ -127,9 +134,9 @@ class Search:
 
     def _weights(self, target: StateSpace) -> Iterator[tuple[RealArray, RealArray]]:
         """Frequencies (F,) and weights (F,): of the closed loop where stable, and relative ones."""
-        loop = self.program.plant.close(target)
+        loop = self._closed(target)
         omega = self.speed * np.logspace(-BAND_DECADES, BAND_DECADES, BAND_POINTS)
-        if stability_of(loop).holds:
+        if loop is not None and stability_of(loop).holds:
             omega = frequencies_of(loop)
             m, p = self.program.plant.controls, self.program.plant.measurements
             whole = response(self.opened.close(target), omega)
