@@ -15,7 +15,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import as_array, need_positive, need_whole
+from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
@@ -24,7 +24,7 @@ from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.figures import DrawnController, controller
-from workbench.synthesis.mu.families.family import Family, need_family
+from workbench.synthesis.mu.families.family import Family, need_family, started
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
 from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
@@ -34,7 +34,7 @@ from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.balancing import balanced
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
-from workbench.systems.conversion import as_system, need_plant
+from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
@@ -117,14 +117,17 @@ class MuSynthesis(Program):
     Parameters
     ----------
     plant
-        Plant with a structure, performance outputs and exogenous inputs.
+        Plant with a structure, performance outputs and exogenous inputs. Without a structure the
+        peak is the H-infinity norm, of which method "fixed" finds the least for a family or order.
     structure
         Structure of the perturbation; None: that of the plant.
     start
-        A stabilising controller to start from; None: the method chooses its own.
+        A stabilising controller to start from, a member of the family where there is one; or its
+        parameters in the family. None: the method finds its own.
     family
-        Controllers among which method "fixed" searches; the start must be one of them. None: all
-        controllers of the order of the start.
+        Controllers among which method "fixed" searches, such as ``PID()`` or
+        ``Decentralised(PI(), PI())``. None: all controllers, of method "fixed" those of the order
+        asked for, or of the order of the start.
     random
         Number of stabilising members of the family, drawn at random around the start, from which
         method "fixed" also starts; the best result is the answer.
@@ -132,7 +135,7 @@ class MuSynthesis(Program):
         Certified peak that is low enough: methods end when they reach it, and an answer above it is
         not valid. None: methods go on to the least peak that they find.
     order
-        Largest number of states of the controller; method "fixed" needs it where there is no start.
+        Largest number of states of the controller.
     stable
         Whether the controller itself must be stable.
     fastest_pole
@@ -142,14 +145,15 @@ class MuSynthesis(Program):
 
     A method whose controller does not meet these demands hands over to "fixed", which carries them.
     Where no stable controller stabilises the plant, the answer is the proof of that (parity
-    interlacing), with the outcome "infeasible".
+    interlacing), with the outcome "infeasible"; likewise where a constant gain is asked for and
+    none stabilises.
 
     Raises
     ------
     InputError
         The plant has no structure, performance or exogenous signals; it is sampled and a family or
-        a fastest pole is asked for; the start does not fit or does not stabilise; or the target is
-        not positive and finite.
+        a fastest pole is asked for; family or start do not fit, or the start does not stabilise; or
+        the target is not positive and finite.
 
     Examples
     --------
@@ -216,9 +220,11 @@ class MuSynthesis(Program):
         if self.family is not None:
             need_family(self.family, "family")
         plant, structure = self.plant, self.structure or self.plant.structure
-        if structure is None:
+        fixed = any(each is not None for each in (self.family, self.order, self.start))
+        if structure is None and not fixed:
             raise InputError(
-                "the plant has no perturbation: that is hinf's problem, give structure"
+                "the plant has no perturbation: that is hinf's problem, give structure; or a "
+                "family or an order, for the least norm that a controller of that form reaches"
             )
         system = plant.system
         plant = visible(GeneralisedPlant(system, structure, plant.controls, plant.measurements))
@@ -238,9 +244,10 @@ class MuSynthesis(Program):
             object.__setattr__(
                 self, "family", self.family.sized(plant.measurements, plant.controls)
             )
+        if self.only_fixed:
             object.__setattr__(self, "default_method", "fixed")
         if self.start is not None:
-            object.__setattr__(self, "start", self._started(self.start))
+            object.__setattr__(self, "start", started(self.family, self.start))
             stability = stability_of(plant.close(self.start))
             if not stability.holds:
                 raise InputError(
@@ -249,20 +256,10 @@ class MuSynthesis(Program):
                     f"{stability.limit:.3g}, its rounding error"
                 )
 
-    def _started(self, start: Any) -> StateSpace:
-        """The start as a system, which is a member of the family where there is one."""
-        if self.family is None:
-            return as_system(start, "start")
-        if np.ndim(start) == 1 and not isinstance(start, str):
-            x, count = as_array(start, "start"), self.family.count
-            if count is not None and len(x) != count:
-                raise InputError(
-                    f"start has {len(x)} numbers; a member of {self.family} has {count} parameters"
-                )
-            return self.family.system(x)
-        K = as_system(start, "start")
-        self.family.about(K)  # raises for what is no member
-        return K
+    @property
+    def only_fixed(self) -> bool:
+        """Whether only method "fixed" answers: in a family, or without a perturbation."""
+        return self.family is not None or self.structure is None
 
     @property
     def demands(self) -> Shippable:
@@ -310,6 +307,10 @@ class MuSynthesis(Program):
         if zeros is not None:
             find_method(self, method)  # raises for an unknown one
             return None, Outcome.INFEASIBLE, words(self.plant.controlled(), *zeros)
+        if self.only_fixed and (method or self.default_method) != "fixed":
+            find_method(self, method)  # raises for an unknown one
+            answer, outcome, said = super().respond("fixed", context)
+            return answer, outcome, f"{method} is for all controllers: handed over to fixed: {said}"
         answer, outcome, said = super().respond(method, context)
         if answer is None or self.demands.admits(answer.K) or method == "fixed":
             return answer, outcome, said
@@ -411,6 +412,9 @@ class MuSynthesis(Program):
     def facts(self, answer: MuController) -> Sequence[str]:
         crossover = highest_crossover(self.plant.controlled(), answer.K)
         told = [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
+        settings = self.family.settings(answer.K) if self.family is not None else {}
+        if settings:
+            told.append(", ".join(f"{name} = {value:.6g}" for name, value in settings.items()))
         if answer.upper > 1.0:
             told.append(
                 f"mu is not below 1 but {answer.upper:.4g}: what was asked for is not met for "

@@ -15,8 +15,9 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import is_real
+from workbench.input_checks import as_array, is_real
 from workbench.synthesis.mu.families.least_squares import descended
+from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 
 LARGEST_LOG = 100.0
@@ -146,3 +147,19 @@ def need_family(family: Any, name: str) -> None:
         f"{name} must be a Family, not {type(family).__name__}: PID(), PI(), PD(), LeadLag(), "
         "Static(), Modal(order) or Decentralised(PID(), PI())"
     )
+
+
+def started(family: Family | None, start: Any) -> StateSpace:
+    """A start as a system: given as one, or by its parameters in a family.
+
+    Raises InputError for other numbers of parameters, and for what is no member.
+    """
+    if family is None or isinstance(start, str) or np.ndim(start) != 1:
+        K = as_system(start, "start")
+        if family is not None:
+            family.about(K)  # raises for what is no member
+        return K
+    x, count = as_array(start, "start"), family.count
+    if count is not None and len(x) != count:
+        raise InputError(f"start has {len(x)} numbers; a member of {family} has {count} parameters")
+    return family.system(x)

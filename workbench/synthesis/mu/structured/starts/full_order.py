@@ -11,13 +11,16 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.assumptions import regularised
-from workbench.synthesis.mu.dk import iterated, k_step
+from workbench.synthesis.h_infinity.normalised import normalised_plant
+from workbench.synthesis.h_infinity.riccati import central_of
+from workbench.synthesis.mu.dk import LEVEL_TOLERANCE, iterated
 from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import MuController, MuSynthesis
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.standard_plant import standard_plant
 
 DETOUR = 6
 """States above the wanted order from which a reduction starts again at most."""
@@ -37,16 +40,14 @@ def full_order(search: Search) -> Iterator[StateSpace]:
 
 def _central(program: MuSynthesis) -> Iterator[StateSpace]:
     """The H-infinity controller of the plant, made regular where it is not."""
-    free = program.without_demands()
-    try:
-        yield k_step(free, None)[0]
-        return
-    except (SolverError, InputError):
-        pass
-    try:
-        yield k_step(replace(free, plant=regularised(free.plant, REGULAR_SIZE)), None)[0]
-    except (SolverError, InputError):
-        return
+    for regular in (False, True):
+        try:
+            plant = regularised(program.plant, REGULAR_SIZE) if regular else program.plant
+            made = central_of(normalised_plant(standard_plant(plant)), LEVEL_TOLERANCE)
+            yield realisation(made.K, 0.0)
+            return
+        except (SolverError, InputError):
+            pass
 
 
 def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
@@ -80,7 +81,13 @@ def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[Sta
 
 
 def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
-    """The answer of D-K iteration in a share of the time left; None where it has none."""
+    """The answer of D-K iteration in a share of the time left; None where it has none.
+
+    Without a perturbation the H-infinity controller.
+    """
+    if program.structure is None:
+        K = next(_central(program), None)
+        return None if K is None else program.answer(K)
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
