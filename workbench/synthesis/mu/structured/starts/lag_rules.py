@@ -28,6 +28,8 @@ AT_ZERO = 1e-9
 """Size of poles and zeros that count as 0, over the largest."""
 FILTER_SHARE = 0.1
 """Filter of the derivative over the derivative time, and over the closed-loop time."""
+FAST_ZERO = 0.5
+"""Time of a zero left of the axis over the least lag, up to which it shortens the dead time."""
 LOW_SHARE = 1e-3
 """Frequency at which the gain is read, over the least corner."""
 PID_TERMS = tuple[float, float, float, float]
@@ -102,15 +104,18 @@ def lag_model(H: StateSpace) -> LagModel | None:
     ):
         return None  # no gain at rest, or more than the rules know
     lags = sorted((1.0 / np.abs(moving[moving.real <= 0])).tolist(), reverse=True)
-    for zero in np.sort(1.0 / np.abs(turned[turned.real < 0]))[::-1]:
-        if lags:  # a zero and the nearest lag leave each other
-            lags.pop(int(np.argmin(np.abs(np.log(np.array(lags) / zero)))))
     delay = float((1.0 / np.abs(turned[turned.real >= 0])).sum())
+    for zero in np.sort(1.0 / np.abs(turned[turned.real < 0]))[::-1].tolist():
+        if lags and zero > FAST_ZERO * min(lags):  # it and the nearest lag cancel
+            lags.pop(int(np.argmin(np.abs(np.log(np.array(lags) / zero)))))
+        else:
+            delay -= zero
     corner = float(np.abs(np.concatenate([moving, turned])).min(initial=np.inf))
     s = LOW_SHARE * (corner if np.isfinite(corner) else 1.0)
     gain = (complex(response(H, [s])[0, 0, 0]) * (1j * s) ** integrators).real
     if len(right):
         lags, gain = [1.0 / abs(right[0]), *lags], -gain
+    delay = max(delay, 0.0)
     return LagModel(gain, integrators, tuple(lags), delay, bool(len(right))) if gain else None
 
 

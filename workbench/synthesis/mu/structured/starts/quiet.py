@@ -13,6 +13,8 @@ from workbench.systems.generalised_plant import response
 
 SHARES = (0.3, 0.03, 0.003)
 """Crossovers of a little integration over the speed of the plant's slowest pole."""
+OTHER_SIGN = 0.3
+"""How much slower the channels integrate whose sign is not that of G(0): they must not lead."""
 MOST_SIGNS = 16
 """Most combinations of signs of the channels' integral gains that are tried."""
 
@@ -43,7 +45,7 @@ def _little_integration(search: Search) -> Iterator[StateSpace]:
     for turned in signs:
         for share in SHARES:
             gains = [
-                sign * share * rate / gain
+                (sign if sign > 0 else -OTHER_SIGN) * share * rate / gain
                 for sign, rate, gain in zip(turned, slowest, still, strict=True)
             ]
             yield whole([control.ss([[0.0]], [[1.0]], [[gain]], [[0.0]]) for gain in gains])
