@@ -10,7 +10,7 @@ from workbench.plants.textbook.first_order import unstable_first_order
 import workbench as wb
 from workbench.executor import Context
 from workbench.solvers import Outcome
-from workbench.synthesis import PD, PI, PID, Decentralised, Modal, MuSynthesis, Static
+from workbench.synthesis import PD, PI, PID, Decentralised, LeadLag, Modal, MuSynthesis, Static
 from workbench.synthesis.mu.structured.starts import lag_rules
 from workbench.synthesis.mu.structured.starts.quiet import quiet
 from workbench.synthesis.mu.structured.starts.rightmost import rightmost

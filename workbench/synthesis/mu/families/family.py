@@ -162,4 +162,6 @@ def started(family: Family | None, start: Any) -> StateSpace:
     x, count = as_array(start, "start"), family.count
     if count is not None and len(x) != count:
         raise InputError(f"start has {len(x)} numbers; a member of {family} has {count} parameters")
+    if not np.isfinite(x).all():
+        raise InputError(f"start is {x.tolist()}; parameters must be finite")
     return family.system(x)

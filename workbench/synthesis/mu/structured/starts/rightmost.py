@@ -32,6 +32,8 @@ def rightmost(search: Search) -> Iterator[StateSpace]:
     It starts from members that were tried in vain, then from random ones.
     """
     plant = search.program.plant
+    if not search.family.examples(search.speed, search.gain):
+        return
     for number in search.context.track(range(SEARCHES), "rightmost pole"):
         family, x, units = _begun(search, number)
         rows, sides = family.halfspaces(
