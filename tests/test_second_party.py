@@ -34,6 +34,7 @@ from workbench.solvers import Options
 from workbench.study import Study
 from workbench.synthesis import LoopShaping, MixedSensitivity
 from workbench.synthesis.mu.interlacing import NoStableController
+from workbench.synthesis.mu.no_gain import NoStabilisingGain
 from workbench.uncertainty import MatrixSets
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
@@ -49,6 +50,12 @@ def no_stable_controller() -> Certificate:
     """Between the zeros 1 and infinity of this plant lies one pole, 2."""
     plant = control.ss(control.tf([1.0, -1.0], [1.0, -1.0, -2.0]))
     task = NoStableController(plant)
+    return task.certify(task.respond(None, Context(Options()))[0], 1e-6)
+
+
+def no_stabilising_gain() -> Certificate:
+    """Of a double integrator every gain leaves a pole on the axis or right of it."""
+    task = NoStabilisingGain(control.ss(control.tf([1.0], [1.0, 0.0, 0.0])))
     return task.certify(task.respond(None, Context(Options()))[0], 1e-6)
 
 
@@ -78,6 +85,7 @@ PROGRAMS = {
     "NoSolution": lambda: conic([[-1.0], [1.0]], [-2.0, 1.0]).certificate,
     "NoLeastValue": lambda: conic([[-1.0], [0.0]], [0.0, 1.0], -1.0).certificate,
     "NoStableController": no_stable_controller,
+    "NoStabilisingGain": no_stabilising_gain,
     "MatrixSets": matrix_sets,
     "LoopShaping": lambda: wb.solve(LoopShaping(LAG)).certificate,
     "MixedSensitivity": lambda: wb.solve(MixedSensitivity(LAG, W_S=0.5, W_KS=0.5)).certificate,

@@ -29,7 +29,7 @@ CONSTRUCTED = [
     *((lambda w=w: PD(filter=w), "filter is .*positive") for w in NO_NUMBERS),
     *((lambda w=w: PID(leak=w), "leak is .*0 or more") for w in NO_LEAKS),
     *((lambda w=w: PI(leak=w), "leak is .*0 or more") for w in NO_LEAKS),
-    *((lambda w=w: LeadLag(w), "leak is .*0 or more") for w in NO_LEAKS),
+    *((lambda w=w: LeadLag(leak=w), "leak is .*0 or more") for w in NO_LEAKS),
     *((lambda w=w: LeadLag(zeros=w), "zeros|proper") for w in NO_COUNTS),
     *((lambda w=w: LeadLag(poles=w), "poles|proper") for w in NO_COUNTS),
     *((lambda w=w: LeadLag(sign=w), "sign is .*1, -1 or None") for w in (0.0, 2, "+", NAN)),

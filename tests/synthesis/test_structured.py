@@ -18,7 +18,7 @@ number = st.floats(-2, 2).map(lambda x: round(x, 3))
 
 def members(seed):
     rng = np.random.default_rng(seed)
-    lead = LeadLag(1e-4, 2, 2, -1.0), rng.normal(size=5)
+    lead = LeadLag(leak=1e-4, sign=-1.0), rng.normal(size=5)
     pid = PID.of(*rng.normal(size=3), float(np.exp(rng.normal())), 1e-5)
     return [lead, pid, Decentralised.of([lead, pid])]
 
@@ -72,11 +72,11 @@ def test_controllers_that_are_no_lead_lag_are_named(K, words):
 
 def test_families_that_cannot_be_are_named():
     with pytest.raises(InputError, match="proper"):
-        LeadLag(0.0, zeros=4, poles=2)
+        LeadLag(zeros=4, poles=2)
     with pytest.raises(InputError, match="T positive"):
         PID.of(1.0, 1.0, 0.0, -1.0)
     with pytest.raises(InputError, match="belongs to"):
-        LeadLag(0.5).parameters(control.zpk([-1.0, -2.0], [-0.1, -5.0, -7.0], 1.0).to_ss())
+        LeadLag(leak=0.5).parameters(control.zpk([-1.0, -2.0], [-0.1, -5.0, -7.0], 1.0).to_ss())
     with pytest.raises(InputError, match="where D is zero give it a small gain"):
         PID.of(1.0, 1.0, 1.0, 1.0)[0].parameters(control.ss([], [], [], [[2.0]]))
     coupled = control.ss([], [], [], [[1.0, 0.5], [0.0, 1.0]])

@@ -93,7 +93,7 @@ def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
     found = fmpq_poly([])
     for i, j in np.ndindex(D.shape):
         b, c = exact_matrix(plant.B[:, [j]]), exact_matrix(plant.C[[i]])
-        found = found.gcd((A - b * c).charpoly() + (exact(D[i, j]) - 1) * p)
+        found = found.gcd((A - b * c).charpoly() + (as_fraction(D[i, j]) - 1) * p)
     return found
 
 
@@ -102,7 +102,7 @@ def _has_zero(plant: StateSpace, common: fmpq_poly, ends: Range) -> bool:
     if math.isinf(ends[0]):
         return not np.any(plant.D)
     once = common / common.gcd(common.derivative()) if common else common  # its roots are simple
-    low, high = (once(exact(end)) for end in ends)
+    low, high = (once(as_fraction(end)) for end in ends)
     return low * high <= 0
 
 
@@ -114,7 +114,7 @@ def _sign_of(p: fmpq_poly, ends: Range) -> int:
     """
     if math.isinf(ends[0]):
         return 1
-    low, high = map(exact, ends)
+    low, high = map(as_fraction, ends)
     first, *others = p(fmpq_poly([(low + high) / 2, 1])).coeffs()
     r = (high - low) / 2
     if abs(first) <= sum((abs(q) * r**k for k, q in enumerate(others, start=1)), fmpq(0)):
@@ -125,9 +125,9 @@ def _sign_of(p: fmpq_poly, ends: Range) -> int:
 def exact_matrix(values: RealArray) -> fmpq_mat:
     """Doubles (m, n) as fractions."""
     rows, columns = values.shape
-    return fmpq_mat(rows, columns, [exact(value) for value in values.ravel()])
+    return fmpq_mat(rows, columns, [as_fraction(value) for value in values.ravel()])
 
 
-def exact(value: float) -> fmpq:
+def as_fraction(value: float) -> fmpq:
     """A double as a fraction."""
     return fmpq(*float(value).as_integer_ratio())

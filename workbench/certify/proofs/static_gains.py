@@ -20,7 +20,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_mat, fmpq_poly
 
-from workbench.certify.interlacing import exact, exact_matrix
+from workbench.certify.interlacing import as_fraction, exact_matrix
 from workbench.heavy_types import StateSpace
 
 
@@ -86,7 +86,7 @@ def _polynomials(plant: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
     """p and n of a plant; n = det(s I - A + b c) - p + d p."""
     A, b, c = (exact_matrix(part) for part in (plant.A, plant.B, plant.C))
     p = A.charpoly()
-    return p, (A - b * c).charpoly() + (exact(plant.D[0, 0]) - 1) * p
+    return p, (A - b * c).charpoly() + (as_fraction(plant.D[0, 0]) - 1) * p
 
 
 def _crossings(p: fmpq_poly, n: fmpq_poly) -> list[tuple[fmpq, fmpq]] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certificate import Check
-from workbench.certify.interlacing import exact
+from workbench.certify.interlacing import as_fraction
 from workbench.certify.proofs.static_gains import GainRange, gain_ranges
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, StateSpace
@@ -47,7 +47,7 @@ class NoStabilisingGain(ProofTask):
             return None, Outcome.FAILED, "some gains stabilise"
         about: dict[str, Any] = {"long_name": "a gain of each range without a stabilising one"}
         gains = [float(one.middle) for one in ranges]
-        return xr.Dataset({"gains": ("range", gains, about)}), Outcome.SOLVED, words()
+        return xr.Dataset({"gains": ("range", gains, about)}), Outcome.SOLVED, no_gain_words()
 
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
         gains = answer["gains"].values
@@ -73,7 +73,7 @@ class NoStabilisingGain(ProofTask):
         return {"ranges": float(len(answer["gains"]))}
 
 
-def words() -> str:
+def no_gain_words() -> str:
     """What forbids a constant gain."""
     return (
         "no constant gain stabilises this plant: in none of the ranges between gains that put a "
@@ -86,7 +86,7 @@ def _outside(one: GainRange, gain: float) -> bool:
     """Whether a gain lies outside a range."""
     if not np.isfinite(gain):
         return True
-    k = exact(gain)
+    k = as_fraction(gain)
     above = one.low is None or k >= one.low
     below = one.high is None or k <= one.high
     return not (above and below)

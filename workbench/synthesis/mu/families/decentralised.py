@@ -94,12 +94,14 @@ class Decentralised(Family):
             at += len(part)
         return K, slopes
 
-    def about(self, K: StateSpace) -> tuple[Decentralised, RealArray]:
-        pairs = [family.about(part) for family, part in self._channels_of(K)]
+    def about(self, controller: StateSpace) -> tuple[Decentralised, RealArray]:
+        pairs = [family.about(part) for family, part in self._channels_of(controller)]
         return Decentralised.of(pairs)
 
-    def parameters(self, K: StateSpace) -> RealArray:
-        return np.concatenate([family.parameters(part) for family, part in self._channels_of(K)])
+    def parameters(self, controller: StateSpace) -> RealArray:
+        return np.concatenate(
+            [family.parameters(part) for family, part in self._channels_of(controller)]
+        )
 
     def units(self, x: RealArray) -> RealArray:
         parts = zip(self.channels, self._split(x), strict=True)
@@ -111,29 +113,31 @@ class Decentralised(Family):
         )
         return block_diag(*rows), np.concatenate(sides)
 
-    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
+    def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
         """The channels' examples, in all combinations where these are few."""
-        each = [family.examples(corner, gain) for family in self.channels]
+        each = [family.examples(omega, gain) for family in self.channels]
         combinations = np.ndindex(*(len(one) for one in each))
         return [
             self._joined([one[k] for one, k in zip(each, places, strict=True)])
             for _, places in zip(range(MOST_EXAMPLES), combinations, strict=False)
         ]
 
-    def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
-        """Each channel by itself, the nearest to the diagonal of K."""
+    def nearest(
+        self, controller: StateSpace, omega: RealArray, weight: RealArray
+    ) -> StateSpace | None:
+        """Each channel by itself, the nearest to the diagonal of controller."""
         parts = []
         for i, family in enumerate(self.channels):
-            part = family.nearest(_diagonal(K, i), omega, weight)
+            part = family.nearest(_diagonal(controller, i), omega, weight)
             if part is None:
                 return None
             parts.append(part)
         return self._joined(parts)
 
-    def settings(self, K: StateSpace) -> Mapping[str, float]:
+    def settings(self, controller: StateSpace) -> Mapping[str, float]:
         return {
             f"channel {number} {name}": value
-            for number, (family, part) in enumerate(self._channels_of(K), start=1)
+            for number, (family, part) in enumerate(self._channels_of(controller), start=1)
             for name, value in family.settings(part).items()
         }
 

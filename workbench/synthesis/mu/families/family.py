@@ -16,7 +16,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, is_real
-from workbench.synthesis.mu.families.least_squares import descended
+from workbench.synthesis.mu.families.least_squares import fitted_parameters
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 
@@ -49,7 +49,7 @@ class Family(ABC):
         """K (F, p, m) at omega (F,) [rad/s], and its derivatives (F, k, p, m) by x."""
 
     @abstractmethod
-    def parameters(self, K: StateSpace) -> RealArray:
+    def parameters(self, controller: StateSpace) -> RealArray:
         """Parameters (k,) of a member of the family; raises InputError for other controllers."""
 
     def units(self, x: RealArray) -> RealArray:
@@ -67,12 +67,12 @@ class Family(ABC):
         """
         return np.zeros((0, self.count or 0)), np.zeros(0)
 
-    def about(self, K: StateSpace) -> tuple[Family, RealArray]:
+    def about(self, controller: StateSpace) -> tuple[Family, RealArray]:
         """The family in parameters that suit a member, and the member's parameters (k,).
 
         Raises InputError for other controllers.
         """
-        return self, self.parameters(K)
+        return self, self.parameters(controller)
 
     def sized(self, inputs: int, outputs: int) -> Family:
         """The family for a plant with so many measurements and controls.
@@ -81,8 +81,8 @@ class Family(ABC):
         """
         return self
 
-    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
-        """Members from which searches begin: corners about one [rad/s], gains far below one.
+    def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
+        """Members from which searches begin: corners about omega [rad/s], gains far below one.
 
         None where a family knows none; it then needs a start.
         """
@@ -93,23 +93,25 @@ class Family(ABC):
         """Number of parameters; None where the family does not tell."""
         return None
 
-    def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
+    def nearest(
+        self, controller: StateSpace, omega: RealArray, weight: RealArray
+    ) -> StateSpace | None:
         """The member nearest to a controller: least sum of squares of weight (F,) times distance.
 
         omega: frequencies (F,) [rad/s]. None where no member is found. Families that are not linear
         in their parameters descend from their `examples`, to a local optimum.
         """
-        wanted = response(K, omega)
+        wanted = response(controller, omega)
         corner = float(np.exp(np.average(np.log(omega), weights=weight / weight.max())))
         gain = float(np.average(np.abs(wanted).max(axis=(1, 2)), weights=weight))
         found: list[tuple[float, int, StateSpace]] = []
         for example in self.examples(corner, gain):
             family, x = self.about(example)
-            best, miss = descended(family.response, x, wanted, omega, weight)
+            best, miss = fitted_parameters(family.response, x, wanted, omega, weight)
             found.append((miss, len(found), family.system(best)))
         return min(found)[2] if found else None
 
-    def settings(self, K: StateSpace) -> Mapping[str, float]:
+    def settings(self, controller: StateSpace) -> Mapping[str, float]:
         """The numbers by which people know a member, by name with unit; empty where none have one.
 
         Raises InputError for other controllers.

@@ -26,7 +26,7 @@ ROOT_TOLERANCE = 1e-6
 """Relative distance up to which a root counts as real, and a pole as the fixed pole of a family."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LeadLag(Family):
     """PI with lead and roll-off as a product of factors, with one input and one output,
 
@@ -89,7 +89,9 @@ class LeadLag(Family):
         leak, fast = -poles.real[-1], -poles.real[:-1]
         s = 1j * float(np.exp(np.mean(np.log(np.append(fast, 1.0)))))
         value = complex(K(s)) * (s + leak) * np.prod(s + fast) / np.prod(s - zeros.real)
-        family = cls(float(leak), len(zeros), len(fast), float(np.sign(value.real)))
+        family = cls(
+            leak=float(leak), zeros=len(zeros), poles=len(fast), sign=float(np.sign(value.real))
+        )
         x = np.log(np.concatenate([[abs(value)], -zeros.real[::-1], fast[::-1]]))
         return family, x
 
@@ -110,9 +112,9 @@ class LeadLag(Family):
         logs = np.hstack([np.ones_like(s), zeros / (s + zeros), -poles[1:] / (s + poles[1:])])
         return K[:, None, None], (K[:, None] * logs)[:, :, None, None]
 
-    def about(self, K: StateSpace) -> tuple[LeadLag, RealArray]:
-        family = self if self.sign else replace(self, sign=LeadLag.of(K)[0].sign)
-        return family, family.parameters(K)
+    def about(self, controller: StateSpace) -> tuple[LeadLag, RealArray]:
+        family = self if self.sign else replace(self, sign=LeadLag.of(controller)[0].sign)
+        return family, family.parameters(controller)
 
     def sized(self, inputs: int, outputs: int) -> LeadLag:
         need_size(
@@ -130,20 +132,20 @@ class LeadLag(Family):
     def count(self) -> int:
         return 1 + self.zeros + self.poles
 
-    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
+    def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
         signs = (1.0, -1.0) if self.sign is None else (self.sign,)
         found = []
         for spread in SPREADS:
-            zeros = corner / spread * np.geomspace(0.1, 1.0, max(self.zeros, 1))[: self.zeros]
-            poles = corner * spread * np.geomspace(3.0, 10.0, max(self.poles, 1))[: self.poles]
-            # |K| is small at the corner
-            size = SMALL_GAIN * gain * corner * np.prod(poles) / corner**self.zeros
+            zeros = omega / spread * np.geomspace(0.1, 1.0, max(self.zeros, 1))[: self.zeros]
+            poles = omega * spread * np.geomspace(3.0, 10.0, max(self.poles, 1))[: self.poles]
+            # |K| is small at omega
+            size = SMALL_GAIN * gain * omega * np.prod(poles) / omega**self.zeros
             x = np.log(np.concatenate([[size], zeros, poles]))
             found += [replace(self, sign=sign).system(x) for sign in signs]
         return found
 
-    def settings(self, K: StateSpace) -> Mapping[str, float]:
-        family, x = self.about(K)
+    def settings(self, controller: StateSpace) -> Mapping[str, float]:
+        family, x = self.about(controller)
         zeros, poles = family._roots(x)
         fixed = {"gain": family._gain(x)}
         moved = {f"zero {k} [rad/s]": float(-z) for k, z in enumerate(np.sort(zeros), start=1)}
@@ -158,8 +160,8 @@ class LeadLag(Family):
         """The sign, positive where a start has not told it yet."""
         return self.sign or 1.0
 
-    def parameters(self, K: StateSpace) -> RealArray:
-        family, x = LeadLag.of(K)
+    def parameters(self, controller: StateSpace) -> RealArray:
+        family, x = LeadLag.of(controller)
         near = abs(family.leak - self.leak) <= ROOT_TOLERANCE * max(self.leak, family.leak)
         if not near or (family.zeros, family.poles, family.sign) != (
             self.zeros,

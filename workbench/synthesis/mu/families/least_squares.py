@@ -34,7 +34,7 @@ def combined(
     return found / size, float(np.linalg.norm(rows.T @ found - sides))
 
 
-def descended(
+def fitted_parameters(
     response: Callable[[RealArray, RealArray], tuple[ComplexArray, ComplexArray]],
     x: RealArray,
     wanted: ComplexArray,

@@ -68,17 +68,19 @@ class Modal(Family):
         """
         return Modal(K.nstates).about(K)
 
-    def about(self, K: StateSpace) -> tuple[Modal, RealArray]:
-        if K.nstates != self.order:
+    def about(self, controller: StateSpace) -> tuple[Modal, RealArray]:
+        if controller.nstates != self.order:
             raise InputError(
-                f"the controller has {K.nstates} states, a member of {self} {self.order}"
+                f"the controller has {controller.nstates} states, a member of {self} {self.order}"
             )
-        blocks, T = _blocks(K.A)
+        blocks, T = _blocks(controller.A)
         corners, shapes, changes = (
             zip(*map(_companion, blocks), strict=True) if blocks else ((),) * 3
         )
-        family = replace(self, corners=tuple(corners), inputs=K.ninputs, outputs=K.noutputs)
-        B, C = np.linalg.solve(T, K.B), K.C @ T
+        family = replace(
+            self, corners=tuple(corners), inputs=controller.ninputs, outputs=controller.noutputs
+        )
+        B, C = np.linalg.solve(T, controller.B), controller.C @ T
         at = 0
         for block, change in zip(blocks, changes, strict=True):
             part = slice(at, at + len(change))
@@ -88,7 +90,11 @@ class Modal(Family):
             B[part], C[:, part] = np.linalg.solve(change, B[part]), C[:, part] @ change
             _even(B, C, part)
             at = part.stop
-        x = np.concatenate([*shapes, B.ravel(), C.ravel(), K.D.ravel()]) if shapes else K.D.ravel()
+        x = (
+            np.concatenate([*shapes, B.ravel(), C.ravel(), controller.D.ravel()])
+            if shapes
+            else controller.D.ravel()
+        )
         return family, np.asarray(x, dtype=float)
 
     def sized(self, inputs: int, outputs: int) -> Modal:
@@ -97,11 +103,11 @@ class Modal(Family):
         need_size(self, (self.inputs, self.outputs), inputs, outputs, "leave both numbers out")
         return self
 
-    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
+    def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
         import control
 
         n, (_, m, p) = self.order, self._shape
-        rates = corner * np.geomspace(0.3, 3.0, max(n, 1))[:n]
+        rates = omega * np.geomspace(0.3, 3.0, max(n, 1))[:n]
         return [
             control.StateSpace(
                 -np.diag(rates),
@@ -112,36 +118,49 @@ class Modal(Family):
             )
         ]
 
-    def settings(self, K: StateSpace) -> Mapping[str, float]:
+    def settings(self, controller: StateSpace) -> Mapping[str, float]:
         if self.order:
             return {}
-        if K.D.size == 1:
-            return {"gain": float(K.D[0, 0])}
-        return {f"gain {i + 1},{j + 1}": float(K.D[i, j]) for i, j in np.ndindex(K.D.shape)}
+        if controller.D.size == 1:
+            return {"gain": float(controller.D[0, 0])}
+        return {
+            f"gain {i + 1},{j + 1}": float(controller.D[i, j])
+            for i, j in np.ndindex(controller.D.shape)
+        }
 
     @property
     def count(self) -> int:
         n, (_, m, p) = self.order, self._shape
         return n + n * m + p * n + p * m
 
-    def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
-        """K reduced to the order by balanced truncation; gains by least squares."""
+    def nearest(
+        self, controller: StateSpace, omega: RealArray, weight: RealArray
+    ) -> StateSpace | None:
+        """controller reduced to the order by balanced truncation; gains by least squares."""
         n, (_, m, p) = self.order, self._shape
         if n == 0:
             basis = np.eye(p * m).reshape(p * m, p, m)
             shape = (len(omega), *basis.shape)
-            gains, _ = combined(np.broadcast_to(basis, shape), response(K, omega), weight)
+            gains, _ = combined(np.broadcast_to(basis, shape), response(controller, omega), weight)
             return realisation((np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)),
                                 gains.reshape(p, m)), 0.0)  # fmt: skip
-        if K.nstates > n:
-            least, reduced = truncation.matchdc(kept_and_stable((K.A, K.B, K.C, K.D)))
+        if controller.nstates > n:
+            least, reduced = truncation.matchdc(
+                kept_and_stable((controller.A, controller.B, controller.C, controller.D))
+            )
             if least > n:
                 return None
-            K = realisation(reduced(n), 0.0)
+            controller = realisation(reduced(n), 0.0)
         spare = self.examples(float(np.median(omega)), 0.0)[0]
-        left = n - K.nstates
+        left = n - controller.nstates
         idle = (spare.A[n - left :, n - left :], spare.B[n - left :], spare.C[:, n - left :])
-        return realisation(in_parallel((K.A, K.B, K.C, K.D), (*idle, 0.0 * K.D)), 0.0)
+        return realisation(
+            in_parallel(
+                (controller.A, controller.B, controller.C, controller.D),
+                (*idle, 0.0 * controller.D),
+            ),
+            0.0,
+        )
 
     @property
     def _shape(self) -> tuple[tuple[float, ...], int, int]:
@@ -149,8 +168,8 @@ class Modal(Family):
         corners = (1.0,) * ((self.order + 1) // 2) if self.corners is None else self.corners
         return corners, self.inputs or 1, self.outputs or 1
 
-    def parameters(self, K: StateSpace) -> RealArray:
-        family, x = self.about(K)
+    def parameters(self, controller: StateSpace) -> RealArray:
+        family, x = self.about(controller)
         if family != self:
             raise InputError(f"the controller has other corners than the family: {family} {self}")
         return x

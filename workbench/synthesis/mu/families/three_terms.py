@@ -121,17 +121,22 @@ class ThreeTerms(Family):
         row = np.array([[-1.0 if name == "T" else 0.0 for name in self.names]])
         return row, np.array([np.log(fastest * (1.0 - POLE_ROOM))])
 
-    def parameters(self, K: StateSpace) -> RealArray:
+    def parameters(self, controller: StateSpace) -> RealArray:
         inputs = 1 + self.setpoint_weights
-        if (K.noutputs, K.ninputs) != (1, inputs) or K.nstates > 2 or K.dt:
+        if (
+            (controller.noutputs, controller.ninputs) != (1, inputs)
+            or controller.nstates > 2
+            or controller.dt
+        ):
             raise InputError(
-                f"the controller has {K.ninputs} inputs, {K.noutputs} outputs and {K.nstates} "
-                f"states; a member of {self} has {inputs}, 1 and at most 2, in continuous time"
+                f"the controller has {controller.ninputs} inputs, {controller.noutputs} outputs and "
+                f"{controller.nstates} states; a member of {self} has {inputs}, 1 and at most 2, in "
+                "continuous time"
             )
-        T = self._filter_of(K)
-        near = 1.0 / T if T else float(np.abs(K.poles()).max(initial=0.0)) or 1.0
+        T = self._filter_of(controller)
+        near = 1.0 / T if T else float(np.abs(controller.poles()).max(initial=0.0)) or 1.0
         omega = near * np.geomspace(1e-3, 3.0, 12)
-        wanted = response(K, omega)
+        wanted = response(controller, omega)
         size = np.abs(wanted).max(axis=(1, 2))
         weight = 1.0 / np.where(size > 0, size, 1.0)
         x, miss = self._fitted(wanted, omega, weight, T)
@@ -139,19 +144,21 @@ class ThreeTerms(Family):
             raise InputError(f"the controller is no member of {self}: its response is another")
         return x
 
-    def examples(self, corner: float, gain: float) -> Sequence[StateSpace]:
+    def examples(self, omega: float, gain: float) -> Sequence[StateSpace]:
         x = np.zeros(self.count)
         if "T" in self.names:
-            x[self.names.index("T")] = -np.log(FAST_FILTER * corner)
+            x[self.names.index("T")] = -np.log(FAST_FILTER * omega)
         return [self.system(x)]
 
-    def nearest(self, K: StateSpace, omega: RealArray, weight: RealArray) -> StateSpace | None:
+    def nearest(
+        self, controller: StateSpace, omega: RealArray, weight: RealArray
+    ) -> StateSpace | None:
         """The gains by linear least squares, for each of many filters."""
-        wanted = response(K, omega)
+        wanted = response(controller, omega)
         filters = [self.filter or 0.0]
         if "T" in self.names:
             corner = float(np.exp(np.average(np.log(omega), weights=weight)))
-            own = K.poles()
+            own = controller.poles()
             own = own[own.real < 0].real
             filters = sorted([each / corner for each in FILTERS] + (-1.0 / own).tolist())
         tried = [self._fitted(wanted, omega, weight, T) for T in filters]
@@ -159,8 +166,8 @@ class ThreeTerms(Family):
         near = min(miss for _, miss in tried) + AS_NEAR * size
         return self.system([x for x, miss in tried if miss <= near][-1])
 
-    def settings(self, K: StateSpace) -> Mapping[str, float]:
-        gains, T = self._gains(self.parameters(K))
+    def settings(self, controller: StateSpace) -> Mapping[str, float]:
+        gains, T = self._gains(self.parameters(controller))
         found = {name: gains[name] for name in self.terms}
         if "D" in self.terms:
             found["T [s]"] = T

@@ -27,7 +27,7 @@ from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.structured.problem import Problem
+from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.synthesis.mu.structured.starts.search import Start
 
@@ -135,12 +135,12 @@ def _told(rules: list[str], won: str) -> str:
     return f"started from {' and from '.join(rules)}{more}; "
 
 
-def _problem(program: MuSynthesis, start: StateSpace) -> tuple[Problem, RealArray]:
+def _problem(program: MuSynthesis, start: StateSpace) -> tuple[PeakProblem, RealArray]:
     """Mu over the parameters of the family, or of all controllers of the start's order."""
     family, x = (program.family or Modal(start.nstates)).about(start)
     if isinstance(family, Modal):
         x = _stirred(family, x)
-    return Problem(program.plant, program.closed, family, program.demands), x
+    return PeakProblem(program.plant, program.closed, family, program.demands), x
 
 
 def _stirred(family: Modal, x: RealArray) -> RealArray:
@@ -159,7 +159,7 @@ def _stirred(family: Modal, x: RealArray) -> RealArray:
 
 
 def _members(
-    problem: Problem, x: RealArray, count: int, rng: np.random.Generator
+    problem: PeakProblem, x: RealArray, count: int, rng: np.random.Generator
 ) -> Iterator[RealArray]:
     """Random parameters around x with stable loops; fewer than `count` where few are stable."""
     units = problem.family.units(x)
@@ -172,7 +172,7 @@ def _members(
 
 
 def _minimised(
-    problem: Problem, x: RealArray, context: Context, target: float, steps: int = MOST_STEPS
+    problem: PeakProblem, x: RealArray, context: Context, target: float, steps: int = MOST_STEPS
 ) -> tuple[list[Iterate], str]:
     """Minimise the peak from parameters x.
 
@@ -217,7 +217,7 @@ def _minimised(
 
 
 def _minimised_until(
-    until: float | None, target: float, steps: int, begun: tuple[Problem, RealArray]
+    until: float | None, target: float, steps: int, begun: tuple[PeakProblem, RealArray]
 ) -> tuple[list[Iterate], str]:
     """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
     left = None if until is None else max(until - time.time(), SHORTEST)
@@ -237,7 +237,7 @@ class _Lower(NamedTuple):
 
 
 def _lower(
-    problem: Problem,
+    problem: PeakProblem,
     x: RealArray,
     curve: tuple[RealArray, RealArray],
     hessian: RealArray,

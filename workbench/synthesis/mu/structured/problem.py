@@ -26,7 +26,7 @@ second share of the peak, at most as often as the third number says."""
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class PeakProblem:
     """Mixed mu of the loop as a function of the parameters of a family."""
 
     plant: GeneralisedPlant
@@ -72,7 +72,7 @@ class Problem:
             )
         return loop
 
-    def about(self, K: StateSpace, x: RealArray) -> tuple[Problem, RealArray]:
+    def about(self, K: StateSpace, x: RealArray) -> tuple[PeakProblem, RealArray]:
         """The problem, and parameters x, with the family of all controllers made for K."""
         if not isinstance(self.family, Modal):
             return self, x

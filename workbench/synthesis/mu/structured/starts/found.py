@@ -12,8 +12,8 @@ from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.mu.structured.starts.full_order import full_order
-from workbench.synthesis.mu.structured.starts.gains import gains, one_gain
+from workbench.synthesis.mu.structured.starts.full_order import full_order_starts
+from workbench.synthesis.mu.structured.starts.gains import gain_starts, one_gain
 from workbench.synthesis.mu.structured.starts.lag_rules import lag_rules
 from workbench.synthesis.mu.structured.starts.quiet import quiet
 from workbench.synthesis.mu.structured.starts.rightmost import SEARCHES, rightmost
@@ -32,7 +32,7 @@ QUIET = "zero or a little integration"
 RULES: dict[str, Rule] = {
     QUIET: quiet,
     LAGS: lag_rules,
-    FULL_ORDER: full_order,
+    FULL_ORDER: full_order_starts,
 }
 """Rules by what messages call them, cheap ones first."""
 OF_AN_ORDER = (QUIET, FULL_ORDER)
@@ -66,7 +66,7 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
     _need_demands_met(search)
     asked = RULES
     if one_gain(search):
-        asked = {GAINS: gains}
+        asked = {GAINS: gain_starts}
     elif isinstance(family, Modal):
         asked = {name: RULES[name] for name in OF_AN_ORDER}
     found: list[Start] = []

@@ -30,7 +30,7 @@ SHARE_OF_TIME = 0.5
 """Share of the time left that an iteration for a start may take."""
 
 
-def full_order(search: Search) -> Iterator[StateSpace]:
+def full_order_starts(search: Search) -> Iterator[StateSpace]:
     """The H-infinity controller in the family; for an order, a D-K controller reduced."""
     if isinstance(search.family, Modal):
         yield from _reduced(search.program, search.family.order, search.context)

@@ -22,7 +22,7 @@ def one_gain(search: Search) -> bool:
     return alone and bool(members) and all(K.nstates == 0 for K in members)
 
 
-def gains(search: Search) -> Iterator[StateSpace]:
+def gain_starts(search: Search) -> Iterator[StateSpace]:
     """A gain of each range that stabilises."""
     ranges = [one for one in gain_ranges(search.controlled) if one.stabilises]
     nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))

@@ -82,7 +82,7 @@ def _targets(search: Search) -> Iterator[StateSpace]:
     for factor in CLOSED_LOOP_TIMES:
         for terms in (pi_terms, pid_terms):
             each = [terms(model, factor * model.time) for model in known]
-            made = [controller(*one) for one in each if one is not None]
+            made = [three_term_controller(*one) for one in each if one is not None]
             if len(made) == len(known):
                 yield whole(made)
 
@@ -161,7 +161,7 @@ def _simc(short: LagModel, closed: float) -> tuple[float, float]:
     return tau / (short.gain * wait), min(tau, 4.0 * wait)
 
 
-def controller(P: float, I: float, D: float, T: float) -> StateSpace:  # noqa: E741
+def three_term_controller(P: float, I: float, D: float, T: float) -> StateSpace:  # noqa: E741
     """P + I / s + D s / (T s + 1)."""
     import control
 

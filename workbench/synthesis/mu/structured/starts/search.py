@@ -20,7 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.family import Family
 from workbench.synthesis.mu.families.three_terms import ThreeTerms
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.mu.structured.problem import Problem
+from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.hidden_states import visible_matrices
@@ -67,7 +67,7 @@ class Search:
     @cached_property
     def speed(self) -> float:
         """The middle size of the plant's poles [rad/s]."""
-        return speed(self.controlled) or speed(self.program.plant.system) or 1.0
+        return middle_size(self.controlled) or middle_size(self.program.plant.system) or 1.0
 
     @property
     def corners(self) -> tuple[float, ...]:
@@ -86,7 +86,7 @@ class Search:
     @cached_property
     def opened(self) -> GeneralisedPlant:
         """The plant with its controls and measurements as outer signals too."""
-        return Problem(self.program.plant, self.program.closed, self.family).opened
+        return PeakProblem(self.program.plant, self.program.closed, self.family).opened
 
     def stabilises(self, K: StateSpace) -> bool:
         """Whether a controller stabilises and meets the demands; what does not is kept."""
@@ -165,7 +165,7 @@ class Search:
         return diagonal, lambda C: control.append(*C)
 
 
-def speed(system: StateSpace) -> float:
+def middle_size(system: StateSpace) -> float:
     """The geometric mean of the sizes of the poles [rad/s]; 0 where all are at 0."""
     size = np.abs(system.poles())
     size = size[size > 0]
