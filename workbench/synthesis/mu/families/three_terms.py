@@ -129,9 +129,9 @@ class ThreeTerms(Family):
             or controller.dt
         ):
             raise InputError(
-                f"the controller has {controller.ninputs} inputs, {controller.noutputs} outputs and "
-                f"{controller.nstates} states; a member of {self} has {inputs}, 1 and at most 2, in "
-                "continuous time"
+                f"the controller has {controller.ninputs} inputs, {controller.noutputs} outputs "
+                f"and {controller.nstates} states; a member of {self} has {inputs}, 1 and at most 2, "
+                "in continuous time"
             )
         T = self._filter_of(controller)
         near = 1.0 / T if T else float(np.abs(controller.poles()).max(initial=0.0)) or 1.0
