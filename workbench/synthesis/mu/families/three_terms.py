@@ -130,8 +130,8 @@ class ThreeTerms(Family):
         ):
             raise InputError(
                 f"the controller has {controller.ninputs} inputs, {controller.noutputs} outputs "
-                f"and {controller.nstates} states; a member of {self} has {inputs}, 1 and at most 2, "
-                "in continuous time"
+                f"and {controller.nstates} states; a member of {self} has {inputs}, 1 and at most "
+                "2, in continuous time"
             )
         T = self._filter_of(controller)
         near = 1.0 / T if T else float(np.abs(controller.poles()).max(initial=0.0)) or 1.0
@@ -292,7 +292,7 @@ class PI(ThreeTerms):
     --------
     >>> from workbench.synthesis import PI
     >>> K = PI().system([2.0, 1.0])
-    >>> PI().settings(K)
+    >>> {name: round(gain, 9) for name, gain in PI().settings(K).items()}
     {'P': 2.0, 'I': 1.0}
     """
 
