@@ -232,3 +232,15 @@ def test_that_no_gain_stabilises_is_proven(G, asked):
     assert all(
         "for every real gain" in c.over for c in found.certificate.checks if "proven" in str(c)
     )
+
+
+def test_what_a_descent_returns_goes_back_from_another_process():
+    """Systems do not go through a pickle; arrays do."""
+    import pickle
+
+    from workbench.synthesis.mu.structured.fixed import _minimised_until, _problem
+
+    program = MuSynthesis(tracking(1 / (S + 1), 1.0), family=PI(), start=[1.0, 1.0])
+    found = _minimised_until(None, 0.0, 3, _problem(program, program.start))
+    rounds, _ = pickle.loads(pickle.dumps(found))
+    assert rounds["peak"][-1] < rounds["peak"][0]

@@ -12,9 +12,10 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
@@ -75,7 +76,8 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     minima = [_minimised(first, x, context, target)]
     beside = partial(_minimised_until, _end(context), target, MOST_STEPS)
     where = context.executor or InProcess()
-    minima += spread(beside, others, where, context.progress, "further starts")
+    further = spread(beside, others, where, context.progress, "further starts")
+    minima += [(unpacked(rounds), said) for rounds, said in further]
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
     won = starts[best].rule if best < len(starts) else "a random one"
@@ -92,8 +94,9 @@ def _ahead(
     rules = ", ".join(dict.fromkeys(start.rule for start in starts))
     ended = spread(trial, problems, where, context.progress, f"first steps from {rules}")
     moved = []
-    for start, (history, _) in zip(starts, ended, strict=True):
-        there = Start(history[-1].K, start.rule, history[-1].peak)
+    for start, (rounds, _) in zip(starts, ended, strict=True):
+        last = unpacked(rounds)[-1]
+        there = Start(last.K, start.rule, last.peak)
         try:
             _problem(program, there.K)
         except InputError:  # poles that met have no common block
@@ -218,10 +221,11 @@ def _minimised(
 
 def _minimised_until(
     until: float | None, target: float, steps: int, begun: tuple[PeakProblem, RealArray]
-) -> tuple[list[Iterate], str]:
-    """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
+) -> tuple[dict[str, NDArray[Any]], str]:
+    """`_minimised`, stopped at a time [s since the epoch], wherever it runs; rounds as arrays."""
     left = None if until is None else max(until - time.time(), SHORTEST)
-    return _minimised(*begun, Context(Options(time_limit=left)), target, steps)
+    history, said = _minimised(*begun, Context(Options(time_limit=left)), target, steps)
+    return packed(history), said
 
 
 class _Lower(NamedTuple):

@@ -119,7 +119,15 @@ def _best(search: Search, name: str, controllers: list[StateSpace]) -> list[Star
     """The controllers of least peaks that are not alike."""
     found: list[Start] = []
     least = 0.0
-    for peak, place in sorted((search.peak(K), i) for i, K in enumerate(controllers)):
+    peaks: list[tuple[float, int]] = []
+    for place, K in enumerate(controllers):
+        if peaks and search.context.late:
+            break
+        try:
+            peaks.append((search.peak(K), place))
+        except InputError:  # an order's controller whose modes have no common block
+            continue
+    for peak, place in sorted(peaks):
         if peak > (1 + ALIKE) * least and len(found) < OF_A_RULE:
             found.append(Start(controllers[place], name, peak))
             least = peak

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import RealArray
-from workbench.errors import InputError
+from workbench.errors import InputError, TimeLimitError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.family import Family
 from workbench.synthesis.mu.families.modal import Modal
@@ -31,32 +31,40 @@ def rightmost(search: Search) -> Iterator[StateSpace]:
 
     It starts from members that were tried in vain, then from random ones.
     """
-    plant = search.program.plant
     if not search.family.examples(search.speed, search.gain):
         return
     for number in search.context.track(range(SEARCHES), "rightmost pole"):
         family, x, units = _begun(search, number)
-        rows, sides = family.halfspaces(
-            search.program.demands.stable, search.program.demands.fastest
-        )
+        yield family.system(_moved_left(search, family, x, units))
 
-        def abscissa(y: RealArray, family: Family = family, units: RealArray = units) -> float:
-            try:
-                poles = plant.close(family.system(y * units)).poles()
-            except InputError:  # direct terms that cancel, or beyond doubles
-                return FAR_RIGHT
-            return float(np.max(poles.real)) / search.speed
 
-        scaled = rows * units if len(rows) else rows
-        limits = [{"type": "ineq", "fun": lambda y, G=scaled, h=sides: h - G @ y}]
-        found = minimize(
-            abscissa,
-            x / units,
-            method="SLSQP",
-            constraints=limits if len(rows) else (),
-            options={"maxiter": SEARCH_STEPS},
-        )
-        yield family.system(found.x * units)
+def _moved_left(search: Search, family: Family, x: RealArray, units: RealArray) -> RealArray:
+    """Parameters for which the rightmost pole is farthest left, the best so far if time is up."""
+    demands = search.program.demands
+    rows, sides = family.halfspaces(demands.stable, demands.fastest)
+    scaled = rows * units if len(rows) else rows
+    best, least = x / units, np.inf
+
+    def abscissa(y: RealArray) -> float:
+        nonlocal best, least
+        search.context.seconds_left("rightmost pole")
+        try:
+            poles = search.program.plant.close(family.system(y * units)).poles()
+        except InputError:  # direct terms that cancel, or beyond doubles
+            return FAR_RIGHT
+        value = float(np.max(poles.real)) / search.speed
+        if value < least:
+            best, least = y.copy(), value
+        return value
+
+    limits = [{"type": "ineq", "fun": lambda y: sides - scaled @ y}] if len(rows) else ()
+    options = {"maxiter": SEARCH_STEPS}
+    try:
+        found = minimize(abscissa, best, method="SLSQP", constraints=limits, options=options)
+    except TimeLimitError:
+        return best * units
+    final: RealArray = found.x * units
+    return final
 
 
 def _begun(search: Search, number: int) -> tuple[Family, RealArray, RealArray]:

@@ -7,7 +7,7 @@ nearest members are taken, near in the closed loop and near in relative error.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,16 +18,15 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families.family import Family
+from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.families.three_terms import ThreeTerms
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.systems.frequency_grid import frequencies_of
-from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.generalised_plant import response
 from workbench.systems.hidden_states import visible_matrices
 from workbench.systems.realisation import realisation
 
-COMPARED_WIDTH = 0.05
-"""Relative width of the bounds by which starts are compared."""
 BELOW_FASTEST = (0.27, 0.004)
 """Corners of examples over the fastest pole allowed: those of an order, whose poles are up to three
 times as fast, and those of other families."""
@@ -84,9 +83,9 @@ class Search:
         return 1.0 / size if size > 0 else 1.0
 
     @cached_property
-    def opened(self) -> GeneralisedPlant:
-        """The plant with its controls and measurements as outer signals too."""
-        return PeakProblem(self.program.plant, self.program.closed, self.family).opened
+    def _problem(self) -> PeakProblem:
+        program = self.program
+        return PeakProblem(program.plant, program.closed, self.family, program.demands)
 
     def stabilises(self, K: StateSpace) -> bool:
         """Whether a controller stabilises and meets the demands; what does not is kept."""
@@ -106,9 +105,11 @@ class Search:
             return None
 
     def peak(self, K: StateSpace) -> float:
-        """The peak of mu, roughly; infinite where it is not proven."""
-        found = self.program.certified(K, COMPARED_WIDTH)
-        return np.inf if found is None else found.upper
+        """The largest upper bound of mu at frequencies that resolve it; infinite where unstable."""
+        family, x = (self.program.family or Modal(K.nstates)).about(K)
+        problem = replace(self._problem, family=family)
+        loop = problem.loop(x)
+        return np.inf if loop is None else float(problem.curve(loop)[1].max())
 
     def members(self, targets: Iterable[StateSpace]) -> Iterator[StateSpace]:
         """The nearest members to controllers of any form."""
@@ -139,7 +140,7 @@ class Search:
         if loop is not None and stability_of(loop).holds:
             omega = frequencies_of(loop)
             m, p = self.program.plant.controls, self.program.plant.measurements
-            whole = response(self.opened.close(target), omega)
+            whole = response(self._problem.opened.close(target), omega)
             # dN = back dK out
             back, out = whole[:, :-p, -m:], whole[:, -p:, :-m]
             weight = np.linalg.norm(back, axis=(1, 2)) * np.linalg.norm(out, axis=(1, 2))
