@@ -412,15 +412,23 @@ class MuSynthesis(Program):
     def facts(self, answer: MuController) -> Sequence[str]:
         crossover = highest_crossover(self.plant.controlled(), answer.K)
         told = [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
-        settings = self.family.settings(answer.K) if self.family is not None else {}
-        if settings:
-            told.append(", ".join(f"{name} = {value:.6g}" for name, value in settings.items()))
+        told += self._settings(answer.K)
         if answer.upper > 1.0:
             told.append(
                 f"mu is not below 1 but {answer.upper:.4g}: what was asked for is not met for "
                 "every plant of the set"
             )
         return told
+
+    def _settings(self, K: StateSpace) -> list[str]:
+        """The numbers by which people know a member of the family, in one line, if it has any."""
+        try:
+            found = {} if self.family is None else self.family.settings(K)
+        except InputError:  # roots that met are no longer told apart
+            return []
+        return (
+            [", ".join(f"{name} = {value:.6g}" for name, value in found.items())] if found else []
+        )
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         return {
