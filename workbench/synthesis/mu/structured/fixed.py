@@ -107,10 +107,7 @@ def _ahead(
 
 def _end(context: Context, share: float = 1.0) -> float | None:
     """The time at which a share of the time left is over [s since the epoch]; None: no limit."""
-    limit = context.options.time_limit
-    if limit is None:
-        return None
-    return time.time() + share * (limit - (time.perf_counter() - context.started))
+    return None if np.isinf(context.left) else time.time() + share * context.left
 
 
 def _starts(program: MuSynthesis, context: Context) -> list[Start]:
