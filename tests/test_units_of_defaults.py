@@ -28,6 +28,7 @@ LEFT = {
         executor/local_cluster.py: START
         executor/workers.py: LOOK
         starter/kept_weights.py: SECONDS
+        synthesis/mu/finish.py: LEAST_SECONDS
         synthesis/mu/structured/fixed.py: SHORTEST""",
     "width of a figure on paper": """
         figures/styles.py: NARROWEST

@@ -36,12 +36,14 @@ class Finish:
     """The best controller of an iteration, with few states, and certified.
 
     Where time is limited, so are the first controller and those much better, at once: from then on
-    there is an answer ``sure``, and the time that another certificate needs is kept back.
+    there is an answer ``sure``, and the time that another certificate needs is kept back. States
+    are left out where the iteration ``reduces``, and not in a structure that is asked for.
     """
 
     program: MuSynthesis
     context: Context
     sure: MuController | None = None
+    reduces: bool = True
 
     def offer(self, K: StateSpace, peak: float) -> None:
         """Certify a controller at once if time is limited and it is the first or much better.
@@ -88,8 +90,9 @@ class Finish:
         self, K: StateSpace, peak: float, history: Sequence[Iterate]
     ) -> MuController | None:
         """A controller with as few states as its peak allows, certified."""
-        few = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
-        return self.program.answer(few, tuple(history))
+        if self.reduces:
+            K = with_few_states(self.program, K, (1 + PEAK_TOLERANCE) * peak)
+        return self.program.answer(K, tuple(history))
 
 
 def with_few_states(program: MuSynthesis, K: StateSpace, most: float) -> StateSpace:

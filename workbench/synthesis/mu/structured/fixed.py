@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
-from workbench.errors import InputError
+from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context, InProcess, spread
+from workbench.executor.clock import time_is_up
 from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
@@ -62,16 +64,26 @@ rounds."""
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
     """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+    finish = Finish(program, context, reduces=False)
     try:
-        starts = _starts(program, context)
+        history, said = _searched(program, context, finish)
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
+    except TimeLimitError as error:
+        history, said = [], finish.late(error)
+    return finish.claim(history, said)
+
+
+def _searched(program: MuSynthesis, context: Context, finish: Finish) -> tuple[list[Iterate], str]:
+    """The rounds that lead to the best controller found, and what is said of them."""
+    starts = _starts(program, context)
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     rules = list(dict.fromkeys(start.rule for start in starts))
     if len(starts) > 1:
         starts = _ahead(program, starts, context, target)
     (first, x), *others = [_problem(program, start.K) for start in starts]
     others += [(first, member) for member in _members(first, x, program.random, context.rng)]
+    finish.offer(starts[0].K, float(first.curve(first.stable_loop(x))[1].max()))
     context.progress(f"from {starts[0].rule}", 0, 1)
     minima = [_minimised(first, x, context, target)]
     beside = partial(_minimised_until, _end(context), target, MOST_STEPS)
@@ -81,7 +93,7 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     best = min(range(len(minima)), key=lambda place: minima[place][0][-1].peak)
     history, said = minima[best]
     won = starts[best].rule if best < len(starts) else "a random one"
-    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, _told(rules, won) + said
+    return history, _told(rules, won) + said
 
 
 def _ahead(
@@ -253,6 +265,8 @@ def _lower(
     rows, sides = problem.family.halfspaces(problem.demands.stable, problem.demands.fastest)
     room = (rows * units, sides - rows @ x) if len(rows) else None
     while radius > SMALLEST_RADIUS:
+        if time_is_up("step of the search"):
+            return "no time for another step"
         scaled = hessian * units[:, None] * units
         step, level, weights = _step(scaled, slope * units, value, radius, room)
         promised, length = peak - level, float(np.abs(step).max())

@@ -9,10 +9,10 @@ import numpy as np
 
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.executor.clock import clocked_by
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.h_infinity.assumptions import regularised
-from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import central_of
+from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.synthesis.mu.dk import LEVEL_TOLERANCE, iterated
 from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.program import MuController, MuSynthesis
@@ -20,12 +20,9 @@ from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.realisation import Matrices, realisation
-from workbench.systems.standard_plant import standard_plant
 
 DETOUR = 6
 """States above the wanted order from which a reduction starts again at most."""
-REGULAR_SIZE = 1e-3
-"""Size by which a plant is regularised for a controller of full order that only is a start."""
 SHARE_OF_TIME = 0.5
 """Share of the time left that an iteration for a start may take."""
 
@@ -40,14 +37,11 @@ def full_order_starts(search: Search) -> Iterator[StateSpace]:
 
 def _central(program: MuSynthesis) -> Iterator[StateSpace]:
     """The H-infinity controller of the plant, made regular where it is not."""
-    for regular in (False, True):
-        try:
-            plant = regularised(program.plant, REGULAR_SIZE) if regular else program.plant
-            made = central_of(normalised_plant(standard_plant(plant)), LEVEL_TOLERANCE)
-            yield realisation(made.K, 0.0)
-            return
-        except (SolverError, InputError):
-            pass
+    try:
+        made = on_regular(program.plant, lambda normal: central_of(normal, LEVEL_TOLERANCE))
+    except (SolverError, InputError):
+        return
+    yield realisation(made.K, 0.0)
 
 
 def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
@@ -91,7 +85,9 @@ def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
-        answer, _, _ = iterated(program.without_demands(), Context(options), 0.0)
+        own = Context(options)
+        with clocked_by(own):
+            answer, _, _ = iterated(program.without_demands(), own, 0.0)
     except (SolverError, InputError):
         return None
     return answer
