@@ -252,11 +252,7 @@ class HinfSynthesis(Program):
         crossover = highest_crossover(self.absorbed.plant.controlled(), answer.K)
         said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
         if self.absorbed.copies:
-            poles = ", ".join(f"{pole:.4g}" for pole in self.absorbed.poles)
-            said.append(
-                f"shared with the controller: {poles}, poles on the stability boundary of the "
-                "plant, taken for those of weights; stability is that of the loop without them"
-            )
+            said.append(self.absorbed.words)
         return said
 
     def metrics(self, answer: HinfController) -> dict[str, float]:

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.certificate import EVERY_PERTURBATION, Check, quantified
+from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
+from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
@@ -23,7 +24,14 @@ from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
+from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
 from workbench.synthesis.h_infinity.figures import DrawnController, controller
+from workbench.synthesis.h_infinity.singular_plants.absorbed import (
+    Absorbed,
+    absorbed,
+    between_poles,
+    loop_gains,
+)
 from workbench.synthesis.mu.families.family import Family, need_family, started
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.interlacing import NoStableController, violated, words
@@ -35,10 +43,12 @@ from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.balancing import balanced
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.conversion import need_plant
+from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
 PEAK_TOLERANCE = 1e-3
@@ -93,15 +103,17 @@ class MuController(DrawnController):
     omega: float
     history: tuple[Iterate, ...] = field(default=())
     peak: Peak | None = None
+    whole: StateSpace | None = None
+    """The controller of the user's plant, where K is only a part of it."""
 
     @property
     def lti(self) -> StateSpace:
-        """The controller."""
-        return self.K
+        """The controller of the user's plant."""
+        return self.whole or self.K
 
     def said(self) -> str:
         return (
-            f"MuController: {in_words(self.K)}\n"
+            f"MuController: {in_words(self.lti)}\n"
             f"  peak of mu from {self.lower:.4g} to {self.upper:.4g}, about {self.omega:.4g} rad/s"
         )
 
@@ -238,6 +250,9 @@ class MuSynthesis(Program):
                 f"the plant is sampled (dt = {system.dt} s): family and fastest_pole are for "
                 "continuous controllers"
             )
+        given, shared = plant, self._sharing(plant)
+        plant = shared.plant
+        vars(self)["_given"], vars(self)["_shared"] = given, shared
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
         if self.family is not None:
@@ -255,6 +270,31 @@ class MuSynthesis(Program):
                     f"{stability.value:.3g} {stability.where}, which must be less than "
                     f"{stability.limit:.3g}, its rounding error"
                 )
+
+    def _sharing(self, plant: GeneralisedPlant) -> Absorbed:
+        """The plant without modes of weights on the axis, which the controller shares."""
+        try:
+            scaled_if_regular(standard_plant(plant))
+            return Absorbed(plant)
+        except HiddenModeError:
+            shared = absorbed(plant)
+        asked = ("start", "family", "order", "fastest_pole")
+        given = [name for name in asked if getattr(self, name) is not None]
+        given += ["stable"] if self.stable else []
+        if given:
+            poles = ", ".join(f"{pole:.4g}" for pole in shared.poles)
+            raise InputError(
+                f"weights have poles on the stability boundary ({poles}), which the controller "
+                f"then has besides; so {' and '.join(given)} cannot be given: move these poles a "
+                "little to the left"
+            )
+        return shared
+
+    @property
+    def shared(self) -> Absorbed:
+        """The plant that K closes, and what the controller of the given plant has besides."""
+        found: Absorbed = vars(self)["_shared"]
+        return found
 
     @property
     def only_fixed(self) -> bool:
@@ -407,12 +447,26 @@ class MuSynthesis(Program):
             loops.powers_fall(loop.A, loop.dt),
             loops.gain(self.plant.system, answer.K, *claim, poles=loop.poles()),
             *loops.in_time(loop, *claim),
+            *([self._whole_loop(answer)] if self.shared.copies else []),
         ]
+
+    def _whole_loop(self, answer: MuController) -> Check:
+        """The loop of the given plant and the whole controller, neither of which is certified."""
+        given, whole = vars(self)["_given"], self._whole(answer)
+        loop = self.plant.close(answer.K)
+        omega = between_poles(frequencies_of(loop), given, whole)
+        value = excess(float(loop_gains(given, whole, omega).max()), certified_norm(loop))
+        statement = "largest response of the given plant with the whole controller over that of"
+        over = f"at {omega.size} frequencies"
+        limit = 2 * NORM_TOLERANCE
+        return Check("whole", f"{statement} the loop certified, less 1", value, limit, over=over)
 
     def facts(self, answer: MuController) -> Sequence[str]:
         crossover = highest_crossover(self.plant.controlled(), answer.K)
-        told = [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
+        told = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
         told += self._settings(answer.K)
+        if self.shared.copies:
+            told.append(self.shared.words)
         if answer.upper > 1.0:
             told.append(
                 f"mu is not below 1 but {answer.upper:.4g}: what was asked for is not met for "
@@ -430,15 +484,26 @@ class MuSynthesis(Program):
             [", ".join(f"{name} = {value:.6g}" for name, value in found.items())] if found else []
         )
 
+    def _whole(self, answer: MuController) -> StateSpace:
+        """The controller with the poles that it shares with weights."""
+        return self.shared.whole(answer.K)
+
+    def witnessed(self, answer: MuController) -> MuController:
+        """The answer with the controller of the given plant, where K leaves shared poles out."""
+        if not self.shared.copies:
+            return answer
+        return replace(answer, whole=self.plant.named(self._whole(answer)))
+
     def metrics(self, answer: MuController) -> dict[str, float]:
+        whole = self._whole(answer)
         return {
             "peak": answer.upper,
             "peak_lower": answer.lower,
-            "order": float(answer.K.nstates),
+            "order": float(whole.nstates),
             "iterations": float(len(answer.history)),
             "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
-            "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
-            "stable_controller": float(stability_of(answer.K).holds),
+            "fastest_pole_rad_s": float(pole_sizes(whole).max(initial=0.0)),
+            "stable_controller": float(stability_of(whole).holds),
         }
 
     # --- datasets and figures -----------------------------------------------------------------
@@ -472,7 +537,7 @@ class MuSynthesis(Program):
         if found is not None:
             found = replace(found, lower=lower, upper=upper, omega=omega, complex_part=0.0)
         K = self.plant.named(restored(data, "controller"))
-        return MuController(K, lower, upper, omega, history, found)
+        return self.witnessed(MuController(K, lower, upper, omega, history, found))
 
     @property
     def _gain_unit(self) -> str:

@@ -58,6 +58,15 @@ class Absorbed:
     copies: tuple[GeneralisedPlant, ...] = ()
     poles: tuple[complex, ...] = ()
 
+    @property
+    def words(self) -> str:
+        """What is shared, in a sentence."""
+        poles = ", ".join(f"{pole:.4g}" for pole in self.poles)
+        return (
+            f"shared with the controller: {poles}, poles on the stability boundary of the plant, "
+            "taken for those of weights; stability is that of the loop without them"
+        )
+
     def whole(self, K: StateSpace) -> StateSpace:
         """The controller of the given plant, from one of ``plant``."""
         for copy in reversed(self.copies):
