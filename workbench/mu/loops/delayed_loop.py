@@ -129,6 +129,11 @@ class DelayedLoop:
         distance = abs(1.0 + gain * self.response(np.array([omega])).item())
         return bool(distance <= ROUNDINGS * EPS * (1.0 + gain * size))
 
+    @property
+    def longest_delay(self) -> Fraction:
+        """The dead time [s]."""
+        return self.delay
+
     # --- the rational part --------------------------------------------------------------------
 
     @cached_property

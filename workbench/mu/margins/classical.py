@@ -15,14 +15,20 @@ import numpy as np
 from workbench.answer import Answer
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop, exact_loop
 from workbench.mu.loops.delayed_loop import DelayedLoop
-from workbench.mu.margins.classical_checks import ClassicalChecker, DelayedChecker
+from workbench.mu.loops.late_pair import late_pair
+from workbench.mu.margins.classical_checks import (
+    ClassicalChecker,
+    CoupledChecker,
+    DelayedChecker,
+)
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import part_of, system_of
 from workbench.uncertainty.algebra.dead_time import dead_times
 from workbench.uncertainty.algebra.rational_delays import rational_part
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 UNSTABLE = "the closed loop is UNSTABLE"
 NOT_TOLD = "the data do not tell whether the closed loop is stable"
@@ -139,14 +145,13 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     ----------
     loop
         L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one. Known
-        dead time (`workbench.uncertainty.delay`) in series counts exactly as it is.
+        dead time (`workbench.uncertainty.delay`) counts exactly as it is.
 
     Raises
     ------
     InputError
         L has several inputs or outputs, or is sampled with a sampling time that is not given; or
-        its dead time is not in series with all of the rest, or |L| with it is 1 or more at
-        infinity.
+        |L| with dead time is 1 or more at infinity.
     """
     late = _late(loop)
     if late is None:
@@ -162,9 +167,8 @@ def classical_margins(loop: Any) -> ClassicalMargins:
                 "lag in plant or controller mends it"
             )
         exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
-        return margins_of(exact).checked_by(ClassicalChecker(L, exact))
-    delayed = delayed_loop(late)
-    return margins_of(delayed).checked_by(DelayedChecker(delayed.rational.system, delayed))
+        return margins_of(exact).checked_by(ClassicalChecker(exact, L))
+    return margins_of_late(late_loop(late))
 
 
 def _late(loop: Any) -> UncertainSystem | None:
@@ -180,24 +184,19 @@ def _need_single(L: Any) -> None:
         )
 
 
-def delayed_loop(loop: UncertainSystem) -> DelayedLoop:
+def late_loop(loop: UncertainSystem) -> DelayedLoop | CoupledLoop:
     """The loop of one channel with known dead time, all else nominal.
 
     Raises
     ------
     InputError
-        Its dead time is not in series with all of the rest, or |L| is 1 or more at infinity.
+        |L|, or the gain of an inner loop, is 1 or more at infinity with dead time.
     """
     _need_single(loop)
-    late = dead_times(loop.elements)
-    names = ", ".join(late)
+    names = ", ".join(dead_times(loop.elements))
     delayed, rational = rational_part(loop)
-    if delayed is None:
-        raise InputError(
-            f"the dead time {names} is not in series with the rest of the loop: some path goes "
-            "round it, or leads back to it. Exact margins are known of L = R exp(-s T) only; "
-            "`without_dead_time(loop)` has a Pade approximation with a bound of its error"
-        )
+    if delayed is None:  # not in series with the rest: some path goes round it, or leads back
+        return late_pair(loop, uncertain(1.0)).loops[0]
     R = rational.nominal
     if abs(R.D[0, 0]) >= 1.0:
         raise InputError(
@@ -207,7 +206,14 @@ def delayed_loop(loop: UncertainSystem) -> DelayedLoop:
     return DelayedLoop(exact_loop(R, R), delayed)
 
 
-def margins_of(exact: ExactLoop | DelayedLoop) -> ClassicalMargins:
+def margins_of_late(exact: DelayedLoop | CoupledLoop) -> ClassicalMargins:
+    """The margins of a loop with dead time."""
+    if isinstance(exact, CoupledLoop):
+        return margins_of(exact).checked_by(CoupledChecker(exact))
+    return margins_of(exact).checked_by(DelayedChecker(exact, exact.rational.system))
+
+
+def margins_of(exact: ExactLoop | DelayedLoop | CoupledLoop) -> ClassicalMargins:
     """The margins of a loop whose crossings are known."""
     real, unit = exact.real_crossings(), exact.unit_crossings()
     negative = [one for one in real if one.value.real < 0]

@@ -11,8 +11,10 @@ import numpy as np
 from workbench.arrays import EPS, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, Checker
 from workbench.heavy_types import StateSpace
+from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.crossings import ExactLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
+from workbench.second_opinion.margins.coupled import TriedLoop
 from workbench.second_opinion.margins.dead_times import counted_poles, tried_distance
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies
@@ -40,11 +42,10 @@ def closed(L: StateSpace, gain: float = 1.0) -> StateSpace | None:
 
 
 @dataclass(frozen=True, eq=False)
-class ClassicalChecker(Checker):
-    """Checks the `ClassicalMargins` of a loop of one channel."""
+class CrossingChecker(Checker):
+    """Checks the `ClassicalMargins` of a loop whose responses and crossings are exact."""
 
-    loop: StateSpace
-    exact: ExactLoop | DelayedLoop
+    exact: ExactLoop | DelayedLoop | CoupledLoop
 
     @property
     def quantifier(self) -> str:
@@ -75,6 +76,14 @@ class ClassicalChecker(Checker):
                 proven=True,
             ),
         ]
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicalChecker(CrossingChecker):
+    """Checks the `ClassicalMargins` of a loop of one channel."""
+
+    exact: ExactLoop | DelayedLoop
+    loop: StateSpace
 
     def second_opinion(self, answer: Any) -> list[Check]:
         found = [self._missed(answer.phases_deg[:, 1])]
@@ -155,25 +164,55 @@ class DelayedChecker(ClassicalChecker):
         assert isinstance(self.exact, DelayedLoop)
         T = float(self.exact.delay)
         found = [self._missed(answer.phases_deg[:, 1])]
-        claimed = "number of closed-loop poles right of the axis, by the argument principle"
         if not answer.stable:
             return found
-        count = max(abs(counted_poles(self.loop, T, gain)) for gain in self._tried(*answer.gain))
-        over = f"for {GAINS} gains between the nearest factors"
-        found.append(Check("encirclements", claimed, float(count), 0.0, over=over))
-        nearest = tried_distance(self.loop, T)
-        excess = answer.modulus / nearest - 1.0 if nearest else math.inf
-        statement = "share by which |1 + L| is smaller than claimed where it is tried"
-        found.append(Check("distance", statement, excess, CROSSING_ROUNDING))
-        return found
+        counts = [counted_poles(self.loop, T, gain) for gain in _tried(*answer.gain)]
+        return [*found, *_late_checks(answer, counts, tried_distance(self.loop, T))]
 
-    @staticmethod
-    def _tried(low: float, high: float) -> RealArray:
-        """Gains between two factors, 1 among them."""
-        ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
-        room = WITHIN * (ends[1] - ends[0])
-        gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS))
-        return np.append(gains, 1.0)
+
+@dataclass(frozen=True, eq=False)
+class CoupledChecker(CrossingChecker):
+    """Checks the `ClassicalMargins` of one of several channels, or of dead time in inner loops."""
+
+    exact: CoupledLoop
+
+    def second_opinion(self, answer: Any) -> list[Check]:
+        """Responses in doubles pass 1 where is said, and turns count the closed loop's poles."""
+        tried = tried_loop(self.exact)
+        missed, count = tried.missed(answer.phases_deg[:, 1])
+        statement = "number of crossings of the unit circle that are missed"
+        over = f"between {count} frequencies"
+        found = [Check("missed", statement, float(missed), 0.0, over=over)]
+        if not answer.stable:
+            return found
+        counts = [tried.counted_poles(gain) for gain in _tried(*answer.gain)]
+        return [*found, *_late_checks(answer, counts, tried.least_distance())]
+
+
+def tried_loop(exact: CoupledLoop) -> TriedLoop:
+    """The loop by its entries alone."""
+    late = exact.whole.channels
+    return TriedLoop(late.Q, late.states, np.array(late.delays, dtype=float), exact.channel)
+
+
+def _late_checks(answer: Any, counts: list[int], nearest: float) -> list[Check]:
+    """Checks of poles counted for gains between the nearest factors, and of a least distance."""
+    claimed = "number of closed-loop poles right of the axis, by the argument principle"
+    over = f"for {GAINS} gains between the nearest factors"
+    excess = answer.modulus / nearest - 1.0 if nearest else math.inf
+    statement = "share by which |1 + L| is smaller than claimed where it is tried"
+    return [
+        Check("encirclements", claimed, float(max(map(abs, counts))), 0.0, over=over),
+        Check("distance", statement, excess, CROSSING_ROUNDING),
+    ]
+
+
+def _tried(low: float, high: float) -> RealArray:
+    """Gains between two factors, 1 among them."""
+    ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
+    room = WITHIN * (ends[1] - ends[0])
+    gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS))
+    return np.append(gains, 1.0)
 
 
 def _crossing(name: str, statement: str, distance: RealArray) -> Check:

@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Any
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
+from workbench.mu.loops.coupled_loop import CoupledLoop
+from workbench.mu.loops.crossings import Crossing
 from workbench.mu.loops.delayed_loop import DelayedLoop
-from workbench.mu.margins.classical import ClassicalMargins, classical_margins, delayed_loop
+from workbench.mu.loops.late_pair import late_pair
+from workbench.mu.margins.classical import (
+    ClassicalMargins,
+    classical_margins,
+    late_loop,
+    margins_of_late,
+)
 from workbench.mu.margins.returned import (
     channel_names,
     matched_pair,
@@ -23,8 +31,8 @@ from workbench.mu.margins.returned import (
 from workbench.structure import Real
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
-from workbench.uncertainty.algebra.rational_delays import without_dead_time
-from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.rational_delays import nominal_but_late, without_dead_time
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 if TYPE_CHECKING:  # what computes them is imported when it is asked for
     from workbench.mu.margins.disk import DiskMargin
@@ -77,20 +85,16 @@ class ClosedLoop:
         if self._single:
             one = G * K
             return dict.fromkeys(self.channels.values(), one if self._late else one.nominal)
-        nominal = uncertain(returned_loop(G, K).nominal)
-        return {name: opened_channel(nominal, k) for k, name in self.channels.items()}
+        nominal = nominal_but_late(returned_loop(G, K))
+        opened = {name: opened_channel(nominal, k) for k, name in self.channels.items()}
+        return opened if self._late else {name: one.nominal for name, one in opened.items()}
 
     def classical(self) -> dict[str, ClassicalMargins]:
         """The margins of the nominal L of each channel."""
         if self._alone:
             return {"loop": classical_margins(self.plant)}
         if self._late and not self._single:
-            G = self.pair[0]
-            raise InputError(
-                f"plant has {G.noutputs} outputs and {G.ninputs} inputs and the dead time "
-                f"{self._late}; exact margins are known of one channel: give "
-                "`without_dead_time(plant)`, of which disks hold with the dead time itself"
-            )
+            return {name: margins_of_late(one) for name, one in self._late_loops.items()}
         if not self._late:
             _ = self._returned  # raises where the loop is singular
         if self._single:
@@ -198,16 +202,24 @@ class ClosedLoop:
         return self._returned
 
     @cached_property
-    def _exact(self) -> DelayedLoop:
-        """L with its dead time; raises InputError where the closed loop is not stable."""
+    def _late_loops(self) -> dict[str, DelayedLoop] | dict[str, CoupledLoop]:
+        """L of each channel by name, with its dead time."""
         G, K = self.pair
-        exact = delayed_loop(G * K)
-        if not exact.stable():
+        if not self._single:
+            every = late_pair(G, K).loops
+            return {name: every[k] for k, name in self.channels.items()}
+        return dict.fromkeys(self.channels.values(), late_loop(G * K))
+
+    @cached_property
+    def _exact(self) -> dict[str, DelayedLoop] | dict[str, CoupledLoop]:
+        """The same; raises InputError where the closed loop is not stable."""
+        first = next(iter(self._late_loops.values()))
+        if not first.stable():
             raise InputError(
                 f"the closed loop is unstable at the nominal with its dead time {self._late}; the "
                 "loop is closed with negative feedback, u = -K y"
             )
-        return exact
+        return self._late_loops
 
     def _disks_of(self, wanted: Mapping[str, dict[int, str]]) -> dict[str, DiskMargin]:
         if self._late and not self.is_uncertain:
@@ -227,17 +239,26 @@ class ClosedLoop:
         return found
 
     def _late_disks(self, wanted: Mapping[str, dict[int, str]]) -> dict[str, DiskMargin]:
-        from workbench.mu.margins.late_disk import late_disk
+        return {name: self._late_disk(part) for name, part in wanted.items()}
 
-        return {
-            name: late_disk(self._exact, tuple(part.values()), self.skew, self.tolerance)
-            for name, part in wanted.items()
-        }
+    def _late_disk(self, part: dict[int, str]) -> DiskMargin:
+        from workbench.mu.margins.late_disk import late_disk
+        from workbench.mu.margins.late_group import late_group
+
+        names = tuple(part.values())
+        exact = self._exact[names[0]]
+        if len(names) == 1 or isinstance(exact, DelayedLoop):
+            return late_disk(exact, names, self.skew, self.tolerance)
+        returned = nominal_but_late(returned_loop(*self.pair))
+        return late_group(returned, part, self.skew, self.tolerance)
 
     def _pade_order(self) -> int:
         """The order of the approximation of dead time in the proofs for a set."""
-        crossovers = [one.omega for one in self._exact.unit_crossings()]
-        turn = float(self._exact.delay) * max(crossovers, default=0.0)
+        turn = max(
+            float(one.longest_delay) * crossing.omega
+            for one in self._exact.values()
+            for crossing in [Crossing(0.0, 0j), *one.unit_crossings()]
+        )
         order = next((n for n in PADE_ORDERS if pade_corner(n) >= CORNER * turn), None)
         if order is None:
             raise InputError(

@@ -29,7 +29,7 @@ from workbench.mu.frequency.peak_bounds import Peak
 from workbench.mu.margins.classical import in_both_units, least_db
 from workbench.mu.margins.late_peak import LatePeak
 from workbench.mu.robust.destabilising import destabilising
-from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, reciprocal
+from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING, StabilityMargin, reciprocal
 from workbench.mu.robust.skewed_bounds import SkewedPeak
 from workbench.mu.robust.skewed_peak import skewed_peak
 from workbench.mu.robust.values import values_of
@@ -52,7 +52,8 @@ class DiskMargin(Answer):
     It is proven stable for every |delta| below ``lower``; at ``upper`` there are factors, ``worst``
     by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None where one of them
     is an infinite gain, where it is broken in the limit of infinite frequency only, or where none
-    is known and upper is infinite. ``proof`` has bounds of the reciprocals. Over a set of plants
+    is known and upper is infinite. ``proof`` has bounds of the reciprocals,
+    or is the margin itself. Over a set of plants
     stability is proven for every one of them, and ``plant`` has the values of uncertain elements
     that belong to the worst factors.
     """
@@ -64,7 +65,7 @@ class DiskMargin(Answer):
     omega: float
     worst: Mapping[str, StateSpace] | None
     plant: Mapping[str, Any] | None
-    proof: Peak | SkewedPeak | LatePeak
+    proof: Peak | SkewedPeak | LatePeak | StabilityMargin
 
     @property
     def gain(self) -> tuple[float, float]:

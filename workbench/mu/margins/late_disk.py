@@ -12,7 +12,9 @@ from workbench.answer import Answer, PartsChecker
 from workbench.arrays import Array
 from workbench.certificate import Check
 from workbench.heavy_types import StateSpace
+from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
+from workbench.mu.margins.classical_checks import tried_loop
 from workbench.mu.margins.disk import DiskMargin, disk_checks, factor_of
 from workbench.mu.margins.late_peak import late_peak
 from workbench.mu.robust.destabilising import scalars_at
@@ -28,7 +30,7 @@ FAR = 1e150
 class LateDiskChecker(PartsChecker):
     """Checks a `DiskMargin` of a loop with dead time."""
 
-    exact: DelayedLoop
+    exact: DelayedLoop | CoupledLoop
 
     @property
     def quantifier(self) -> str:
@@ -44,15 +46,18 @@ class LateDiskChecker(PartsChecker):
         if answer.worst is None:
             return []
         product = math.prod(complex(f(1j * answer.omega)) for f in answer.worst.values())
-        system, T = self.exact.rational.system, float(self.exact.delay)
-        distance = distance_at(system, T, answer.omega, product)
+        if isinstance(self.exact, CoupledLoop):
+            distance = tried_loop(self.exact).distance_at(answer.omega, product)
+        else:
+            system, T = self.exact.rational.system, float(self.exact.delay)
+            distance = distance_at(system, T, answer.omega, product)
         statement = "distance from -1 of the loop with the worst factors, relative"
         where = f"at {answer.omega:.6g} rad/s"
         return [Check("worst factors", statement, distance, peaks.NEARLY_SINGULAR, where)]
 
 
 def late_disk(
-    exact: DelayedLoop, channels: tuple[str, ...], skew: float, tolerance: float
+    exact: DelayedLoop | CoupledLoop, channels: tuple[str, ...], skew: float, tolerance: float
 ) -> DiskMargin:
     """The disk margin of a stable loop in one of its channels, or in plant and controller."""
     found = late_peak(exact, skew, len(channels) > 1, tolerance)
@@ -67,7 +72,7 @@ def late_disk(
     return answer.checked_by(LateDiskChecker(exact))
 
 
-def _deltas(exact: DelayedLoop, omega: float, skew: float, count: int) -> Array:
+def _deltas(exact: DelayedLoop | CoupledLoop, omega: float, skew: float, count: int) -> Array:
     """The smallest deltas (count,) that break the loop at a frequency."""
     L = complex(exact.response(np.array([omega])).item())
     L = L if np.isfinite(L) else FAR + 0j

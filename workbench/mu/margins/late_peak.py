@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from workbench.answer import REPEATED_ROUNDING, Answer, no_better
 from workbench.certificate import EVERY_FREQUENCY, Check, Checker
+from workbench.mu.loops.coupled_loop import CoupledLoop
 from workbench.mu.loops.delayed_loop import DelayedLoop
+from workbench.mu.margins.classical_checks import tried_loop
 from workbench.mu.robust.margin_bounds import reciprocal
 from workbench.second_opinion.margins.dead_times import tried_size
 
@@ -30,7 +32,7 @@ class LatePeak(Answer):
 class LatePeakChecker(Checker):
     """Checks a `LatePeak` by computing it again; ``pair``: plant and controller have factors."""
 
-    exact: DelayedLoop
+    exact: DelayedLoop | CoupledLoop
     skew: float
     pair: bool
     tolerance: float
@@ -46,13 +48,18 @@ class LatePeakChecker(Checker):
 
     def second_opinion(self, answer: LatePeak) -> list[Check]:
         """Frequencies that are tried break with nothing smaller, by matrices in doubles."""
-        system, T = self.exact.rational.system, float(self.exact.delay)
-        tried = tried_size(system, T, self.skew, self.pair)
+        if isinstance(self.exact, CoupledLoop):
+            tried = tried_loop(self.exact).least_size(self.skew)
+        else:
+            system, T = self.exact.rational.system, float(self.exact.delay)
+            tried = tried_size(system, T, self.skew, self.pair)
         statement = "by which share less breaks the loop at a frequency that is tried"
         return [Check("tried", statement, 1.0 / (answer.upper * tried) - 1.0, TRIED_ROUNDING)]
 
 
-def late_peak(exact: DelayedLoop, skew: float, pair: bool, tolerance: float) -> LatePeak:
+def late_peak(
+    exact: DelayedLoop | CoupledLoop, skew: float, pair: bool, tolerance: float
+) -> LatePeak:
     """Bounds for a stable loop; ``pair``: plant and controller have a factor each."""
     asked = LatePeakChecker(exact, skew, pair, tolerance)
     return _bounds(asked).checked_by(asked)

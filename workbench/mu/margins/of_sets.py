@@ -275,7 +275,7 @@ class SetChecker(Checker):
         return found
 
     def _crossings(self, member: StateSpace) -> ClassicalMargins:
-        return classical_margins(opened_channel(uncertain(member), self.channel))
+        return classical_margins(opened_channel(uncertain(member), self.channel).nominal)
 
 
 def _parameters(whole: StateSpace, structure: Structure) -> RealParameters:
@@ -285,7 +285,7 @@ def _parameters(whole: StateSpace, structure: Structure) -> RealParameters:
 def _delay_of(loop: UncertainSystem, channel: int, values: RealArray) -> float:
     """Delay margin [s] of the member with normalised values of the real parameters."""
     member = uncertain(loop.at(**_plant(loop, values)))
-    return float(classical_margins(opened_channel(member, channel)).delay)
+    return float(classical_margins(opened_channel(member, channel).nominal).delay)
 
 
 def _plant(loop: UncertainSystem, values: RealArray) -> dict[str, float]:

@@ -8,6 +8,7 @@ zeros are the closed loop's poles. Over (s + rho)^n it has no pole right of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,17 @@ DECADES = 6
 def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
     """Closed-loop poles right of the axis of 1 + gain R exp(-s delay), R a StateSpace."""
     rho = _speed(system)
-    omega = _frequencies(rho, delay)
-    values = _closed(system, omega, delay, gain, rho)
+    return turns_right(
+        lambda omega: _closed(system, omega, delay, gain, rho), _frequencies(rho, delay)
+    )
+
+
+def turns_right(function: Callable[[RealArray], ComplexArray], omega: RealArray) -> int:
+    """Zeros right of the axis of a function of frequencies from 0 on (F,), by its turns about 0.
+
+    It has no poles there, and is in the right half plane at infinity.
+    """
+    values = function(omega)
     for _ in range(REFINEMENTS):
         steps = np.abs(np.angle(values[1:] / values[:-1]))
         wide = np.flatnonzero((steps > TURN) | (np.abs(np.diff(np.log(np.abs(values)))) > 1.0))
@@ -36,8 +46,7 @@ def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
             break
         middle = (omega[wide] + omega[wide + 1]) / 2
         omega, order = np.unique(np.append(omega, middle), return_index=True)
-        more = np.append(values, _closed(system, middle, delay, gain, rho))
-        values = more[order]
+        values = np.append(values, function(middle))[order]
     # From 0 upwards is half of the axis, and it is run through from above to have the right inside.
     turned = float(np.angle(values[1:] / values[:-1]).sum()) + float(np.angle(1.0 / values[-1]))
     return round(-turned / math.pi)

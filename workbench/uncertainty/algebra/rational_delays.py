@@ -61,17 +61,23 @@ def without_dead_time(system: Any, *, order: int = 6) -> UncertainSystem:
 def rational_part(system: UncertainSystem) -> tuple[Fraction | None, UncertainSystem]:
     """T and R, where the nominal system is R exp(-s T); T is None where it is no such product."""
     late = dead_time.dead_times(system.elements)
-    others = [name for name in system.elements if name not in late]
-    channels = [one for name in others for one in system.elements[name].channels]
-    certain, names = dead_time.channels_pulled_out(system.value, channels)
-    d = len(names)
-    M = np.delete(certain.M, np.s_[len(certain.names) : len(certain.names) + d], axis=0)
-    M = np.delete(M, np.s_[len(certain.names) : len(certain.names) + d], axis=1)
-    nominal = LFT(M, certain.names)
+    nominal = nominal_but_late(system).value
     total = dead_time.total_delay(nominal, {name: one.delay for name, one in late.items()})
     pulled, names = dead_time.channels_pulled_out(nominal, list(late))
     value = dead_time.closed_with(pulled, [LFT(np.eye(1))] * len(names))
     return total, UncertainSystem(value, {}, system.dt)
+
+
+def nominal_but_late(system: UncertainSystem) -> UncertainSystem:
+    """The system with known dead time as it is and all else nominal."""
+    late = dead_time.dead_times(system.elements)
+    others = [name for name in system.elements if name not in late]
+    channels = [one for name in others for one in system.elements[name].channels]
+    certain, names = dead_time.channels_pulled_out(system.value, channels)
+    first, d = len(certain.names), len(names)
+    M = np.delete(certain.M, np.s_[first : first + d], axis=0)
+    M = np.delete(M, np.s_[first : first + d], axis=1)
+    return UncertainSystem(LFT(M, certain.names), late, system.dt)
 
 
 def _covered(one: dead_time.DeadTime, order: int) -> UncertainSystem:

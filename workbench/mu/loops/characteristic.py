@@ -1,0 +1,121 @@
+"""Characteristic functions of loops with dead times, exact from the entries of their parts.
+
+With states x, delayed signals and loop signals as channels, all of them linear in each other by a
+matrix Q, the closed loop's poles are the zeros of
+
+    f(s) = det(diag(s I, I) - Q diag(I, Lambda)),  Lambda = diag(exp(-s T_i), gain of each loop).
+
+f is linear in each entry of Lambda, so that the polynomials p of f = sum p_S(s) exp(-s T_S), T_S
+the sum of the delays of a set S, are differences of determinants with Lambda 0 or a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import combinations
+
+from flint import fmpq, fmpq_mat, fmpq_poly
+
+from workbench.arrays import RealArray
+from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.errors import InputError
+from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
+
+ZERO = Fraction(0)
+MOST_DELAYS = 8
+"""Most channels with dead time: determinants are as many as their sets."""
+STANDINGS = (fmpq(1), fmpq(1, 2), fmpq(1, 3), fmpq(2, 3), fmpq(3, 7))
+"""Numbers that stand for exponentials, in turn where a determinant is singular with one."""
+
+
+@dataclass(frozen=True, eq=False)
+class LateChannels:
+    """Signals of a loop and how they depend on each other.
+
+    ``Q`` (n + d + c, n + d + c) leads from states, delayed signals and loop signals to the
+    derivatives of the states, to what is delayed, and to the loop signals; ``delays`` (d,) [s].
+    """
+
+    Q: RealArray
+    states: int
+    delays: tuple[Fraction, ...]
+
+    @property
+    def loops(self) -> int:
+        """Number of loop signals."""
+        return len(self.Q) - self.states - len(self.delays)
+
+    @cached_property
+    def closed(self) -> QuasiPolynomial:
+        """f with every loop closed."""
+        return self._function(range(self.loops))
+
+    def opened(self, loop: int) -> QuasiPolynomial:
+        """f with one loop opened, the others closed."""
+        return self._function([k for k in range(self.loops) if k != loop])
+
+    @cached_property
+    def _exact(self) -> fmpq_mat:
+        count = len(self.Q)
+        return fmpq_mat(count, count, [exact_rational(x) for x in self.Q.ravel()])
+
+    def _function(self, loops: Sequence[int]) -> QuasiPolynomial:
+        n, d = self.states, len(self.delays)
+        if d > MOST_DELAYS:
+            raise InputError(
+                f"the loop has {d} channels with dead time; exact margins are known of up to "
+                f"{MOST_DELAYS}: put dead times together, or give `without_dead_time` of the plant"
+            )
+        kept = [n + d + k for k in loops]
+        for standing in STANDINGS:
+            found = self._combined(kept, standing)
+            if found is not None:
+                return found
+        raise InputError(
+            "the loop is not well posed: it is singular through the direct terms of its parts; "
+            "give one of them a lag, or another gain"
+        )
+
+    def _combined(self, kept: Sequence[int], standing: fmpq) -> QuasiPolynomial | None:
+        """The polynomials from all sets of delayed channels, a number being each exponential.
+
+        None where a determinant is singular with that number.
+        """
+        n, d = self.states, len(self.delays)
+        parts: dict[frozenset[int], fmpq_poly] = {}
+        total = QuasiPolynomial({})
+        for chosen in (frozenset(one) for k in range(d + 1) for one in combinations(range(d), k)):
+            p = self._determinant([n + i for i in sorted(chosen)], kept, standing)
+            if p is None:
+                return None
+            for other, part in parts.items():  # what smaller sets already give
+                if other < chosen:
+                    p -= part * standing ** len(other)
+            p *= 1 / standing ** len(chosen)
+            parts[chosen] = p
+            total += QuasiPolynomial({sum((self.delays[i] for i in chosen), ZERO): p})
+        return total
+
+    def _determinant(
+        self, late: Sequence[int], kept: Sequence[int], standing: fmpq
+    ) -> fmpq_poly | None:
+        """det with these channels only, the late ones times a number; None where singular."""
+        n, channels = self.states, [*late, *kept]
+        states = range(n)
+        A, C = self._part(states, states), self._part(channels, states)
+        if not channels:
+            return A.charpoly()
+        gains = fmpq_mat(len(channels), len(channels))
+        for i in range(len(channels)):
+            gains[i, i] = standing if i < len(late) else fmpq(1)
+        B, D = (self._part(rows, channels) * gains for rows in (states, channels))
+        for i in range(len(channels)):
+            D[i, i] -= 1
+        direct = (-1 * D).det()
+        return direct * (A - B * D.inv() * C).charpoly() if direct else None
+
+    def _part(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mat:
+        return fmpq_mat(len(rows), len(columns), [self._exact[i, j] for i in rows for j in columns])

@@ -1,0 +1,280 @@
+"""Loops with dead time of several channels, or not in series: one channel, the others closed.
+
+With f the characteristic function of all loops closed, and f_k that with channel k opened, the loop
+of the channel is L = (f - f_k) / f_k, a quotient of quasi-polynomials with exact coefficients. Where
+|L| is 1 and where it is real is found on bands of frequency in balls, so that no crossing is missed
+up to where |L| stays small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from flint import acb, arb, ctx, fmpq_poly
+
+from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.certify.known_plants.exact_function import ExactFunction
+from workbench.heavy_types import StateSpace
+from workbench.mu.loops.characteristic import LateChannels
+from workbench.mu.loops.crossings import ROUNDINGS, Crossing, ExactLoop
+from workbench.mu.loops.delayed_loop import DelayedLoop
+from workbench.mu.loops.delayed_modulus import LeastDelta
+from workbench.mu.loops.encirclements import radius_where, zeros_right_of_axis
+from workbench.mu.loops.isolated_roots import RealFunction
+from workbench.mu.loops.least_quotient import least_quotient
+from workbench.mu.loops.quasi_polynomials import (
+    BITS,
+    QuasiPolynomial,
+    without_common_factor,
+)
+
+SLOWEST = 2.0**-60
+"""Least frequency of a crossing beside 0, over the one from which on |L| stays small."""
+LEVELS = [2.0**-k for k in range(2, 22, 3)]
+"""|L| down to which crossings of the real axis are told, in turn until a factor above 1 is found:
+with dead time there are endlessly many."""
+ABOVE_LIMIT = 1.5
+"""Least level over the size that |L| keeps at infinite frequency."""
+MODULUS_TOLERANCE = 1e-6
+"""Share by which a modulus may be below the least distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledLoops:
+    """Loops that are closed with negative feedback, and what belongs to all of them."""
+
+    channels: LateChannels
+
+    @cached_property
+    def loops(self) -> list[CoupledLoop]:
+        """The loop of each channel."""
+        return [CoupledLoop(self, k) for k in range(self.channels.loops)]
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether all loops closed are stable, and stay so under rounding.
+
+        Raises InputError where gains that return with dead time are too large at infinity.
+        """
+        if zeros_right_of_axis(self.channels.closed) != 0:
+            return False
+        crossings = [one.omega for loop in self.loops for one in loop.unit_crossings()]
+        return not any(self.may_be_unstable(omega) for omega in crossings)
+
+    def may_be_unstable(self, omega: float) -> bool:
+        """Whether rounding of the entries puts a pole of the closed loop at a frequency."""
+        Q, n = self.channels.Q, self.channels.states
+        late = np.exp(-1j * omega * np.array([float(T) for T in self.channels.delays]))
+        factors = np.concatenate([late, np.ones(self.channels.loops)])
+        A, B, C, D = Q[:n, :n], Q[:n, n:] * factors, Q[n:, :n], Q[n:, n:] * factors
+        inner = np.linalg.inv(np.eye(len(D)) - D)
+        entries = np.abs(A) + np.abs(B) @ np.abs(inner) @ np.abs(C)
+        try:
+            near = np.abs(np.linalg.inv(1j * omega * np.eye(n) - A - B @ inner @ C))
+        except np.linalg.LinAlgError:
+            return True
+        return not ROUNDINGS * EPS * float((near.T * entries).sum()) < 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledLoop:
+    """The loop L = N / D of one channel, the others closed."""
+
+    whole: CoupledLoops
+    channel: int
+
+    @cached_property
+    def _quotient(self) -> tuple[QuasiPolynomial, QuasiPolynomial]:
+        opened = self.whole.channels.opened(self.channel)
+        return without_common_factor(self.whole.channels.closed - opened, opened)
+
+    @property
+    def numerator(self) -> QuasiPolynomial:
+        """N, without what it shares with D."""
+        return self._quotient[0]
+
+    @property
+    def denominator(self) -> QuasiPolynomial:
+        """D, without what it shares with N."""
+        return self._quotient[1]
+
+    @cached_property
+    def _in_series(self) -> ExactLoop | DelayedLoop | None:
+        """The loop where its dead time is in series with the rest, or has no effect on it."""
+        N, D = self._quotient
+        if len(N.terms) > 1 or len(D.terms) > 1:
+            return None
+        ((T, p),) = N.terms.items() or [(Fraction(0), fmpq_poly([0]))]
+        rational = ExactLoop(ExactFunction(p, D.undelayed), _static(), 0.0)
+        return DelayedLoop(rational, T) if T else rational
+
+    def unit_crossings(self) -> list[Crossing]:
+        """Where |L| is 1, from low to high frequencies."""
+        if self._in_series:
+            return self._in_series.unit_crossings()
+        with ctx.workprec(BITS):
+            end = self._end(1.0)
+            roots = _Size(self.numerator, self.denominator).roots(SLOWEST * end, end)
+            found = [self._crossing(omega) for omega in roots]
+        return [one for one in found if self._seen(one)]
+
+    def real_crossings(self) -> list[Crossing]:
+        """Where L is negative and |L| above a level that shows the nearest factor above 1.
+
+        A limit of |L| at infinity that is not 0 is approached there.
+        """
+        if self._in_series:
+            return self._in_series.real_crossings()
+        limit, found = self.limit, list[Crossing]()
+        for level in [ABOVE_LIMIT * limit] if limit else LEVELS:
+            found = self._real_above(level)
+            if any(-1.0 < one.value.real for one in found):
+                break
+        return [*found, Crossing(math.inf, complex(-limit))] if limit else found
+
+    def stable(self) -> bool:
+        """Whether all loops closed are stable, and stay so under rounding."""
+        return self.whole.stable
+
+    def modulus(self) -> float:
+        """A proven lower bound of |1 + L| at all frequencies, near the least one."""
+        return self.least_delta(1.0, False, MODULUS_TOLERANCE).lower
+
+    def exceeds(self, modulus: float) -> bool:
+        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        return modulus <= self.modulus()
+
+    def least_delta(self, skew: float, pair: bool, tolerance: float) -> LeastDelta:
+        """Bounds of the least factor of a disk in this channel that breaks the loop."""
+        assert not pair  # two channels are two loops here
+        closed = self.numerator + self.denominator
+        # b D + a N with b = a + 1
+        h = self.denominator + closed.scaled((skew - 1.0) / 2.0)
+        return least_quotient(closed, h, tolerance)
+
+    def response(self, omega: RealArray) -> ComplexArray:
+        """L at frequencies [rad/s] (F,), at infinity the limit of its size, negative."""
+        with ctx.workprec(BITS):
+            values = [self._value(w) if w < math.inf else -self.limit for w in omega.tolist()]
+            return np.array([complex(value) for value in values], dtype=complex)
+
+    @property
+    def longest_delay(self) -> Fraction:
+        """The longest dead time [s] of a way round all loops."""
+        return max(self.whole.channels.closed.terms)
+
+    @property
+    def limit(self) -> float:
+        """The largest size that |L| has at infinite frequency, of no more than its terms allow."""
+        n = self.denominator.order
+        others = self.denominator.leading(n)
+        first = abs(others.pop(min(others)))
+        room = first - sum(map(abs, others.values()))
+        return sum(map(abs, self.numerator.leading(n).values())) / room
+
+    def _value(self, omega: Any) -> acb:
+        return self.numerator.at(omega) / self.denominator.at(omega)
+
+    def _crossing(self, omega: arb) -> Crossing:
+        return Crossing(float(omega), complex(self._value(omega)))
+
+    def _end(self, level: float) -> float:
+        """A frequency [rad/s] from which on |L| is below a level."""
+        n = self.denominator.order
+
+        def small(radius: float) -> bool:
+            first, others = self.denominator.sums(radius, n)
+            return bool(sum(self.numerator.sums(radius, n), arb(0)) < level * (first - others))
+
+        end = radius_where(small)
+        assert end is not None
+        return end
+
+    def _real_above(self, level: float) -> list[Crossing]:
+        """Where L is negative and |L| above a level."""
+        with ctx.workprec(BITS):
+            end = self._end(level)
+            function = _Imaginary(self.numerator, self.denominator, level)
+            omega = [arb(0), *function.roots(SLOWEST * end, end)]
+            found = [self._crossing(one) for one in omega if abs(self.denominator.at(one)) > 0]
+        real = [Crossing(one.omega, complex(one.value.real)) for one in found]
+        return [one for one in real if one.value.real < -level and self._seen(one)]
+
+    @staticmethod
+    def _seen(one: Crossing) -> bool:
+        """Whether a gain that is no rounding makes the response -1."""
+        return ROUNDINGS * EPS * abs(one.value) < 1.0
+
+
+def _static() -> StateSpace:
+    import control
+
+    return control.ss([], [], [], [[0.0]])
+
+
+class _Size(RealFunction):
+    """|N|^2 - |D|^2, left out where |N| is below |D| for any phases of the exponentials."""
+
+    level = 1.0
+
+    def __init__(self, N: QuasiPolynomial, D: QuasiPolynomial) -> None:
+        self.N, self.D = N, D
+
+    def at(self, omega: Any) -> arb:
+        return _square(self.N.at(omega)) - _square(self.D.at(omega))
+
+    def size(self, omega: float) -> arb:
+        return _square(self.N.at(omega)) + _square(self.D.at(omega))
+
+    def excluded(self, low: float, high: float) -> bool:
+        if self._small(low, high):
+            return True
+        N, D = abs(self.N.on(low, high)), abs(self.D.on(low, high))
+        return bool(N > D or N < D)
+
+    def slope(self, low: float, high: float) -> arb:
+        return _slope(self.N, self.N, low, high).real - _slope(self.D, self.D, low, high).real
+
+    def _small(self, low: float, high: float) -> bool:
+        most, least = self.N.sizes(low, high)[1], self.D.sizes(low, high)[0]
+        return bool(most < self.level * least)
+
+
+class _Imaginary(_Size):
+    """Im(N D*), left out where |L| is below a level."""
+
+    def __init__(self, N: QuasiPolynomial, D: QuasiPolynomial, level: float) -> None:
+        super().__init__(N, D)
+        self.level = level
+
+    def at(self, omega: Any) -> arb:
+        return (self.N.at(omega) * self.D.at(omega).conjugate()).imag
+
+    def size(self, omega: float) -> arb:
+        return abs(self.N.at(omega)) * abs(self.D.at(omega))
+
+    def excluded(self, low: float, high: float) -> bool:
+        if self._small(low, high):
+            return True
+        product = self.N.on(low, high) * self.D.on(low, high).conjugate()
+        return bool(product.imag > 0 or product.imag < 0 or product.real > 0)
+
+    def slope(self, low: float, high: float) -> arb:
+        return _slope(self.N, self.D, low, high).imag
+
+
+def _slope(f: QuasiPolynomial, g: QuasiPolynomial, low: float, high: float) -> acb:
+    """What holds the derivative of f g* over frequency on a band."""
+    j = acb(0, 1)
+    band = arb(low).union(arb(high))
+    F, G = f.on(low, high), g.on(low, high)
+    return j * f.derivative.at(band) * G.conjugate() + F * (j * g.derivative.at(band)).conjugate()
+
+
+def _square(value: acb) -> arb:
+    return value.real**2 + value.imag**2

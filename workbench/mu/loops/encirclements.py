@@ -1,0 +1,91 @@
+"""Zeros of a quasi-polynomial right of the axis, counted by its turns about 0.
+
+Along the axis the turns are added up over bands on each of which the function is proven to lie in a
+half plane. Beyond a radius its highest power without delay is larger than all else, so that on the
+half circle there it turns as that power does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+from flint import acb, arb, ctx
+
+from workbench.errors import InputError
+from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
+
+MOST_BANDS = 40_000
+"""Most bands that are examined; where they do not suffice, a zero is on the axis or beside it."""
+EXPONENT = 1000
+"""Power of 2 of the largest radius that is tried, and of the reciprocal of the smallest."""
+
+
+def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
+    """The number of zeros with a positive real part; None where one may be on the axis.
+
+    Raises InputError as `need_decaying`.
+    """
+    with ctx.workprec(BITS):
+        n, end = f.order, need_decaying(f)
+        turned = _turned(f, end)
+        if turned is None:
+            return None
+        top = f.at(end) / (f.undelayed[n] * acb(0, end) ** n)
+        return round(float((arb(n) / 2 + (top.arg() - turned) / arb.pi()).mid()))
+
+
+def need_decaying(f: QuasiPolynomial) -> float:
+    """A radius beyond which the highest power without delay is larger than all else.
+
+    Raises InputError where there is none: there are endlessly many zeros right of the axis then, or
+    they come as near to it as one likes.
+    """
+    end = radius_where(lambda R: _dominates(f, R))
+    if end is None:
+        sizes = {T: abs(c) for T, c in f.leading(f.order).items()}
+        first = sizes.pop(Fraction(0))
+        raise InputError(
+            f"the gains that return with dead time add up to {sum(sizes.values()) / first:.6g} at "
+            "infinite frequency: the closed loop has endlessly many unstable poles, or may be on "
+            "their border; below 1 is needed, as a lag in plant or controller makes it"
+        )
+    return end
+
+
+def radius_where(holds: Callable[[float], bool]) -> float | None:
+    """The least power of 2 from which on a condition holds; None where it never does.
+
+    What holds at a radius holds beyond it.
+    """
+    low, high = -EXPONENT, EXPONENT
+    if not holds(math.ldexp(1.0, high)):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(math.ldexp(1.0, middle)) else (middle, high)
+    return math.ldexp(1.0, high)
+
+
+def _dominates(f: QuasiPolynomial, radius: float) -> bool:
+    first, others = f.sums(radius, f.order)
+    return bool(others < first)
+
+
+def _turned(f: QuasiPolynomial, end: float) -> arb | None:
+    """The angle [rad] by which f turns from 0 to a frequency; None where a zero may be passed."""
+    total, bands = arb(0), [(0.0, end)]
+    for _ in range(MOST_BANDS):
+        if not bands:
+            return total
+        low, high = bands.pop()
+        middle = (low + high) / 2
+        centre = f.at(middle).conjugate()
+        if (f.on(low, high) * centre).real > 0:
+            total += (f.at(high) * centre).arg() - (f.at(low) * centre).arg()
+        elif low < middle < high:
+            bands += [(low, middle), (middle, high)]
+        else:
+            return None
+    return None

@@ -1,0 +1,37 @@
+"""The channels of a plant and a controller with known dead time, all else nominal."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from workbench.mu.loops.characteristic import LateChannels
+from workbench.mu.loops.coupled_loop import CoupledLoops
+from workbench.mu.loops.encirclements import need_decaying
+from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.lft import INTEGRATOR, diagonal
+from workbench.uncertainty.algebra.rational_delays import nominal_but_late
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+
+def late_pair(G: UncertainSystem, K: UncertainSystem) -> CoupledLoops:
+    """The loops u = -K y, y = G u; channels are the plant's inputs and then its outputs.
+
+    Raises InputError where the loop is not well posed, has too many dead times, or where gains that
+    return with dead time are too large at infinite frequency.
+    """
+    late = dead_times({**G.elements, **K.elements})
+    whole = diagonal(*(nominal_but_late(one).value for one in (G, K)))
+    r, (p, m) = len(whole.names), G.value.shape
+    states = [k for k, name in enumerate(whole.names) if name == INTEGRATOR]
+    delayed = [k for k, name in enumerate(whole.names) if name in late]
+    outputs, inputs = r + np.arange(p + m), r + np.arange(m + p)
+    # Outputs are y = G u and K y; what they lead to are the inputs u = -K y and y.
+    rows = [*states, *delayed, *outputs[p:], *outputs[:p]]
+    Q = whole.M[np.ix_(rows, [*states, *delayed, *inputs])].copy()
+    Q[len(Q) - m - p : len(Q) - p] *= -1.0
+    delays = tuple(Fraction(late[whole.names[k]].delay) for k in delayed)
+    found = CoupledLoops(LateChannels(Q, len(states), delays))
+    need_decaying(found.channels.closed)
+    return found

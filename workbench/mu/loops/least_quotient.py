@@ -1,0 +1,110 @@
+"""The least |f / h| along the axis of two quasi-polynomials, by branch and bound over frequency.
+
+With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor of `workbench.mu.margins.disk`
+breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 that is its distance from -1.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+from flint import acb, arb, ctx
+
+from workbench.mu.loops.delayed_modulus import MOST, ROUNDED, LeastDelta, rounded_down
+from workbench.mu.loops.encirclements import radius_where
+from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
+
+FIRST = 16
+"""Bands of frequency that double, with which the search begins."""
+TRIED = 80
+"""Frequencies at which a small value is looked for first, in half octaves."""
+FARTHEST = 2.0**1000
+"""Stands for infinite frequency [rad/s]."""
+LIMIT_SHARE = 2.0**-30
+"""Share by which bounds beyond a radius may be below those at infinity."""
+
+
+def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> LeastDelta:
+    """Bounds of the least |f / h|, for f without zeros on the axis; infinite where h is 0.
+
+    Frequencies are halved until the bounds are as near as ``tolerance``, relative, or too many.
+    """
+    with ctx.workprec(BITS):
+        if not any(h.terms.values()):
+            return LeastDelta(math.inf, math.inf, math.inf)
+        return _Search(f, h).least(1.0 - tolerance)
+
+
+class _Search:
+    def __init__(self, f: QuasiPolynomial, h: QuasiPolynomial) -> None:
+        self.f, self.h = f, h
+
+    def least(self, share: float) -> LeastDelta:
+        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._tried())])
+        wanted = min(first[0] * share, self._beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
+        end = radius_where(lambda R: self._beyond(R) >= wanted)
+        assert end is not None
+        edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
+        bands = [(self._below(low, high), low, high) for low, high in pairwise(edges)]
+        heapq.heapify(bands)
+        taken = min(first, (self._at(0.0), 0.0))
+        for _ in range(MOST):
+            bound, low, high = bands[0]
+            middle = (low + high) / 2
+            taken = min(taken, (self._at(middle), middle))
+            if bound >= taken[0] * share:
+                break
+            heapq.heapreplace(bands, (self._below(low, middle), low, middle))
+            heapq.heappush(bands, (self._below(middle, high), middle, high))
+        return LeastDelta(min(bands[0][0], self._beyond(end), taken[0]), *taken)
+
+    def _tried(self) -> list[float]:
+        """Frequencies at which a small value is looked for first."""
+        end = radius_where(lambda R: self._beyond(R) > 0)
+        return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED)]
+
+    def _limit(self) -> float:
+        """A value that is approached at infinite frequency, where all delays are near whole turns.
+
+        Of a single delay, near half turns too.
+        """
+        n = self.f.order
+        found = []
+        for sign in (1, -1):
+            f, h = (
+                abs(sum(c if T == 0 else sign * c for T, c in one.leading(n).items()))
+                for one in (self.f, self.h)
+            )
+            found.append(f / h if h else math.inf)
+        delays = {T for one in (self.f, self.h) for T in one.leading(n)} - {Fraction(0)}
+        return min(found) if len(delays) == 1 else found[0]
+
+    def _beyond(self, end: float) -> float:
+        """A lower bound of the quotient from a frequency on."""
+        (first, others), parts = (one.sums(end, self.f.order) for one in (self.f, self.h))
+        least, most = first - others, sum(parts, arb(0))
+        if not least > 0:
+            return 0.0
+        return rounded_down(least / most) if most > 0 else math.inf
+
+    def _at(self, omega: float) -> float:
+        """The quotient at a frequency, rounded up."""
+        f, h = abs(self.f.at(omega)), abs(self.h.at(omega))
+        return float((f / h).abs_upper()) * (1 + ROUNDED) if h > 0 else math.inf
+
+    def _below(self, low: float, high: float) -> float:
+        """A lower bound of the quotient on a band."""
+        F, H = self.f.on(low, high), self.h.on(low, high)
+        sizes = self.f.sizes(low, high)[0], self.h.sizes(low, high)[1]
+        plain = F.abs_lower() / H.abs_upper(), sizes[0] / sizes[1]
+        bound = max(self._beyond(low) if low else 0.0, *map(rounded_down, plain))
+        if not abs(H) > 0:
+            return bound
+        band, m = arb(low).union(arb(high)), (arb(low) + arb(high)) / 2
+        slope = (self.f.derivative.at(band) - F / H * self.h.derivative.at(band)) / H * acb(0, 1)
+        rate = 2 * ((F / H).conjugate() * slope).real
+        square = abs(self.f.at(m) / self.h.at(m)) ** 2 + rate * arb(0, (arb(high) - arb(low)) / 2)
+        return max(bound, rounded_down(square.abs_lower().sqrt()) if square > 0 else 0.0)

@@ -1,0 +1,76 @@
+"""Disk margins of several channels at once with dead time: a factor in each, unknown and complex.
+
+The factors are dynamics of the loop that returns them, so that the margin is one of robust
+stability with known dead time (`workbench.mu.robust.late_margin`): from below by a rational set
+that contains the dead time, from above with the dead time itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.answer import Answer, PartsChecker, no_better
+from workbench.certificate import Check
+from workbench.heavy_types import StateSpace
+from workbench.mu.margins.disk import DiskMargin, factor_of
+from workbench.mu.robust.late_margin import late_margin
+from workbench.mu.robust.margin_bounds import RECIPROCAL_ROUNDING
+from workbench.uncertainty.algebra.elements import DynamicElement
+from workbench.uncertainty.algebra.lft import LFT
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+FACTOR = "factor_of_channel_"
+"""Begin of the names of the factors as uncertain elements."""
+
+
+@dataclass(frozen=True, eq=False)
+class LateGroupChecker(PartsChecker):
+    """Checks a `DiskMargin` of several channels of a loop with dead time."""
+
+    @property
+    def quantifier(self) -> str:
+        return "for this one plant, for all factors of the disk"
+
+    def parts(self, answer: DiskMargin) -> Mapping[str, Answer]:
+        return {"margin": answer.proof}
+
+    def checks(self, answer: DiskMargin, tolerance: float) -> list[Check]:
+        statement = "by which share it is better than the margin that is proven"
+        lower, upper = answer.proof.lower, answer.proof.upper
+        return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
+
+
+def late_group(
+    returned: UncertainSystem, channels: Mapping[int, str], skew: float, tolerance: float
+) -> DiskMargin:
+    """The disk margin of several channels of a stable loop with known dead time.
+
+    ``returned`` leads from what is added in the channels to the signals without it, as for
+    `workbench.mu.margins.disk.disk_of`.
+    """
+    part = returned[list(channels), list(channels)]
+    shifted = part + (1.0 + skew) / 2.0 * np.eye(len(channels))
+    factors = [DynamicElement(f"{FACTOR}{k}", 1, 1) for k in channels]
+    names = shifted.value.names + tuple(one.channels[0] for one in factors)
+    elements = {**shifted.elements, **{one.name: one for one in factors}}
+    margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, 0.0), tolerance)
+    worst: dict[str, StateSpace] | None = None
+    if margin.worst is not None and 0.0 < margin.upper < math.inf:
+        found = [factor_of(margin.worst[one.name], 0, 0, skew) for one in factors]
+        worst = {name: f for name, f in zip(channels.values(), found, strict=True) if f is not None}
+        worst = worst if len(worst) == len(channels) else None
+    answer = DiskMargin(
+        tuple(channels.values()),
+        skew,
+        margin.lower,
+        margin.upper,
+        margin.omega,
+        worst,
+        None,
+        margin,
+    )
+    return answer.checked_by(LateGroupChecker())
