@@ -1,9 +1,9 @@
 """Loops with dead time of several channels, or not in series: one channel, the others closed.
 
-With f the characteristic function of all loops closed, and f_k that with channel k opened, the loop
-of the channel is L = (f - f_k) / f_k, a quotient of quasi-polynomials with exact coefficients. Where
-|L| is 1 and where it is real is found on bands of frequency in balls, so that no crossing is missed
-up to where |L| stays small.
+With f the characteristic function of all loops closed, and f_k that with channel k opened, the
+loop of the channel is L = (f - f_k) / f_k, a quotient of quasi-polynomials with exact coefficients.
+Where |L| is 1 and where it is real is found on bands of frequency in balls, so that no crossing is
+missed up to where |L| stays small.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from flint import acb, arb, ctx, fmpq_poly
 
 from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.certify.known_plants.exact_function import ExactFunction
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.loops.characteristic import LateChannels
 from workbench.mu.loops.crossings import ROUNDINGS, Crossing, ExactLoop
@@ -118,7 +119,7 @@ class CoupledLoop:
         if self._in_series:
             return self._in_series.unit_crossings()
         with ctx.workprec(BITS):
-            end = self._end(1.0)
+            end = self._end_of_unit()
             roots = _Size(self.numerator, self.denominator).roots(SLOWEST * end, end)
             found = [self._crossing(omega) for omega in roots]
         return [one for one in found if self._seen(one)]
@@ -130,10 +131,14 @@ class CoupledLoop:
         """
         if self._in_series:
             return self._in_series.real_crossings()
-        limit, found = self.limit, list[Crossing]()
+        start, limit = self._limit_without_delay, self.limit
+        if 2 * start > limit:  # L stays right of the axis from some frequency on
+            rest = self.numerator - self.denominator.scaled(start)
+            return self._real_above(0.0, self._end(rest, start / 2))
+        found: list[Crossing] = []
         for level in [ABOVE_LIMIT * limit] if limit else LEVELS:
-            found = self._real_above(level)
-            if any(-1.0 < one.value.real for one in found):
+            found = self._real_above(level, self._end(self.numerator, level))
+            if any(one.value.real > -1.0 for one in found):
                 break
         return [*found, Crossing(math.inf, complex(-limit))] if limit else found
 
@@ -183,22 +188,41 @@ class CoupledLoop:
     def _crossing(self, omega: arb) -> Crossing:
         return Crossing(float(omega), complex(self._value(omega)))
 
-    def _end(self, level: float) -> float:
-        """A frequency [rad/s] from which on |L| is below a level."""
-        n = self.denominator.order
+    @property
+    def _limit_without_delay(self) -> float:
+        """L at infinite frequency without its terms with delay."""
+        N, D = (one.undelayed[self.denominator.order] for one in self._quotient)
+        return float(arb(N / D))
 
-        def small(radius: float) -> bool:
-            first, others = self.denominator.sums(radius, n)
-            return bool(sum(self.numerator.sums(radius, n), arb(0)) < level * (first - others))
-
-        end = radius_where(small)
+    def _end(self, above: QuasiPolynomial, share: float) -> float:
+        """A frequency [rad/s] from which on a numerator is below a share of D."""
+        end = radius_where(lambda R: self._is_below(above, self.denominator, share, R))
         assert end is not None
         return end
 
-    def _real_above(self, level: float) -> list[Crossing]:
-        """Where L is negative and |L| above a level."""
+    def _end_of_unit(self) -> float:
+        """A frequency [rad/s] from which on |L| stays on one side of 1."""
+        N, D = self._quotient
+        end = radius_where(lambda R: self._is_below(N, D, 1.0, R) or self._is_below(D, N, 1.0, R))
+        if end is None:
+            raise InputError(
+                f"|L| of channel {self.channel + 1} comes near to 1 at infinite frequency, where "
+                "dead time turns it endlessly: it crosses the unit circle again and again; a lag "
+                "in plant or controller mends it"
+            )
+        return end
+
+    def _is_below(
+        self, N: QuasiPolynomial, D: QuasiPolynomial, share: float, radius: float
+    ) -> bool:
+        """Whether |N| is below a share of |D| from a frequency on."""
+        n = self.denominator.order
+        first, others = D.sums(radius, n)
+        return bool(sum(N.sums(radius, n), arb(0)) < share * (first - others))
+
+    def _real_above(self, level: float, end: float) -> list[Crossing]:
+        """Where L is negative and |L| above a level, up to a frequency [rad/s]."""
         with ctx.workprec(BITS):
-            end = self._end(level)
             function = _Imaginary(self.numerator, self.denominator, level)
             omega = [arb(0), *function.roots(SLOWEST * end, end)]
             found = [self._crossing(one) for one in omega if abs(self.denominator.at(one)) > 0]

@@ -1,7 +1,8 @@
 """The least |f / h| along the axis of two quasi-polynomials, by branch and bound over frequency.
 
 With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor of `workbench.mu.margins.disk`
-breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 that is its distance from -1.
+breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 that is the distance of L
+from -1.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ from workbench.structure import Real
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
 from workbench.uncertainty.algebra.rational_delays import nominal_but_late, without_dead_time
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 if TYPE_CHECKING:  # what computes them is imported when it is asked for
     from workbench.mu.margins.disk import DiskMargin
@@ -202,7 +202,7 @@ class ClosedLoop:
         return self._returned
 
     @cached_property
-    def _late_loops(self) -> dict[str, DelayedLoop] | dict[str, CoupledLoop]:
+    def _late_loops(self) -> Mapping[str, DelayedLoop | CoupledLoop]:
         """L of each channel by name, with its dead time."""
         G, K = self.pair
         if not self._single:
@@ -211,7 +211,7 @@ class ClosedLoop:
         return dict.fromkeys(self.channels.values(), late_loop(G * K))
 
     @cached_property
-    def _exact(self) -> dict[str, DelayedLoop] | dict[str, CoupledLoop]:
+    def _exact(self) -> Mapping[str, DelayedLoop | CoupledLoop]:
         """The same; raises InputError where the closed loop is not stable."""
         first = next(iter(self._late_loops.values()))
         if not first.stable():

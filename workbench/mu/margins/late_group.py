@@ -15,6 +15,7 @@ import numpy as np
 
 from workbench.answer import Answer, PartsChecker, no_better
 from workbench.certificate import Check
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.margins.disk import DiskMargin, factor_of
 from workbench.mu.robust.late_margin import late_margin
@@ -50,7 +51,8 @@ def late_group(
     """The disk margin of several channels of a stable loop with known dead time.
 
     ``returned`` leads from what is added in the channels to the signals without it, as for
-    `workbench.mu.margins.disk.disk_of`.
+    `workbench.mu.margins.disk.disk_of`. Raises InputError where the loop keeps a size up to
+    infinite frequency.
     """
     part = returned[list(channels), list(channels)]
     shifted = part + (1.0 + skew) / 2.0 * np.eye(len(channels))
@@ -58,6 +60,13 @@ def late_group(
     names = shifted.value.names + tuple(one.channels[0] for one in factors)
     elements = {**shifted.elements, **{one.name: one for one in factors}}
     margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, 0.0), tolerance)
+    if margin.lower == 0.0:
+        raise InputError(
+            f"the loop in {', '.join(channels.values())} keeps a size up to infinite frequency, "
+            "where no Pade approximation follows its dead time, so that no disk of several "
+            "channels is proven; `disks` has those of each channel alone, and a lag in plant or "
+            "controller mends it"
+        )
     worst: dict[str, StateSpace] | None = None
     if margin.worst is not None and 0.0 < margin.upper < math.inf:
         found = [factor_of(margin.worst[one.name], 0, 0, skew) for one in factors]

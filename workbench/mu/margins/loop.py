@@ -25,10 +25,11 @@ def loop_margins(
     The crossings of the nominal loop are computed at once. Disks, and what every plant of an
     uncertain set bears, are computed when they are asked for.
 
-    Known dead time in a loop of one channel counts exactly as it is; only what is proven of a set
+    Known dead time counts exactly as it is, in any place of the loop; only what is proven of a set
     with it rests on `without_dead_time`, a set that contains it, and what is lost is then that of
-    the approximation. Of measured responses the margins
-    are those of the data, at their frequencies only, with ranges from variances.
+    the approximation. So do lower bounds of disks of several channels at once. Of measured
+    responses the margins are those of the data, at their frequencies only, with ranges from
+    variances.
 
     Parameters
     ----------
@@ -56,9 +57,8 @@ def loop_margins(
     ------
     InputError
         Plant and controller do not fit each other, or the loop is singular; its sampling time is
-        not given; it has several channels and known dead time, or dead time that is not in series
-        with all of the rest, or |L| with it is 1 or more at infinity. Where the closed loop is
-        unstable at the nominal, its disks raise it when they are asked for.
+        not given; or gains that return with known dead time add up to 1 or more at infinity. Where
+        the closed loop is unstable at the nominal, its disks raise it when they are asked for.
 
     Examples
     --------

@@ -45,8 +45,8 @@ class TriedLoop:
     def response(self, omega: RealArray) -> ComplexArray:
         """L (F,) with the other channels closed."""
         at = self.states + len(self.delays) + self.channel
-        found: ComplexArray = -np.linalg.solve(self._matrix(omega, 0.0), self.Q[:, [at]])[:, at, 0]
-        return found
+        found: Array = np.linalg.solve(self._matrix(omega, 0.0), self.Q[:, [at]])
+        return -found[:, at, 0]
 
     def counted_poles(self, gain: float = 1.0) -> int:
         """Closed-loop poles right of the axis, with a gain in the channel."""
@@ -76,7 +76,7 @@ class TriedLoop:
         return least
 
     def distance_at(self, omega: float, factor: complex) -> float:
-        """|1 + factor L| over 1 + |factor L| at a frequency [rad/s]; |factor|, to be 0, at a pole."""
+        """|1 + factor L| over 1 + |factor L| at a frequency [rad/s]; at a pole |factor|."""
         try:
             L = complex(self.response(np.array([omega]))[0])
         except np.linalg.LinAlgError:
