@@ -18,6 +18,7 @@ from workbench.structure import Complex, Real, Structure
 from workbench.uncertainty import (
     Responses,
     UncertaintyModel,
+    block,
     contains,
     cover_of_estimate,
     delay,
@@ -37,6 +38,7 @@ N = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2))
 BLOCKS = Structure([Complex(1), Complex(1)])
 M = np.array([[0.5, 0.2j], [0.3, 0.4]])
 MIXED = Structure([Real(1), Complex(1)])
+TWO_LATE = block([[tf([1], [1, 1]) * delay("late", 0.3, 0.3), 0.5], [tf([-1], [1, 1]), 0.2]])
 OSCILLATOR = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
 LAG, FAST = control.tf([1.0], [1.0, 0.1]), control.tf([1.0], [1.0, -0.1])
 OMEGA = np.geomspace(0.1, 10.0, 30)
@@ -151,6 +153,12 @@ ANSWERS = {
     "loop_margins with dead time": lambda: mu.loop_margins(
         tf([5], [1, 1]) * delay("late", 0.3, 0.3)
     ),
+    "loop_margins, crossings with dead time": lambda: mu.loop_margins(TWO_LATE).classical[
+        "input 1"
+    ],
+    "loop_margins, disk of channels with dead time": lambda: mu.loop_margins(
+        TWO_LATE, tolerance=1e-2
+    ).together["inputs"],
     "loop_margins of data": lambda: mu.loop_margins(measured_loop()),
     "loop_margins of every plant": lambda: mu.loop_margins(
         PARAMETRIC, LEAD, tolerance=0.1
@@ -227,6 +235,7 @@ EAGER = {"hinf", "fit_response", "fit_rational_model", "fit_parameters"}
 WITHOUT_NUMBER = {
     *("conditions", "conditions, unstable", "gain_room", "loop_margins"),
     *("loop_margins of a loop", "loop_margins of every plant", "loop_margins, crossings"),
+    "loop_margins, crossings with dead time",
     *("loop_margins, sampled", "loop_margins, unstable", "loop_margins of data of one plant"),
     *("loop_margins with a direct term", "loop_margins with dead time"),
     "loop_margins of data",
@@ -303,10 +312,26 @@ def test_a_claim_that_is_too_good_fails(answer, name):
             assert not better.holds, field.name
 
 
+@pytest.mark.parametrize("name", ANSWERS)
+def test_it_goes_to_another_process(answer, name):
+    given = answer
+    again = pickle.loads(pickle.dumps(given))
+    assert type(again) is type(given) and repr(again) == repr(given)
+
+
 @pytest.mark.parametrize(
-    "name", ["peak", "peak with a complex part", "upper_bound", "smallest_circle", "skewed_peak"]
+    "name",
+    [
+        "peak",
+        "peak with a complex part",
+        "upper_bound",
+        "smallest_circle",
+        "skewed_peak",
+        "robust_stability of parameters",
+        "loop_margins with dead time",
+    ],
 )
-def test_it_takes_its_checker_to_another_process(answer, name):
+def test_it_takes_its_checker_to_another_process(name):
     again = pickle.loads(pickle.dumps(ANSWERS[name]()))
     assert "certificate" not in vars(again)
     assert again.holds

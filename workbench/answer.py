@@ -7,6 +7,7 @@ import pickle
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -23,6 +24,8 @@ from workbench.solvers import Options, Outcome
 
 REPEATED_ROUNDING = 1e-9
 """Share by which a bound may be better than the one computed again, on another processor."""
+_carried: ContextVar[bool] = ContextVar("_carried", default=False)
+"""Whether an answer that holds others is on its way to another process."""
 
 
 class Answer:
@@ -99,19 +102,20 @@ class Answer:
             raise UnknownNameError("figure", name, drawn)
         return drawn[name]
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What goes to another process; systems in a checker go by cloudpickle alone."""
-        state = dict(vars(self))
-        if self._checked_by is not None:
-            import cloudpickle
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """How it goes to another process: whole, as systems and checkers go by cloudpickle alone.
 
-            state["_checked_by"] = cloudpickle.dumps(self._checked_by)
-        return state
+        Answers that it holds, or its checker, go with it, each once.
+        """
+        if _carried.get():
+            return super().__reduce_ex__(protocol)
+        import cloudpickle
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        if "_checked_by" in state:
-            state = state | {"_checked_by": pickle.loads(state["_checked_by"])}
-        vars(self).update(state)
+        outermost = _carried.set(True)
+        try:
+            return pickle.loads, (cloudpickle.dumps(self),)
+        finally:
+            _carried.reset(outermost)
 
     def __repr__(self) -> str:
         return f"{self.said()}\n  {self._proof()}"

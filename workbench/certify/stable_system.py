@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,20 @@ HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
 FEWEST_STATES, FEWEST_POINTS = 20, 4
 """Fewest states, and frequencies, for which responses are computed from eigenvectors."""
+
+
+@dataclass(eq=False)
+class Once:
+    """A function without arguments, called once; unlike `functools.cache` it can be pickled."""
+
+    make: Callable[[], StableSystem | None]
+
+    def __call__(self) -> StableSystem | None:
+        return self._made
+
+    @cached_property
+    def _made(self) -> StableSystem | None:
+        return self.make()
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +159,7 @@ class StableSystem:
             return found and found.channels(outputs, inputs, output_gains, input_gains)
 
         source = self.source and self.source.channels(outputs, inputs, rows, columns)
-        return enclosed_system((A, B, C), D, self.poles, cache(modal), source, self.period)
+        return enclosed_system((A, B, C), D, self.poles, Once(modal), source, self.period)
 
     @property
     def scale(self) -> float:
@@ -295,7 +309,7 @@ def stable_system(
                 return enclosed_system(form, D, poles, source=own, period=period)
         return None
 
-    return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, own, period)
+    return enclosed_system(parts, D, poles, Once(modal) if n else lambda: None, own, period)
 
 
 def enclosed_system(

@@ -6,6 +6,7 @@ polynomials of x = omega^2; their signs are decided exactly.
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -117,6 +118,18 @@ def products(f: fmpq_poly, g: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
     """Re(f g*) and Im(f g*) / omega at s = j omega, as polynomials of x."""
     (a, b), (c, d) = even_odd(f), even_odd(g)
     return a * c + X * b * d, b * c - a * d
+
+
+def _parts_of_number(value: fmpq) -> tuple[type[fmpq], tuple[int, int]]:
+    return fmpq, (int(value.p), int(value.q))
+
+
+def _parts_of_polynomial(value: fmpq_poly) -> tuple[type[fmpq_poly], tuple[list[fmpq]]]:
+    return fmpq_poly, (value.coeffs(),)
+
+
+copyreg.pickle(fmpq, _parts_of_number)  # FLINT's own classes know no way to another process
+copyreg.pickle(fmpq_poly, _parts_of_polynomial)
 
 
 def _reduced(numerator: fmpq_poly, denominator: fmpq_poly) -> ExactFunction:

@@ -57,6 +57,10 @@ class GivenRealisation:
     _shifted: dict[int, tuple[Any, Any]] = field(default_factory=dict)
     """(A + 1)^-1 and its product with A - 1, by the bits of their balls."""
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What goes to another process: balls are made there."""
+        return vars(self) | {"_shifted": {}}
+
     def channels(
         self, outputs: Any, inputs: Any, rows: RealArray, columns: RealArray
     ) -> GivenRealisation:

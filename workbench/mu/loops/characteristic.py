@@ -58,9 +58,8 @@ class LateChannels:
         return self._function([k for k in range(self.loops) if k != loop])
 
     @cached_property
-    def _exact(self) -> fmpq_mat:
-        count = len(self.Q)
-        return fmpq_mat(count, count, [exact_rational(x) for x in self.Q.ravel()])
+    def _exact(self) -> list[list[fmpq]]:
+        return [[exact_rational(x) for x in row] for row in self.Q]
 
     def _function(self, loops: Sequence[int]) -> QuasiPolynomial:
         n, d = self.states, len(self.delays)
@@ -118,4 +117,4 @@ class LateChannels:
         return direct * (A - B * D.inv() * C).charpoly() if direct else None
 
     def _part(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mat:
-        return fmpq_mat(len(rows), len(columns), [self._exact[i, j] for i in rows for j in columns])
+        return fmpq_mat(len(rows), len(columns), [self._exact[i][j] for i in rows for j in columns])

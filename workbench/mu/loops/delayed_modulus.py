@@ -130,7 +130,7 @@ class Bands:
             below = self.b + self.a * (R * late)
             rate = 2 * (((R * late + 1) / below).conjugate() * slope / below**2 * acb(0, 1)).real
             square = abs((middle + 1) / (self.b + self.a * middle)) ** 2 + rate * arb(0, half)
-            plain = max(plain, rounded_down(square.abs_lower().sqrt()) if square > 0 else 0.0)
+            plain = max(plain, least_double(square.abs_lower().sqrt()) if square > 0 else 0.0)
         elif middle.is_finite():
             plain = max(plain, self._under(middle + slope * acb(0, arb(0, half)), acb(1)))
         if high - low > 1 / self.T:  # L turns far: whatever its phase is
@@ -143,7 +143,7 @@ class Bands:
         size = inner.abs_upper()
         if self.pair:
             size = _paired(size**2 + abs(N).abs_upper() * abs(D).abs_upper(), d.abs_lower())
-        return rounded_down(abs(D + N).abs_lower() / size) if size > 0 else math.inf
+        return least_double(abs(D + N).abs_lower() / size) if size > 0 else math.inf
 
     def _over(self, N: acb, D: acb) -> float:
         """The same, rounded up."""
@@ -169,7 +169,7 @@ class Bands:
             return 0.0
         if not self.pair:  # on the circle |1 / delta| is largest where L is real
             ends = [abs(self.b - self.a * r) / abs(1 - r), abs(self.b + self.a * r) / (1 + r)]
-            return min(rounded_down(1 / end) if end > 0 else math.inf for end in ends)
+            return min(least_double(1 / end) if end > 0 else math.inf for end in ends)
         arcs = [(0.0, k / ARCS, (k + 1) / ARCS) for k in range(ARCS)]
         arcs = [(self._on_arc(r, low, high), low, high) for _, low, high in arcs]
         heapq.heapify(arcs)
@@ -214,6 +214,6 @@ def _paired(p: arb, d: arb) -> arb:
     return (p + (square.sqrt() if square > 0 else arb(0))).sqrt()
 
 
-def rounded_down(value: arb) -> float:
+def least_double(value: arb) -> float:
     """The least number in a ball of positive ones, rounded down; 0 where the ball has no end."""
     return float(value.abs_lower()) * (1 - ROUNDED) if value.is_finite() else 0.0

@@ -14,16 +14,16 @@ from itertools import pairwise
 
 from flint import acb, arb, ctx
 
-from workbench.mu.loops.delayed_modulus import MOST, ROUNDED, LeastDelta, rounded_down
-from workbench.mu.loops.encirclements import radius_where
+from workbench.mu.loops.delayed_modulus import MOST, ROUNDED, LeastDelta, least_double
+from workbench.mu.loops.encirclements import EXPONENT, radius_where
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
 FIRST = 16
 """Bands of frequency that double, with which the search begins."""
 TRIED = 80
 """Frequencies at which a small value is looked for first, in half octaves."""
-FARTHEST = 2.0**1000
-"""Stands for infinite frequency [rad/s]."""
+FARTHEST = 2.0**EXPONENT
+"""Stands for an infinite radius."""
 LIMIT_SHARE = 2.0**-30
 """Share by which bounds beyond a radius may be below those at infinity."""
 
@@ -89,7 +89,7 @@ class _Search:
         least, most = first - others, sum(parts, arb(0))
         if not least > 0:
             return 0.0
-        return rounded_down(least / most) if most > 0 else math.inf
+        return least_double(least / most) if most > 0 else math.inf
 
     def _at(self, omega: float) -> float:
         """The quotient at a frequency, rounded up."""
@@ -101,11 +101,11 @@ class _Search:
         F, H = self.f.on(low, high), self.h.on(low, high)
         sizes = self.f.sizes(low, high)[0], self.h.sizes(low, high)[1]
         plain = F.abs_lower() / H.abs_upper(), sizes[0] / sizes[1]
-        bound = max(self._beyond(low) if low else 0.0, *map(rounded_down, plain))
+        bound = max(self._beyond(low) if low else 0.0, *map(least_double, plain))
         if not abs(H) > 0:
             return bound
         band, m = arb(low).union(arb(high)), (arb(low) + arb(high)) / 2
         slope = (self.f.derivative.at(band) - F / H * self.h.derivative.at(band)) / H * acb(0, 1)
         rate = 2 * ((F / H).conjugate() * slope).real
         square = abs(self.f.at(m) / self.h.at(m)) ** 2 + rate * arb(0, (arb(high) - arb(low)) / 2)
-        return max(bound, rounded_down(square.abs_lower().sqrt()) if square > 0 else 0.0)
+        return max(bound, least_double(square.abs_lower().sqrt()) if square > 0 else 0.0)

@@ -61,6 +61,10 @@ class QuasiPolynomial:
         slopes = {T: p.derivative() - _exact(T) * p for T, p in self.terms.items()}
         return QuasiPolynomial({T: p for T, p in slopes.items() if p})
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What goes to another process: balls are made there."""
+        return {"terms": self.terms}
+
     @cached_property
     def _balls(self) -> list[tuple[arb, acb_poly]]:
         return [(arb(_exact(T)), acb_poly(p)) for T, p in self.terms.items()]
