@@ -5,18 +5,20 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
-from workbench.mu import conditions, robust_stability
+from workbench.mu import conditions, loop_margins, robust_stability
 from workbench.structure import Complex, Full, Real
 from workbench.uncertainty import (
     Parameter,
     UncertaintyModel,
     append,
+    block,
     complex_scalar,
     dynamics,
     feedback,
     generalised_plant,
     parametric,
     real,
+    series,
     ss,
     tf,
 )
@@ -270,7 +272,7 @@ def test_it_is_connected_by_names():
         (lambda: feedback(LAG, 1, sign=2), "sign is 2"),
         (lambda: append(), "at least one"),
         (lambda: LAG * real("k", 1, percent=5) * LAG.sample(0.1), "sampling times"),
-        (lambda: real("k", 1, percent=5) * "two", "a term must be"),
+        (lambda: real("k", 1, percent=5) * "two", "the right operand must be"),
         (lambda: real("k", 1, percent=5) ** 0.5, "power 0.5"),
         (lambda: 1 / tf([1], [1, real("k", 1, percent=5)]), "zero or singular at the nominal"),
         (lambda: real("k", 1, percent=5).at(m=2), "no uncertain element is called 'm'"),
@@ -289,6 +291,32 @@ def test_it_is_connected_by_names():
 def test_misuse(call, words):
     with pytest.raises(WorkbenchError, match=words):
         call()
+
+
+EMPTY = control.ss([], [], [], np.zeros((0, 0)))
+UNCERTAIN_LAG = LAG * real("k", 1, percent=5)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda empty: UNCERTAIN_LAG * empty, "the right operand"),
+        (lambda empty: empty + UNCERTAIN_LAG, "the left operand"),
+        (lambda empty: append(LAG, empty), "system 2"),
+        (lambda empty: series(empty, LAG), "system 1"),
+        (lambda empty: feedback(empty), "sys1"),
+        (lambda empty: block([[LAG], [empty]]), "block 2, 1"),
+        (lambda empty: loop_margins(empty), "plant"),
+        (lambda empty: loop_margins(LAG, empty), "controller"),
+    ],
+)
+@pytest.mark.parametrize(
+    "empty", [EMPTY, UNCERTAIN_LAG[[], []], UNCERTAIN_LAG[[], :]], ids=["static", "none", "0 x 1"]
+)
+def test_a_system_without_channels_is_refused_by_its_own_name(call, name, empty):
+    words = f"^{name} has 0 outputs and {empty.ninputs} inputs; .* needs at least one of each"
+    with pytest.raises(InputError, match=words):
+        call(empty)
 
 
 @pytest.mark.parametrize("dt", [0, 0.0, 0.1, True, None])

@@ -25,7 +25,8 @@ def as_system(system: Any, name: str) -> StateSpace:
     system = system_of(system, name)
     if not (system.ninputs and system.noutputs):
         raise InputError(
-            f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it needs one each"
+            f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it "
+            "needs at least one of each: choose channels that it has"
         )
     found = as_states(system, name)
     for part in "ABCD":

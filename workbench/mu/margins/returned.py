@@ -12,7 +12,7 @@ from workbench.systems.axis_poles import pole_may_be_at
 from workbench.systems.balancing import singular
 from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.connections import append, feedback, not_well_posed
-from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.system import UncertainSystem, with_channels
 
 
 def names_of_channels(G: UncertainSystem, K: UncertainSystem) -> dict[int, str]:
@@ -25,7 +25,7 @@ def names_of_channels(G: UncertainSystem, K: UncertainSystem) -> dict[int, str]:
 
 def matched_pair(plant: Any, controller: Any) -> tuple[UncertainSystem, UncertainSystem]:
     """Plant and controller; a number stands for as many channels as the plant has."""
-    G, K = uncertain(plant, "plant"), uncertain(controller, "controller")
+    G, K = with_channels(plant, "plant"), with_channels(controller, "controller")
     constant = not K.nstates and not K.elements
     if K.value.shape == (1, 1) and constant and G.ninputs == G.noutputs:
         K = K * np.eye(G.ninputs)

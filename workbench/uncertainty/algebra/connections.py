@@ -18,6 +18,7 @@ from workbench.uncertainty.algebra.system import (
     combined_elements,
     common_time,
     uncertain,
+    with_channels,
 )
 
 
@@ -63,7 +64,7 @@ def _systems(given: tuple[Any, ...], function: str) -> list[UncertainSystem]:
     """At least one system."""
     if not given:
         raise InputError(f"{function} needs at least one system")
-    return [uncertain(one, f"system {k}") for k, one in enumerate(given, start=1)]
+    return [with_channels(one, f"system {k}") for k, one in enumerate(given, start=1)]
 
 
 def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
@@ -86,7 +87,7 @@ def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
     if len(lengths) != 1 or not lengths.pop():
         raise InputError(f"rows have {[len(row) for row in given]} blocks; they need the same")
     parts = [
-        [uncertain(one, f"block {i}, {j}") for j, one in enumerate(row, start=1)]
+        [with_channels(one, f"block {i}, {j}") for j, one in enumerate(row, start=1)]
         for i, row in enumerate(given, start=1)
     ]
     heights, widths = [row[0].noutputs for row in parts], [one.ninputs for one in parts[0]]
@@ -118,7 +119,7 @@ def feedback(sys1: Any, sys2: Any = 1, sign: int = -1, **kwargs: Any) -> Uncerta
         the direct terms at the nominal.
     """
     need_naming("feedback", kwargs)
-    a, b = uncertain(sys1, "sys1"), uncertain(sys2, "sys2")
+    a, b = with_channels(sys1, "sys1"), with_channels(sys2, "sys2")
     if b.value.shape == (1, 1) and not b.nstates and not b.elements and a.noutputs > 1:
         b = uncertain(float(b.value.M[0, 0]) * np.eye(a.noutputs))
     if (b.noutputs, b.ninputs) != (a.ninputs, a.noutputs):

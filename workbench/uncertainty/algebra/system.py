@@ -363,7 +363,7 @@ def _numbered(prefix: str, count: int) -> list[str]:
     return [f"{prefix}[{k}]" for k in range(count)]
 
 
-def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
+def uncertain(given: Any, name: str = "the system") -> UncertainSystem:
     """What arithmetic takes, as an uncertain system: of a nominal one without elements.
 
     Raises InputError for anything else; `name` is what messages call it.
@@ -383,6 +383,17 @@ def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
         raise InputError(f"{name} has entries that are not finite")
     dt = system.dt if system.nstates or system.dt else None
     return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
+
+
+def with_channels(given: Any, name: str) -> UncertainSystem:
+    """As `uncertain`; raises InputError where there are no inputs or no outputs to connect."""
+    found = uncertain(given, name)
+    if not all(found.value.shape):
+        raise InputError(
+            f"{name} has {found.noutputs} outputs and {found.ninputs} inputs; a system that is "
+            "connected needs at least one of each: choose channels that it has, or leave it out"
+        )
+    return found
 
 
 def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
@@ -410,6 +421,6 @@ def common_time(parts: list[UncertainSystem]) -> float | None:
 
 
 def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:
-    parts = [uncertain(first), uncertain(second)]
+    parts = [with_channels(first, "the left operand"), with_channels(second, "the right operand")]
     elements, dt = combined_elements(parts), common_time(parts)
     return UncertainSystem(operation(*(part.value for part in parts)), elements, dt)._used()
