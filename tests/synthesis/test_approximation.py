@@ -165,3 +165,15 @@ def test_bad_input_is_told(given, message):
 def test_a_sampling_time_that_is_not_given_stays_so():
     small = approximated(tf([1.0, 0.1], [1.0, -0.5, 0.06], True), 1, "balanced")
     assert small.dt is True and small.holds
+
+
+@pytest.mark.parametrize("unit", [1.0, 1.0588, 1e6])
+@pytest.mark.parametrize("damping", [1e-9, 1e-11])
+@pytest.mark.parametrize("method", ["balanced", "matchdc", "hankel"])
+def test_a_pair_of_hardly_any_damping_has_a_finite_error(method, damping, unit):
+    """Rounding of its real part moves its peak by the share eps / damping, and more by the change
+    of coordinates; the bound is no smaller, and far below the peak."""
+    pair = tf([1.0], [1.0 / unit**2, 2.0 * damping / unit, 1.0])
+    small = approximated(control.ss(pair) + control.ss(tf([1.0], [1.0 / unit, 1.0])), 2, method)
+    assert 1.0 <= small.error <= 0.1 / damping
+    assert small.holds, small.certificate.failures

@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
+from workbench.certify.realisations.modes_apart import gain_by_modes
 from workbench.certify.realisations.parts import (
     boundary_part_error,
     difference_of,
@@ -50,8 +51,8 @@ def difference_bound(
     dt = float(system.dt or 0.0)
     beside = parts.error + its.error
     beside += gain_apart(matrices_of(parts.antistable), matrices_of(its.antistable), dt, True)
-    between = difference_of(matrices_of(parts.stable), matrices_of(its.stable))
-    factor = 1.0
+    stable = matrices_of(parts.stable), matrices_of(its.stable)
+    between, factor = difference_of(*stable), 1.0
     if entering is not None:
         factor *= certified_norm(entering)
         between = in_series(matrices_of(entering), between)
@@ -60,7 +61,10 @@ def difference_bound(
         between = in_series(between, matrices_of(leaving))
     # The products of direct terms, and the sums of states of a series, are rounded.
     rounding = 1.0 + 1e-12
-    return (certified_norm(realisation(between, dt)) + factor * beside) * rounding
+    gain = certified_norm(realisation(between, dt))
+    if not math.isfinite(gain):  # poles of both that rounding hardly tells from each other
+        gain = factor * gain_by_modes(*stable, bool(dt))
+    return (gain + factor * beside) * rounding
 
 
 def _timed(system: StateSpace, rate: float) -> StateSpace:
