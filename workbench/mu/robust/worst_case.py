@@ -66,7 +66,7 @@ def worst_case_gain(
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
-    if isinstance(system, UncertainSystem) and structure is None and system.cancelling:
+    if isinstance(system, UncertainSystem) and structure is None and system.without_effect:
         structure, system = system.structure, _without_influence(system)
     prepared = isinstance(system, UncertainSystem) and structure is None
     if isinstance(system, UncertainPart) and structure is None:
@@ -107,11 +107,11 @@ def worst_case_gain(
 
 
 def _without_influence(system: UncertainSystem) -> StateSpace:
-    """The system whose channels of elements that cancel lead nowhere."""
+    """The system whose channels of elements without effect lead nowhere."""
     whole, idle, place = system.system, [], 0
     for block in system.structure:
         channels = list(range(place, place + block.rows))
-        idle += channels if block.name in system.cancelling else []
+        idle += channels if block.name in system.without_effect else []
         place += block.rows
     B, C, D = whole.B.copy(), whole.C.copy(), whole.D.copy()
     B[:, idle], C[idle], D[idle], D[:, idle] = 0.0, 0.0, 0.0, 0.0

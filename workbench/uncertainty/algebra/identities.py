@@ -24,8 +24,11 @@ ROUNDINGS = 4
 """Multiple of the relative rounding error of each channel on the way of a term."""
 
 
-def cancelling_names(lft: LFT, candidates: Collection[str]) -> list[str]:
-    """Those candidates on which the value does not depend, each other scalar being arbitrary."""
+def cancelling_names(lft: LFT, candidates: Collection[str], *, of_loops: bool = False) -> list[str]:
+    """Those candidates on which the value does not depend, each other scalar being arbitrary.
+
+    ``of_loops``: on which det(I - M11 Delta) does not depend either, so that they move no pole.
+    """
     r = len(lft.names)
     if len(set(lft.names)) == r or not np.isfinite(lft.M).all():
         return []  # nothing occurs twice, so that nothing cancels
@@ -34,6 +37,7 @@ def cancelling_names(lft: LFT, candidates: Collection[str]) -> list[str]:
     radius = 0.5 / max(float(np.abs(np.linalg.eigvals(sizes)).max()), 0.5)
     terms = np.linalg.inv(np.eye(r) - radius * sizes)
     left, right = np.abs(M21) @ terms, terms @ np.abs(M12)
+    around = radius * terms @ sizes
     rng = np.random.default_rng(0)
     found = [name for name in candidates if name in lft.names]
     for _ in range(POINTS):
@@ -42,9 +46,15 @@ def cancelling_names(lft: LFT, candidates: Collection[str]) -> list[str]:
         before = M21 @ np.linalg.inv(np.eye(r) - delta[:, None] * M11)
         for name in list(found):
             own = np.array([one == name for one in lft.names])
-            after = np.linalg.solve(np.eye(r) - M11 * np.where(own, 0.0, delta), M12)
-            moved = (before[:, own] * delta[own]) @ after[own]
-            rounding = ROUNDINGS * EPS * r * radius * left[:, own] @ right[own]
-            if not (np.abs(moved) <= rounding).all():
+            loop = np.eye(r) - M11 * np.where(own, 0.0, delta)
+            moved = (before[:, own] * delta[own]) @ np.linalg.solve(loop, M12)[own]
+            share = ROUNDINGS * EPS * r
+            fixed = (np.abs(moved) <= share * radius * left[:, own] @ right[own]).all()
+            if fixed and of_loops:
+                back = np.linalg.solve(loop, M11)[np.ix_(own, own)] * delta[own]
+                size = around[np.ix_(own, own)]  # of the terms of `back`
+                apart = abs(np.linalg.det(np.eye(len(back)) - back) - 1.0)
+                fixed = apart <= share * size.sum() * np.prod(1.0 + size.sum(axis=1))
+            if not fixed:
                 found.remove(name)
     return found

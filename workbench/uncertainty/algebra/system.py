@@ -300,13 +300,23 @@ class UncertainSystem(Algebraic):
     def cancelling(self) -> list[str]:
         """Elements on which no coefficient depends, as on k and j in k * j - j * k, by name."""
         n, M = self.nstates, self._grouped.M
-        channels = self._grouped.names[n:]
-        scalars = {
-            one.channels[0]: name for name, one in self.elements.items() if len(one.channels) == 1
-        }
         # The states become the last inputs and outputs.
-        found = cancelling_names(LFT(np.roll(M, -n, (0, 1)), channels), list(scalars))
-        return [scalars[channel] for channel in found]
+        lft = LFT(np.roll(M, -n, (0, 1)), self._grouped.names[n:])
+        scalars = self._scalars
+        return [scalars[channel] for channel in cancelling_names(lft, list(scalars))]
+
+    @cached_property
+    def without_effect(self) -> list[str]:
+        """Elements that move neither a pole nor the response, as d in L * d - L * d, by name."""
+        scalars = self._scalars
+        found = cancelling_names(self._grouped, list(scalars), of_loops=True)
+        return list(dict.fromkeys([*self.cancelling, *(scalars[channel] for channel in found)]))
+
+    @property
+    def _scalars(self) -> dict[str, str]:
+        """Names of elements of one channel, by its name."""
+        every = self.elements.items()
+        return {one.channels[0]: name for name, one in every if len(one.channels) == 1}
 
     def reduced(self) -> UncertainSystem:
         """The same system with fewer repetitions of its elements, and with all its states."""
