@@ -168,3 +168,35 @@ def test_multipliers_that_prove_their_interval_and_nothing_beyond_are_enough(mon
     monkeypatch.setattr(peak_proof, "proven_in_doubles", up_to_the_ends)
     ends = peak_proof._ends(lag, Structure([Complex(1)]), interval, 1.001)
     assert ends is not None and ends[0] <= 9.0 and ends[1] >= 11.0
+
+
+def test_linear_multipliers_that_rounding_hides_prove_their_interval_held_fixed(monkeypatch):
+    """As on a processor whose pencil of eigenvalues has larger discs about this interval."""
+    fast = 1e3
+    lag = control.tf([1, 1], [1 / fast, 1])
+    middle = control.ss([], [], [], [[1.0, 0.5], [-0.7, 0.3]])
+    one = control.ss([], [], [], [[1.0]])
+    ahead, after = control.append(one, lag / fast), control.append(one, fast / lag)
+    flat = control.ss(ahead * middle * after)
+    structure = Structure([Complex(1), Complex(1)])
+    found = peak(flat, structure, 1e-2)
+    linear = [one for one in found.proof.intervals if one.slopes is not None]
+    hidden = max(linear, key=lambda one: one.omega)
+    in_doubles, certified = peak_proof.proven_in_doubles, peak_proof.certified_interval
+
+    def is_hidden(omega, slopes):
+        return slopes is not None and hidden.low <= omega <= hidden.high
+
+    def doubles(system, multipliers, beta, omega, slopes=None, *rest, **settings):
+        if is_hidden(omega, slopes):
+            return None, True
+        return in_doubles(system, multipliers, beta, omega, slopes, *rest, **settings)
+
+    def interval(system, left, right, G, beta, omega, slopes=None, *rest, **settings):
+        if is_hidden(omega, slopes):
+            return None
+        return certified(system, left, right, G, beta, omega, slopes, *rest, **settings)
+
+    monkeypatch.setattr(peak_proof, "proven_in_doubles", doubles)
+    monkeypatch.setattr(peak_proof, "certified_interval", interval)
+    assert proves(flat, structure, found.proof, found.upper) == ""

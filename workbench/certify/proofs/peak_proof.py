@@ -155,10 +155,15 @@ def _closed(
         omega = _between(low, high)
         for one in _nearest(about, omega):
             (D_left, D_right, G), slopes = _multipliers(structure, one, omega)
-            half = math.inf
+            ends = None
             if slopes is not None:
                 half = (1 + 8 * EPS) * max(omega - low, high - omega) + 4 * EPS * omega
-            ends = certified_interval(system, D_left, D_right, G, beta, omega, slopes, half, 0.0)
+                ends = certified_interval(
+                    system, D_left, D_right, G, beta, omega, slopes, half, 0.0
+                )
+            if ends is None and (slopes is None or math.isfinite(omega)):
+                # Held as they are here, they prove less, and rounding hides less of it.
+                ends = certified_interval(system, D_left, D_right, G, beta, omega, end_margin=0.0)
             if ends is not None:
                 break
         else:
