@@ -13,11 +13,11 @@ from flint import acb_poly, arb, ctx
 from lanes import thinned
 
 from workbench.errors import InputError
-from workbench.mu import loop_margins, worst_case_gain
+from workbench.mu import loop_margins, robust_performance, worst_case_gain
 from workbench.mu.loops.delayed_modulus import Bands
 from workbench.mu.margins.classical import classical_margins, late_loop
 from workbench.second_opinion.margins.dead_times import counted_poles
-from workbench.uncertainty import delay, feedback, real, tf
+from workbench.uncertainty import delay, feedback, real, tf, without_dead_time
 from workbench.uncertainty.algebra.dead_time import pade, pade_corner, pade_error
 
 
@@ -346,10 +346,32 @@ def test_a_lower_bound_of_a_band_holds_on_all_of_it(seed):
 
 def test_what_needs_states_refuses_dead_time_by_name():
     closed = feedback(tf([real("k", 2, percent=20)], [1, 1]) * late(0.2))
-    for call in (worst_case_gain, lambda one: one.nominal, lambda one: one.sample(2)):
+    for call in (lambda one: one.nominal, lambda one: one.sample(2)):
         with pytest.raises(InputError, match=r"dead time tau of 0\.2 s"):
             call(closed)
     assert "DeadTime(name='tau', delay=0.2)" in repr(closed)
+
+
+@pytest.mark.parametrize("function", [worst_case_gain, robust_performance])
+def test_a_gain_is_told_the_call_that_bounds_it(function):
+    """What that call proves is compared with responses of members, with the dead time itself."""
+    k = real("k", 2, percent=20)
+    closed = feedback(tf([k], [1, 1]) * late(0.2))
+    name = function.__name__
+    with pytest.raises(InputError, match=rf"call `{name}\(without_dead_time\(system\)\)`"):
+        function(closed)
+    omega = np.geomspace(1e-2, 1e2, 4001)
+    turned = np.exp(-0.2j * omega)
+    gains = [
+        np.abs(value * turned / (1j * omega + 1 + value * turned)).max()
+        for value in np.linspace(1.6, 2.4, 9)
+    ]
+    if function is worst_case_gain:
+        found = worst_case_gain(without_dead_time(closed, order=10))
+        assert max(gains) <= found.upper <= 1.02 * max(gains)
+    else:
+        found = robust_performance(without_dead_time(closed, order=10), 1.05 * max(gains), 1e-2)
+        assert found.lower >= 1.0
 
 
 @pytest.mark.parametrize("ends", [(0, 0), (2, 1), (-1, 1), (1, math.inf), (math.nan, 1)])

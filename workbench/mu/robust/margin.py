@@ -39,7 +39,7 @@ from workbench.mu.robust.values import values_of
 from workbench.solvers import Options
 from workbench.structure import Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.uncertainty.algebra.dead_time import dead_times
+from workbench.uncertainty.algebra.dead_time import dead_times, need_no_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 PARTS = 4000
@@ -233,7 +233,8 @@ def robust_performance(
     Raises
     ------
     InputError
-        As `robust_stability`; the level is not positive.
+        As `robust_stability`; the level is not positive, or the system has known dead time: the
+        message has the call that bounds its margin.
 
     Examples
     --------
@@ -248,6 +249,8 @@ def robust_performance(
     """
     need_positive(gain, "gain")
     need_tolerance(tolerance)
+    elements = uncertain(system, "system").elements
+    need_no_dead_time(elements, "robust_performance", "a lower bound of 1 or more")
     found = analysed(system)
     structure, given = found.structure, found.system
     closed = structure.with_performance(found.noutputs, found.ninputs)

@@ -35,6 +35,7 @@ from workbench.structure import Structure
 from workbench.systems.conversion import as_system
 from workbench.systems.joints import UncertainPart
 from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.dead_time import need_no_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 
@@ -61,11 +62,14 @@ def worst_case_gain(
     Raises
     ------
     InputError
-        As `peak`; the system has no performance outputs or no exogenous inputs.
+        As `peak`; the system has no performance outputs or no exogenous inputs, or it has known
+        dead time: the message has the call that bounds its gain.
     ContradictionError
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
+    if isinstance(system, UncertainSystem):
+        need_no_dead_time(system.elements, "worst_case_gain", "its upper bound")
     if isinstance(system, UncertainSystem) and structure is None and system.without_effect:
         structure, system = system.structure, _without_influence(system)
     prepared = isinstance(system, UncertainSystem) and structure is None

@@ -70,6 +70,22 @@ def dead_times(elements: Mapping[str, Element]) -> dict[str, DeadTime]:
     return {name: one for name, one in elements.items() if isinstance(one, DeadTime)}
 
 
+def need_no_dead_time(elements: Mapping[str, Element], function: str, proven: str) -> None:
+    """Raise InputError, with the call that answers, where a function's system has known delays.
+
+    ``proven`` says what of the answer to that call holds with the dead time itself.
+    """
+    late = dead_times(elements)
+    if not late:
+        return
+    times = ", ".join(f"{name} of {one.delay:g} s" for name, one in late.items())
+    raise InputError(
+        f"the system has the dead time {times}, which no states describe: call "
+        f"`{function}(without_dead_time(system))`, of a set that contains the dead time itself; "
+        f"{proven} then holds with it, and a higher `order` makes the set smaller"
+    )
+
+
 def channels_pulled_out(lft: LFT, names: Sequence[str]) -> tuple[LFT, tuple[str, ...]]:
     """Channels of these names as the first outputs and inputs; and the name of each of them."""
     out = [k for k, name in enumerate(lft.names) if name in names]
