@@ -41,7 +41,7 @@ def test_random_loops_in_50_digits(seed):
             }
             if found.stable:
                 nearest = np.abs(1 + loop.loop(k, 1j * GRID)).min()
-                assert nearest * (1 - 1e-4) <= one.modulus <= nearest * (1 + 1e-9)
+                assert nearest * (1 - 3e-4) <= one.modulus <= nearest * (1 + 1e-9)
     every = [one for one in found.classical.values() if not one.holds]
     assert not every, every[0].certificate.failures
 
@@ -79,7 +79,7 @@ def test_dead_time_in_an_inner_loop(T):
     )
     assert found.stable is bool((padded.poles().real < 0).all())
     if found.stable:
-        assert one.modulus == pytest.approx(np.abs(1 + L).min(), rel=1e-4)
+        assert one.modulus == pytest.approx(np.abs(1 + L).min(), rel=3e-4)
         assert found.disks["input"].lower == pytest.approx(
             1 / np.abs(1 / (1 + L) - 0.5).max(), 1e-3
         )

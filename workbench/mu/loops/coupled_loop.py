@@ -36,12 +36,12 @@ from workbench.mu.loops.quasi_polynomials import (
 
 SLOWEST = 2.0**-60
 """Least frequency of a crossing beside 0, over the one from which on |L| stays small."""
-LEVELS = [2.0**-k for k in range(2, 22, 3)]
+LEVELS = [2.0**-k for k in range(2, 52, 3)]
 """|L| down to which crossings of the real axis are told, in turn until a factor above 1 is found:
 with dead time there are endlessly many."""
 ABOVE_LIMIT = 1.5
 """Least level over the size that |L| keeps at infinite frequency."""
-MODULUS_TOLERANCE = 1e-6
+MODULUS_TOLERANCE = 1e-4
 """Share by which a modulus may be below the least distance."""
 
 

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from flint import acb, acb_poly, arb, fmpq, fmpq_poly
+from flint import acb, acb_poly, arb, arb_poly, fmpq, fmpq_poly
 
 from workbench.certify.known_plants.exact_function import exact_rational
 
@@ -102,14 +102,24 @@ class QuasiPolynomial:
         others, which does not grow with the radius.
         """
         R = arb(radius)
-        first, others = arb(0), arb(0)
-        for T, p in self.terms.items():
-            for power, c in enumerate(p.coeffs()):
-                if T == 0 and power == order:
-                    first = abs(arb(c))
-                else:
-                    others += abs(arb(c)) * R ** (power - order)
-        return first, others
+        first, parts = self._absolute(order)
+        return first, sum((p(R) for p in parts), arb(0)) / R**order
+
+    def _absolute(self, order: int) -> tuple[arb, list[arb_poly]]:
+        """The size of the first term of `sums`, and polynomials of the sizes of the others."""
+        if order not in self._sizes:
+            first, parts = arb(0), []
+            for T, p in self.terms.items():
+                sizes = [abs(arb(c)) for c in p.coeffs()]
+                if T == 0 and order < len(sizes):
+                    first, sizes[order] = sizes[order], arb(0)
+                parts.append(arb_poly(sizes))
+            self._sizes[order] = first, parts
+        return self._sizes[order]
+
+    @cached_property
+    def _sizes(self) -> dict[int, tuple[arb, list[arb_poly]]]:
+        return {}
 
     def leading(self, order: int) -> dict[Fraction, float]:
         """What f(s) / s^order tends to, a factor of each exponential, by delay."""
