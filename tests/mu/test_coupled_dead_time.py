@@ -185,6 +185,15 @@ def test_every_plant_of_a_set_of_two_channels():
     assert found.nominal["input 1"].lower > disk.lower
 
 
+@pytest.mark.parametrize("gain", [1e-2, 1e-4])
+def test_disks_of_a_weak_loop_are_near_the_largest(gain):
+    """Where L is 0 a disk is 2; factors of both channels then break the loop at once, nearly."""
+    plant = append(tf([1], [1, 1]) * late(0.3), tf([1], [1, 2]) * late(0.5, "b"))
+    disk = loop_margins(plant, gain * np.array([[1.0, 0.5], [0.2, 1.0]])).together["inputs"]
+    assert 2.0 * (1 - gain) <= disk.lower <= disk.upper <= 2.0
+    assert disk.holds, disk.certificate.failures
+
+
 @pytest.fixture(scope="module")
 def pair():
     plant = append(tf([1], [1, 1]) * late(0.3), tf([2], [1, 2]) * late(0.5, "b"))

@@ -42,6 +42,16 @@ def test_a_determinant_goes_round_as_often_as_eigenvalues_are_larger_than_1():
     assert np.isnan(windings(np.diag([1.0, 0.1, 0.5]), curve)).all()
 
 
+@pytest.mark.parametrize("size", [0.97, 0.994, 0.9999, 1.0001, 1.006])
+def test_factors_that_pass_0_together_are_not_miscounted(size):
+    """Each turns by half a circle within one step, and both by none that is seen."""
+    for offset in np.linspace(0.0, 1.0, 9):
+        turn = np.exp(2j * np.pi * (np.arange(64) + offset) / 64)
+        curve = (turn[:, None, None] * np.eye(2))[None]
+        (found,) = windings(size * np.eye(2), curve)
+        assert np.isnan(found) or found == (0.0 if size < 1 else 2.0)
+
+
 @pytest.mark.parametrize("blocks", STRUCTURES, ids=str)
 def test_bounds_that_are_right_pass_and_those_too_small_are_refuted(blocks):
     structure, noticed = Structure(blocks), 0

@@ -10,9 +10,6 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.second_opinion import SEED
 from workbench.structure import Complex, Full, Real, Structure
 
-LARGEST_TURN = np.pi / 2
-"""Largest turn of a determinant from one point of a curve to the next that is believed."""
-
 
 def vertex_perturbations(structure: Structure, count: int) -> ComplexArray:
     """Perturbations (count, rows, columns) of largest singular value 1 at most.
@@ -69,14 +66,22 @@ def turned_perturbations(structure: Structure, count: int, points: int) -> Compl
 def windings(M: Array, Delta: ComplexArray) -> RealArray:
     """How often det(I - M Delta) goes round 0 along curves (k, points, rows, columns) (k,).
 
-    NaN where a step turns it so far that this cannot be told. The curve is drawn together to
-    Delta = 0 within a ball of perturbations; where the number is not 0, some perturbation on the
-    way makes I - M Delta singular (the argument principle).
+    NaN where steps are too long to tell. From Delta_1 to Delta_2 the determinant is multiplied by
+    det(I - X), X = (I - M Delta_1)^-1 M (Delta_2 - Delta_1): with all eigenvalues x of X smaller
+    than 1 no perturbation between them makes it 0, and it turns by the sum of the angles of 1 - x.
+    The curve is drawn together to Delta = 0 within a ball of perturbations; where the number is not
+    0, some perturbation on the way makes I - M Delta singular (the argument principle).
     """
-    sign = np.linalg.slogdet(np.eye(len(M)) - M @ Delta)[0]
-    step = np.angle(np.roll(sign, -1, axis=1) * sign.conj())
-    told = (np.abs(step) < LARGEST_TURN).all(axis=1) & (sign != 0).all(axis=1)
-    return np.where(told, np.abs(np.rint(step.sum(axis=1) / (2 * np.pi))), np.nan)
+    loops = np.eye(len(M)) - M @ Delta
+    regular = (np.linalg.slogdet(loops)[0] != 0).all(axis=1)
+    found: RealArray = np.full(len(Delta), np.nan)
+    if regular.any():
+        ahead = np.roll(Delta[regular], -1, axis=1) - Delta[regular]
+        x = np.linalg.eigvals(np.linalg.solve(loops[regular], M @ ahead))
+        turned = np.angle(1.0 - x).sum(axis=(1, 2)) / (2 * np.pi)
+        told = (np.abs(x) < 1.0).all(axis=(1, 2))
+        found[regular] = np.where(told, np.abs(np.rint(turned)), np.nan)
+    return found
 
 
 def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> Any:
