@@ -18,7 +18,7 @@ from workbench.structure import Complex, Real, Structure
 from workbench.uncertainty import (
     Responses,
     UncertaintyModel,
-    block,
+    append,
     contains,
     cover_of_estimate,
     delay,
@@ -38,7 +38,7 @@ N = control.ss(-np.eye(2), np.eye(2), [[0.5, 0.1], [0.1, 0.5]], np.zeros((2, 2))
 BLOCKS = Structure([Complex(1), Complex(1)])
 M = np.array([[0.5, 0.2j], [0.3, 0.4]])
 MIXED = Structure([Real(1), Complex(1)])
-TWO_LATE = block([[tf([1], [1, 1]) * delay("late", 0.3, 0.3), 0.5], [tf([-1], [1, 1]), 0.2]])
+TWO_LATE = append(tf([1], [1, 1]) * delay("late", 0.3, 0.3), tf([1], [1, 1]))
 OSCILLATOR = control.ss(control.tf([0.5], [1.0, 0.2, 1.0]))
 LAG, FAST = control.tf([1.0], [1.0, 0.1]), control.tf([1.0], [1.0, -0.1])
 OMEGA = np.geomspace(0.1, 10.0, 30)
