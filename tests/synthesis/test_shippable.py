@@ -18,7 +18,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Complex
 from workbench.synthesis import Modal, MuSynthesis
 from workbench.synthesis.mu import interlacing
-from workbench.synthesis.mu.interlacing import NoStableController
+from workbench.synthesis.mu.no_controller.interlacing import NoStableController
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel, generalised_plant

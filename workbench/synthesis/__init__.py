@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.families.lead_lag import LeadLag
     from workbench.synthesis.mu.families.modal import Modal, Static
     from workbench.synthesis.mu.families.three_terms import PD, PI, PID
-    from workbench.synthesis.mu.program import MuController, MuSynthesis
+    from workbench.synthesis.mu.mu_controller import MuController
+    from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords

@@ -30,7 +30,8 @@ from workbench.synthesis.h_infinity.normalised import normalised_plant
 from workbench.synthesis.h_infinity.riccati import central_above, central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.synthesis.mu.finish import Finish
-from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
+from workbench.synthesis.mu.mu_controller import MuController
+from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
 from workbench.synthesis.mu.scaling_fit import COARSE, FINE, Fineness, ScalingFit, worth

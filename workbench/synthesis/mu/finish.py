@@ -14,7 +14,8 @@ from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim
 from workbench.solvers import Outcome
-from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuController, MuSynthesis
+from workbench.synthesis.mu.mu_controller import MuController
+from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.synthesis.reduction.truncation import balanced_truncation

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numpy as np
-
 from workbench.certificate import EVERY_PERTURBATION, Check, excess, quantified
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.proofs.scaled_system import ScalingFunctions
@@ -25,7 +23,7 @@ from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
-from workbench.synthesis.h_infinity.figures import DrawnController, controller
+from workbench.synthesis.h_infinity.figures import controller
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     Absorbed,
     absorbed,
@@ -34,11 +32,11 @@ from workbench.synthesis.h_infinity.singular_plants.absorbed import (
 )
 from workbench.synthesis.mu.families.family import Family, need_family, started
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
-from workbench.synthesis.mu.interlacing import NoStableController, violated, words
 from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
-from workbench.synthesis.mu.no_gain import NoStabilisingGain
-from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.scalings import PARAMETERS
+from workbench.synthesis.mu.mu_controller import MuController
+from workbench.synthesis.mu.no_controller.interlacing import NoStableController, violated, words
+from workbench.synthesis.mu.no_controller.no_gain import NoStabilisingGain
+from workbench.synthesis.mu.rounds import Iterate, round_variables, rounds_of
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.balancing import balanced
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
@@ -53,69 +51,8 @@ from workbench.systems.storage import restored, stored
 
 PEAK_TOLERANCE = 1e-3
 """Relative tolerance of certified peaks."""
-ROUND_PREFIX = "round_"
-"""Prefix of the variables of a dataset that have a value for each round."""
 BOUND_ROUNDING = 1e-9
 """Relative difference between bounds of the same loop that counts as rounding."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class MuController(DrawnController):
-    """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
-
-    The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
-    frequency of the lower bound. ``history`` has the rounds of the iteration, and ``peak`` the
-    multipliers or scalings and the perturbation that prove the bounds.
-
-    Examples
-    --------
-    >>> import control
-    >>> import workbench as wb
-    >>> from workbench.structure import Complex
-    >>> from workbench.synthesis import MuSynthesis
-    >>> from workbench.uncertainty import generalised_plant
-    >>> G = control.tf([1.0], [1.0, 1.0])
-    >>> parts = [
-    ...     (G, "v", "y"),
-    ...     (control.ss([], [], [], [[0.2]]), "u", "z"),
-    ...     (control.tf([0.4], [1.0, 0.01]), "e", "z_e"),
-    ... ]
-    >>> sums = {"v": "u + d", "e": "r - y"}
-    >>> uncertain = [(Complex(1), "z", "d")]
-    >>> plant = generalised_plant(
-    ...     parts,
-    ...     sums,
-    ...     perturbation=uncertain,
-    ...     exogenous=["r"],
-    ...     performance=["z_e"],
-    ...     control=["u"],
-    ...     measurement="e",
-    ... )
-    >>> K = control.ss([[-0.01]], [[1.0]], [[1.0]], [[1.0]])
-    >>> answer = wb.solve(MuSynthesis(plant, target=0.9), "dk").answer
-    >>> bool(answer.lower <= answer.upper < 0.9), answer.K.noutputs
-    (True, 1)
-    """
-
-    K: StateSpace
-    lower: float
-    upper: float
-    omega: float
-    history: tuple[Iterate, ...] = field(default=())
-    peak: Peak | None = None
-    whole: StateSpace | None = None
-    """The controller of the user's plant, where K is only a part of it."""
-
-    @property
-    def lti(self) -> StateSpace:
-        """The controller of the user's plant."""
-        return self.whole or self.K
-
-    def said(self) -> str:
-        return (
-            f"MuController: {in_words(self.lti)}\n"
-            f"  peak of mu from {self.lower:.4g} to {self.upper:.4g}, about {self.omega:.4g} rad/s"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,7 +313,7 @@ class MuSynthesis(Program):
         """
         K = self._balanced(K)
         found = self.certified(K, tolerance)
-        return None if found is None else _answer(K, found, history)
+        return None if found is None else MuController.of(K, found, history)
 
     def _balanced(self, K: StateSpace) -> StateSpace:
         """K with balanced states and the plant's names of signals.
@@ -394,7 +331,7 @@ class MuSynthesis(Program):
         found = None
         if stability_of(loop).holds:
             found = scaled_peak(loop, self.closed, scalings, upper)
-        return None if found is None else _answer(K, found)
+        return None if found is None else MuController.of(K, found)
 
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
@@ -518,19 +455,14 @@ class MuSynthesis(Program):
                 **stored("controller", answer.K),
                 "peak": ("bound", [answer.lower, answer.upper], one | {"long_name": "mixed mu"}),
                 "peak_omega": ((), answer.omega, {"units": "rad/s"}),
-                **_rounds(answer.history),
+                **round_variables(answer.history),
                 **({} if answer.peak is None else stored_peak("proven", answer.peak)),
             },
             coords={"bound": ["lower", "upper"]},
         )
 
     def from_dataset(self, data: Dataset) -> MuController:
-        arrays = {
-            str(name).removeprefix(ROUND_PREFIX): array.values
-            for name, array in data.data_vars.items()
-            if str(name).startswith(ROUND_PREFIX)
-        }
-        history = tuple(unpacked(arrays)) if arrays else ()
+        history = rounds_of(data)
         lower, upper = data["peak"].values.tolist()
         omega = float(data["peak_omega"])
         found = restored_peak(data, "proven")
@@ -557,33 +489,3 @@ class MuSynthesis(Program):
         return found | (
             {"rounds": rounds_figure(answer.history, answer.upper)} if answer.history else {}
         )
-
-
-def _answer(K: StateSpace, found: Peak, history: tuple[Iterate, ...] = ()) -> MuController:
-    """The answer for a controller and the peak of its loop."""
-    return MuController(K, found.lower, found.upper, found.omega, history, found)
-
-
-def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:
-    """Variables of a dataset with the numbers, the controller and the scalings of every round."""
-    if not history:
-        return {}
-    controller = {
-        "A": ("round_state", "round_state_"),
-        "B": ("round_state", "controller_input"),
-        "C": ("controller_output", "round_state"),
-        "D": ("controller_output", "controller_input"),
-    }
-    found: dict[str, Any] = {"round": np.arange(1, len(history) + 1)}
-    for name, array in packed(history).items():
-        dims: tuple[str, ...] = ()
-        about = {"units": "1"}
-        kind, _, part = name.partition("_")
-        if kind == "controller":
-            dims = controller[part]
-            about = {"long_name": f"{part} of each round's controller, NaN beyond its order"}
-        elif kind == "scalings":
-            dims = (f"{part}_block", f"{part}_parameter")
-            about |= {"long_name": f"parameters of each round's scalings {part}: {PARAMETERS}"}
-        found[ROUND_PREFIX + name] = (("round", *dims), array, about)
-    return found

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Dataset, StateSpace
+from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.systems.realisation import realisation
 
 if TYPE_CHECKING:
     from workbench.executor import Row
 
 
+ROUND_PREFIX = "round_"
+"""Prefix of the variables of a dataset that have a value for each round."""
 CONTROLLER_PREFIX, SCALINGS_PREFIX = "controller_", "scalings_"
 """Prefixes of the names of arrays."""
 
@@ -127,3 +130,38 @@ def _without_filling(matrix: RealArray) -> RealArray:
     """The rows and columns of a matrix that are not all NaN."""
     known = np.isfinite(matrix)
     return matrix[known.any(axis=1)][:, known.any(axis=0)]
+
+
+def round_variables(history: tuple[Iterate, ...]) -> dict[str, Any]:
+    """Variables of a dataset with the numbers, the controller and the scalings of every round."""
+    if not history:
+        return {}
+    controller = {
+        "A": ("round_state", "round_state_"),
+        "B": ("round_state", "controller_input"),
+        "C": ("controller_output", "round_state"),
+        "D": ("controller_output", "controller_input"),
+    }
+    found: dict[str, Any] = {"round": np.arange(1, len(history) + 1)}
+    for name, array in packed(history).items():
+        dims: tuple[str, ...] = ()
+        about = {"units": "1"}
+        kind, _, part = name.partition("_")
+        if kind == "controller":
+            dims = controller[part]
+            about = {"long_name": f"{part} of each round's controller, NaN beyond its order"}
+        elif kind == "scalings":
+            dims = (f"{part}_block", f"{part}_parameter")
+            about |= {"long_name": f"parameters of each round's scalings {part}: {PARAMETERS}"}
+        found[ROUND_PREFIX + name] = (("round", *dims), array, about)
+    return found
+
+
+def rounds_of(data: Dataset) -> tuple[Iterate, ...]:
+    """The rounds of a dataset with the variables of `round_variables`."""
+    arrays = {
+        str(name).removeprefix(ROUND_PREFIX): array.values
+        for name, array in data.data_vars.items()
+        if str(name).startswith(ROUND_PREFIX)
+    }
+    return tuple(unpacked(arrays)) if arrays else ()

@@ -33,10 +33,11 @@ from workbench.synthesis.mu.dk import (
     iterated,
 )
 from workbench.synthesis.mu.finish import Finish
+from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.multipliers.d_step import ExtendedLoopResponse, dg_step
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
-from workbench.synthesis.mu.program import MuController, MuSynthesis
+from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
 EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)

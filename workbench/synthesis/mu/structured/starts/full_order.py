@@ -15,7 +15,8 @@ from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.synthesis.mu.dk import LEVEL_TOLERANCE, iterated
 from workbench.synthesis.mu.families.modal import Modal
-from workbench.synthesis.mu.program import MuController, MuSynthesis
+from workbench.synthesis.mu.mu_controller import MuController
+from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable

@@ -1,0 +1,1 @@
+"""Proofs that no controller of a kind stabilises a plant."""
