@@ -11,8 +11,8 @@ from lanes import examples
 
 from workbench.errors import InputError
 from workbench.identification import read_record, read_response, read_variables
-from workbench.identification.experiments.text_table import UNIT
-from workbench.identification.experiments.variables import read_table
+from workbench.identification.files.units import is_unit
+from workbench.identification.files.variables import read_table
 
 FILES = {
     "trailing commas": "t,u,y,\n0,1,2,\n1,3,4,\n2,5,6,\n",
@@ -85,8 +85,11 @@ def test_frequencies_come_in_hertz(tmp_path):
     ("text", "message"),
     [
         ("t,u\n0,1\n1,\n2,3\n", "'u' has 1 entries that are blank, NaN or infinite, .* line 3"),
-        ("t,u,d\n0,1,2024-05-01\n1,2,2024-05-02\n", "'d' has no numbers: line 2: '2024-05-01'"),
-        ("t [weeks],u\n0,1\n1,2\n", "'t' is in 'weeks'; s, sec, ms"),
+        (
+            "t,u,d\n0,1,2024-05-01\n1,2,2024-05-02\n",
+            "line 2: '2024-05-01' is not a number \\(column 'd'",
+        ),
+        ("t [fathom],u\n0,1\n1,2\n", "is in 'fathom': .* cannot be converted to 's'"),
         ("t u v\n0 1\n1 2\n", "line 1 names 3 columns, 2 are needed"),
         ("a note\n0,1\n1,2\n", r"no variable 'u'; it has 1, 2 \(.*no line names them\)"),
         ("t,u\n0,1\n1,2\n2,3,4\n", "line 4: 3 columns, 2 are needed"),
@@ -155,9 +158,7 @@ def test_python_reads_the_same(tmp_path):
     np.testing.assert_array_equal(np.column_stack(list(read_variables(file).values())), expected)
 
 
-@pytest.mark.parametrize(
-    "unit", ["", "[whatever]", "(x)", "ms", "rad/s", "m/s^2", "kHz", "-", "µm"]
-)
+@pytest.mark.parametrize("unit", ["ms", "rad/s", "m/s^2", "kHz", "-", "µm"])
 def test_units_are_known(unit):
-    assert UNIT.fullmatch(unit)
-    assert not UNIT.fullmatch("torque")
+    assert is_unit(unit)
+    assert not is_unit("torque")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         line_distortion,
         total_harmonic_distortion,
     )
+    from workbench.identification.experiments.measured_responses import read_response
     from workbench.identification.experiments.multisine import (
         Multisine,
         line_amplitudes,
@@ -29,10 +30,10 @@ if TYPE_CHECKING:
         as_record,
         saturation,
     )
-    from workbench.identification.experiments.records import read_record, read_response
+    from workbench.identification.experiments.records import read_record
     from workbench.identification.experiments.several import Experiments, as_experiments
     from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
-    from workbench.identification.experiments.variables import read_variables
+    from workbench.identification.files.variables import read_variables
     from workbench.identification.innovations.impulse_responses import (
         impulse_response,
         impulse_response_deviations,

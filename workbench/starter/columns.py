@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification.experiments.records import name_in_file, uneven
-from workbench.identification.experiments.text_table import Columns
-from workbench.identification.experiments.variables import read_table
+from workbench.identification.experiments.records import uneven
+from workbench.identification.files.columns import Columns
+from workbench.identification.files.variables import read_table
 
 TIME = ("t", "time", "zeit", "seconds", "timestamp")
 INPUT = (
@@ -35,10 +37,12 @@ def record_columns(
     open which is which; the message tells all names.
     """
     columns = read_table(file)
-    table = columns.variables
-    input, output, time = (
-        name if name is None else name_in_file(columns, name) for name in (input, output, time)
-    )
+    asked = {"input": input, "output": output, "time": time}
+    for kind, name in asked.items():
+        if name is not None:
+            asked[kind] = columns.own_name(name, "time" if kind == "time" else "signal")
+    input, output, time = asked.values()
+    table = columns.variables | _stamps(columns)
     names = [name for name, values in table.items() if np.ndim(values) == 1]
     told = f"{file} has the columns {', '.join(map(repr, table)) or 'none'}"
     if not columns.named:
@@ -47,15 +51,15 @@ def record_columns(
             f"are called {', '.join(map(repr, table))} until a line such as time,u,y stands there"
         )
     for kind, name in (("input", input), ("output", output), ("time", time)):
-        if name is not None and name not in table:
+        if name is not None and name not in columns.names:
             raise InputError(f"{told}: none is called {name!r}; name the {kind}, --{kind} NAME")
     if time is None and sample_rate is None:
         found = _instants(table, names)
         if not found:
-            _refuse_gaps(file, columns, names)
+            _refuse_gaps(file, columns, table, names)
         time = _one(found, told, "time", "or give --sample-rate HZ")
     if time is None and sample_rate is not None:
-        _need_rate(table, _called(_instants(table, names), TIME), sample_rate, told)
+        _need_rate(columns, _called(_instants(table, names), TIME), sample_rate, told)
     left = [name for name in names if name not in (input, output, time)]
     if input is None:
         fit = _called(left, INPUT)
@@ -68,11 +72,22 @@ def record_columns(
     return input, output, time
 
 
-def _refuse_gaps(file: Path, columns: Columns, names: Sequence[str]) -> None:
+def _stamps(columns: Columns) -> dict[str, RealArray]:
+    """The columns of dates and clocks [s]."""
+    found = {}
+    for name in columns.texts:
+        with suppress(InputError):
+            found[name] = columns.seconds(name)[0]
+    return found
+
+
+def _refuse_gaps(
+    file: Path, columns: Columns, table: Mapping[str, np.ndarray], names: Sequence[str]
+) -> None:
     """Raise InputError where a column of time has gaps: it rises, mostly by one step."""
     for name in _called(names, TIME) or names:
-        rows = np.flatnonzero(np.isfinite(columns.variables[name])).tolist()
-        instants = columns.variables[name][rows]
+        rows = np.flatnonzero(np.isfinite(table[name])).tolist()
+        instants = table[name][rows]
         steps = np.diff(instants)
         if steps.size < 2 or steps.min() <= 0:
             continue
@@ -87,16 +102,14 @@ def _refuse_gaps(file: Path, columns: Columns, names: Sequence[str]) -> None:
             )
 
 
-def _need_rate(
-    table: dict[str, np.ndarray], called: Sequence[str], sample_rate: float, told: str
-) -> None:
+def _need_rate(columns: Columns, called: Sequence[str], sample_rate: float, told: str) -> None:
     """Raise InputError where a column of time tells another sampling frequency."""
     for name in called:
-        rate = 1.0 / float(np.diff(table[name]).mean())
+        rate = 1.0 / float(np.diff(columns.seconds(name)[0]).mean())
         if abs(rate / sample_rate - 1) > EVEN:
             raise InputError(
-                f"{told}; {name!r} rises by {1 / rate:.4g} a sample, {rate:.6g} Hz if it is in "
-                f"seconds, and --sample-rate says {sample_rate:g} Hz: leave it out, or rename the "
+                f"{told}; {name!r} rises by {1 / rate:.4g} s a sample, {rate:.6g} Hz, and "
+                f"--sample-rate says {sample_rate:g} Hz: leave it out, or rename the "
                 "column"
             )
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import FrequencyResponseData
+from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.experiments.records import read_record, read_response
-from workbench.identification.experiments.variables import need_path
+from workbench.identification.experiments.records import read_record
+from workbench.identification.files.variables import need_path
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_places, need_whole

@@ -1,0 +1,152 @@
+"""Reading of measured frequency responses: complex, by parts, or by magnitude and phase."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset
+from workbench.identification.experiments.records import asked_names, column, picked
+from workbench.identification.files.columns import Columns
+from workbench.identification.files.names import Role
+from workbench.identification.files.units import converted
+from workbench.identification.files.variables import File, read_table
+
+MAGNITUDE = re.compile(r"(?i)mag|gain|abs|ampl|db\b|\|.*\||modulus|betrag")
+PHASE = re.compile(r"(?i)phas|arg|angle|∠|deg\b|°")
+"""Words in names of magnitudes and phases."""
+
+
+def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
+    r"""Read a measured frequency response from a file.
+
+    Parameters
+    ----------
+    file
+        A file that `read_variables` reads; Touchstone has the variables ``f``, ``S11``, ``S21``.
+    frequency
+        Name of the variable with the frequencies, in the unit that the file tells (``f_kHz``,
+        ``w [rad/s]``, a row of units), else in Hz; one that is called omega, w or ω in rad/s.
+    response
+        Name of a complex variable, (F,) or (F, outputs, inputs), also of texts such as ``1+2i``; or
+        names of its real and its imaginary part; or of its magnitude and its phase, which are told
+        by their names (``Magnitude (dB)``, ``gain``, ``phase [deg]``) or units.
+
+    Returns
+    -------
+    Dataset
+        ``response`` (frequency, output, input); the attribute ``read`` says what was found out.
+
+    Raises
+    ------
+    InputError
+        As `read_record`; or a phase has no unit, or two names are neither two parts nor magnitude
+        and phase.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from workbench.identification import read_response
+    >>> _ = Path("curve.csv").write_text("f [kHz],re,im\n1,1.0,0.0\n2,0.5,-0.5\n")
+    >>> found = read_response("curve.csv", "f", ("re", "im"))
+    >>> found["frequency"].values.tolist(), found["response"].values.ravel().tolist()
+    ([1000.0, 2000.0], [(1+0j), (0.5-0.5j)])
+    >>> _ = Path("bode.csv").write_text("f_Hz,Gain (dB),Phase (deg)\n1,20,90\n2,0,180\n")
+    >>> found = read_response("bode.csv", "f_Hz", ("Gain (dB)", "Phase (deg)"))
+    >>> found["response"].values.ravel().round(9).tolist()
+    [10j, (-1+0j)]
+    """
+    import xarray as xr
+
+    table = read_table(file)
+    asked_names(frequency, "frequency")
+    names = asked_names(response, "response")
+    if len(names) > 2:
+        raise InputError(f"{file}: a response has one name or two, not {len(names)}")
+    hertz, how = table.hertz(table.own_name(frequency, "frequency"))
+    if len(names) == 1:
+        parts = {names[0]: _complex_column(table, names[0])}
+    else:
+        parts = {name: column(table, name) for name in names}
+    found, _ = picked(table, {frequency: hertz} | parts)
+    frequencies = found[frequency].ravel()
+    values, formed = _formed(table, names, [found[name] for name in names])
+    if values.size == len(frequencies):
+        values = values.reshape(-1, 1, 1)
+    if values.ndim != 3 or len(values) != len(frequencies):
+        raise InputError(
+            f"{file}: the response has shape {values.shape}, {len(frequencies)} frequencies need "
+            f"({len(frequencies)},) or ({len(frequencies)}, outputs, inputs)"
+        )
+    unit = {"units": "Hz", "long_name": "frequency"}
+    return xr.Dataset(
+        {"response": (("frequency", "output", "input"), values, {"units": "1"})},
+        coords={"frequency": ("frequency", frequencies, unit)},
+        attrs={"read": "; ".join(filter(None, [table.said, how, formed]))},
+    )
+
+
+def _complex_column(table: Columns, name: str) -> np.ndarray:
+    """A variable that may hold complex numbers, or texts of them."""
+    own = table.own_name(name)
+    return table.complex_numbers(own) if own in table.texts else column(table, name)
+
+
+def _formed(
+    table: Columns, names: Sequence[str], parts: Sequence[np.ndarray]
+) -> tuple[ComplexArray, str]:
+    """A complex response from its parts, and how it was formed of them."""
+    if len(parts) == 1:
+        return np.asarray(parts[0], dtype=complex), ""
+    one, two = parts
+    if one.shape != two.shape:
+        raise InputError(f"{table.path}: {' and '.join(map(repr, names))} differ in shape")
+    is_magnitude = bool(MAGNITUDE.search(_label(table, names[0], "magnitude")))
+    is_phase = bool(PHASE.search(_label(table, names[1], "phase")))
+    if is_magnitude != is_phase:
+        raise InputError(
+            f"{table.path}: {names[0]!r} and {names[1]!r} are neither real and imaginary part nor "
+            "magnitude and phase: name two that belong together, magnitude and real part first"
+        )
+    if is_magnitude:
+        return _polar(table, names, parts)
+    return one + 1j * two, f"{names[0]!r} and {names[1]!r} taken as real and imaginary part"
+
+
+def _label(table: Columns, name: str, role: Role) -> str:
+    """A column's name with its unit, by which it is known."""
+    own = table.own_name(name, role)
+    return f"{own} {table.unit(own, role) or ''}"
+
+
+def _polar(
+    table: Columns, names: Sequence[str], parts: Sequence[np.ndarray]
+) -> tuple[ComplexArray, str]:
+    """A response by its magnitude, in decibels or not, and its phase."""
+    magnitude, phase = parts
+    own = table.own_name(names[0], "magnitude"), table.own_name(names[1], "phase")
+    unit = table.unit(own[0], "magnitude")
+    decibels = unit is not None and unit.lower() in ("db", "decibel")
+    if not decibels and (magnitude < 0).any():
+        raise InputError(
+            f"{table.path}: magnitude {names[0]!r} is negative: if it is in decibels, call it "
+            f"'{names[0]} [dB]'"
+        )
+    turn = table.unit(own[1], "phase")
+    if turn is None:
+        raise InputError(
+            f"{table.path}: the unit of phase {names[1]!r} is unknown: call it '{names[1]} [deg]' "
+            f"or '{names[1]} [rad]'"
+        )
+    try:
+        radians = converted(phase, turn, "rad")
+    except InputError as error:
+        raise InputError(f"{table.path}: phase {names[1]!r}: {error}") from None
+    size = 10 ** (magnitude / 20) if decibels else magnitude
+    values: ComplexArray = np.asarray(size * np.exp(1j * radians), dtype=complex)
+    said = f"magnitude {names[0]!r} in {'dB' if decibels else unit or '1 (no unit known)'}"
+    return values, f"{said}, phase {names[1]!r} in {turn}"

@@ -1,0 +1,162 @@
+"""What a file holds: columns that are read as numbers when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.files.cells import as_complex, as_numbers
+from workbench.identification.files.clocks import as_seconds
+from workbench.identification.files.names import A_COLUMN, Role, split_name
+from workbench.identification.files.units import converted, plain_unit
+
+LATEST_SECOND = 1e11
+"""Seconds since 1970 in the year 5138: larger instants are counted in another unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a file holds.
+
+    ``variables`` are its numbers by name, a blank cell is NaN; ``texts`` are the cells of other
+    columns; ``refused`` says why further ones cannot be read. ``units`` are known for some, by a
+    row of units or an attribute. ``said`` is what was found out. ``lines`` are the numbers of the
+    rows' lines, from 0, in a file of text; ``named`` is false where no line names its columns.
+    """
+
+    path: Path
+    variables: dict[str, np.ndarray]
+    units: dict[str, str] = field(default_factory=dict)
+    texts: dict[str, Sequence[str]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    said: str = ""
+    lines: Sequence[int] = ()
+    named: bool = True
+    decimal: str = "."
+
+    def place(self, row: int) -> str:
+        """Where a row is: its line of a text, else its index."""
+        return f"line {self.lines[row] + 1}" if self.lines else f"index {row}"
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all columns."""
+        return [*self.variables, *self.texts, *self.refused]
+
+    def own_name(self, name: str, role: Role = "signal") -> str:
+        """The name of a column as the file has it: with its unit, where a name contains one.
+
+        Raises InputError where several columns have the name.
+        """
+        if name in self.names:
+            return name
+        numbered = [own for own in self.texts | self.variables if A_COLUMN.sub("", own) == name]
+        bare = split_name(name, role)[0]
+        found = numbered or [own for own in self.names if split_name(own, role)[0] == bare]
+        if len(found) > 1:
+            raise InputError(
+                f"{self.path}: {len(found)} columns are called {name!r}: name one of them, "
+                f"{', '.join(map(repr, found))}"
+            )
+        return found[0] if found else name
+
+    def unit(self, name: str, role: Role = "signal") -> str | None:
+        """The unit of a column, by a row of units or its name; None where nothing tells it."""
+        return self.units.get(name) or split_name(name, role)[1]
+
+    def numbers(self, name: str) -> np.ndarray:
+        """A column as numbers.
+
+        Raises InputError where there is no such column or a cell is none; the message names it.
+        """
+        if name in self.variables:
+            return self.variables[name]
+        found = as_numbers(self._cells(name), self.decimal)
+        if isinstance(found, int):
+            raise self._wrong(name, found, "a number")
+        self.variables[name], unit = found
+        if unit:
+            self.units.setdefault(name, unit)
+        return self.variables[name]
+
+    def complex_numbers(self, name: str) -> np.ndarray:
+        """A column as complex numbers; raises InputError as `numbers`."""
+        if name in self.variables:
+            return self.variables[name]
+        found = as_complex(self._cells(name), self.decimal)
+        if isinstance(found, int):
+            raise self._wrong(name, found, "a complex number")
+        return found
+
+    def seconds(self, name: str) -> tuple[RealArray, str]:
+        """A column as instants [s], and how they were told.
+
+        Raises InputError as `numbers`, and where the unit is no time or is unknown and not seconds.
+        """
+        if name in self.texts and isinstance(as_numbers(self.texts[name], self.decimal), int):
+            return self._stamps(name)
+        values = self.numbers(name)
+        if np.iscomplexobj(values):
+            raise InputError(f"{self.path}: {name!r} holds complex numbers, which are no instants")
+        unit = self.unit(name, "time")
+        if unit is not None:
+            return self.converted(values, name, unit, "s"), ""
+        if values.size and np.nanmax(np.abs(values), initial=0.0) > LATEST_SECOND:
+            raise InputError(
+                f"{self.path}: column {name!r} has no unit, and {values.ravel()[0]:.6g} is no "
+                f"number of seconds: rename the column, such as {name}_ms or {name}_us"
+            )
+        return values, f"unit of {name!r} unknown, taken as s"
+
+    def _stamps(self, name: str) -> tuple[RealArray, str]:
+        """Dates and clocks of a column of text [s]; a blank cell is NaN."""
+        cells = self.texts[name]
+        rows = [row for row, cell in enumerate(cells) if cell]
+        try:
+            found = as_seconds([cells[row] for row in rows])
+        except InputError as error:
+            raise InputError(f"{self.path}, column {name!r}: {error}") from None
+        if isinstance(found, int):
+            raise self._wrong(name, rows[found], "a number, date or clock")
+        seconds = np.full(len(cells), np.nan)
+        seconds[rows] = found[0]
+        return seconds, f"{name!r} holds {found[1]}"
+
+    def hertz(self, name: str) -> tuple[RealArray, str]:
+        """A column as frequencies [Hz], and how they were told; raises InputError as `seconds`."""
+        values = self.numbers(name)
+        unit = self.unit(name, "frequency")
+        if unit is not None:
+            return self.converted(values, name, unit, "Hz"), ""
+        if name.lower() in ("omega", "w", "ω"):
+            said = f"unit of {name!r} unknown, taken as rad/s"
+            return self.converted(values, name, "rad/s", "Hz"), said
+        return values, f"unit of {name!r} unknown, taken as Hz"
+
+    def converted(self, values: np.ndarray, name: str, unit: str, to: str) -> RealArray:
+        """Values of a column in another unit; raises InputError where that cannot be."""
+        try:
+            return converted(values, plain_unit(unit), to)
+        except InputError as error:
+            raise InputError(f"{self.path}: {name!r} is in {unit!r}: {error}") from None
+
+    def _cells(self, name: str) -> Sequence[str]:
+        if name in self.texts:
+            return self.texts[name]
+        if name in self.refused:
+            raise InputError(f"{self.path}: {name!r} {self.refused[name]}")
+        raise InputError(
+            f"{self.path} has no variable {name!r}; it has {', '.join(self.names) or 'none'}"
+            f" ({self.said})"
+        )
+
+    def _wrong(self, name: str, row: int, what: str) -> InputError:
+        return InputError(
+            f"{self.path}, {self.place(row)}: {self.texts[name][row]!r} is not {what} (column "
+            f"{name!r}): correct that cell, or name another column"
+        )

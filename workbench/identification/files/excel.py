@@ -1,0 +1,43 @@
+"""The first sheet of an Excel workbook, read as the text that its cells show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import InputError
+from workbench.identification.files.columns import Columns
+from workbench.identification.files.text_table import columns_of_text
+
+
+def read_xlsx(path: Path) -> Columns:
+    """Columns of the first sheet of a workbook; its rows are the lines that messages name.
+
+    Raises
+    ------
+    InputError
+        openpyxl is not installed; the file is no workbook, or its first sheet no table.
+    """
+    import pandas
+
+    try:
+        with pandas.ExcelFile(path, engine="openpyxl") as book:
+            names = [str(name) for name in book.sheet_names]
+            sheet = book.parse(0, header=None, dtype=object, na_filter=False)
+    except ImportError:
+        raise InputError(
+            f'{path} needs openpyxl: pip install "robust-workbench[excel]", or save it as .csv'
+        ) from None
+    except Exception as error:  # openpyxl raises many kinds of errors for a broken file
+        raise InputError(f"{path} cannot be read as an Excel workbook: {error}") from None
+    text = "\n".join("\t".join(map(_shown, row)) for row in sheet.itertuples(index=False))
+    found = columns_of_text(path, text)
+    others = f", the first of {len(names)}" if len(names) > 1 else ""
+    return replace(found, said=f"sheet {names[0]!r}{others}; {found.said}")
+
+
+def _shown(cell: Any) -> str:
+    """A cell as text: numbers to the last bit, dates as ISO 8601 has them."""
+    shown = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
+    return " ".join(shown.split())

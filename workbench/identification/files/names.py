@@ -1,0 +1,53 @@
+"""Names of columns and the units that they contain."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from workbench.identification.files.units import is_unit, plain_unit
+
+Role = Literal["time", "frequency", "signal", "magnitude", "phase"]
+"""What a column holds; it decides which ends of a name are units."""
+IN_BRACKETS = re.compile(r"(.*\S)\s*[\[(]([^\])]*)[\])]")
+"""A name with its unit, such as ``torque [Nm]``."""
+A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
+"""The end of a name of one of several columns, such as ``y[0]``; ``gain [1]`` has a unit."""
+AFTER_A_STROKE = re.compile(r"([^/]*[^/\s])\s*/\s*(.+)")
+"""A name with its unit, such as ``t/ms`` (ISO 80000-1)."""
+AFTER_A_WORD = re.compile(r"(.*\S)\s*(?:,|\bin\b)\s*(\S+)")
+"""A name with its unit, such as ``time, s`` and ``time in ms``."""
+SUFFIXES: dict[str, str] = {
+    "time": "ns|us|µs|μs|ms|msec|usec|s|sec|secs|seconds?|min|minutes?|h|hr|hours?|d|days?|"
+    "millis|milliseconds?|micros|microseconds?|nanos|nanoseconds?",
+    "frequency": "m?hz|khz|mhz|ghz|rad_s|rads|rad/s|radps|rpm",
+    "signal": "rpm|nm|mnm|rad|deg|degc|degf|rad_s|radps|deg_s|mv|kv|ma|mm|um|m_s|mm_s|kpa|mbar|psi|"
+    "hz|khz",
+    "magnitude": "db",
+    "phase": "deg|degrees?|rad|radians?",
+}  # fmt: skip
+"""Units at the end of a name, after an underscore; single letters only where the role is known."""
+SPELLINGS = {
+    "nm": "Nm", "mnm": "mNm", "rads": "rad/s", "degc": "°C", "degf": "°F", "deg_s": "deg/s",
+    "mv": "mV", "kv": "kV", "ma": "mA", "kpa": "kPa", "db": "dB", "hz": "Hz", "khz": "kHz",
+    "mhz": "MHz", "ghz": "GHz", "rad_s": "rad/s", "radps": "rad/s", "m_s": "m/s", "mm_s": "mm/s",
+}  # fmt: skip
+"""Units as a suffix writes them, and as they are."""
+ALONE = re.compile(r"(milli|micro|nano)(s|seconds?)|seconds?|minutes?|hours?", re.IGNORECASE)
+"""Names of times that are nothing but their unit."""
+
+
+def split_name(name: str, role: Role = "signal") -> tuple[str, str | None]:
+    """A name without its unit, and the unit, as ``("t", "ms")`` of ``"t [ms]"`` and ``"t_ms"``."""
+    if (found := IN_BRACKETS.fullmatch(name)) and not A_COLUMN.search(name):
+        return found[1], found[2].strip() or None
+    for pattern in (AFTER_A_STROKE, AFTER_A_WORD):
+        if (found := pattern.fullmatch(name)) and is_unit(plain_unit(found[2])):
+            return found[1], plain_unit(found[2])
+    if role == "time" and ALONE.fullmatch(name):
+        return name, name.lower()
+    suffix = re.compile(rf"(.+?)[_ .]({SUFFIXES[role]})", re.IGNORECASE).fullmatch(name)
+    if suffix:
+        written = suffix[2] if suffix[2] in ("mHz", "MHz") else suffix[2].lower()
+        return suffix[1], SPELLINGS.get(written, written)
+    return name, None
