@@ -9,17 +9,15 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-
-UNEVEN = 0.1
-"""Largest deviation of a sampling interval from their mean, relative: instants are rounded."""
-
-UNEVEN_START = 0.5
-"""Largest distance of the first instants of u and y, in sampling intervals."""
-SECONDS = {
-    "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "seconds": 1.0,
-    "min": 60.0,
-}  # fmt: skip
-"""Units of time [s]."""
+from workbench.identification.experiments.instants import (
+    ROWS,
+    UNEVEN,
+    Instants,
+    need_same_start,
+    of_index,
+    of_labels,
+    step_of,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +38,16 @@ class Signals:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """An array with the names and units of its channels, and its instants [s], where known.
+    """An array with the names and units of its channels, and its instants, where known.
 
-    ``oriented`` says that the samples are known to be the rows. Instants of dates count from the
-    first ``date``.
+    ``oriented`` says that the samples are known to be the rows.
     """
 
     values: Any
     names: tuple[str, ...] | None = None
     units: tuple[str, ...] | None = None
-    instants: RealArray | None = None
+    instants: Instants | None = None
     oriented: bool = False
-    date: Any = None
 
 
 def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
@@ -81,17 +77,15 @@ def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
     for name, found in labels.items():
         if len(set(found)) < len(found):
             raise InputError(f"two channels of {name} have one name: {', '.join(found)}")
-    steps = [_step(t.instants, name) for name, t in tables.items() if t.instants is not None]
+    labels_of = {name: t.instants for name, t in tables.items() if t.instants is not None}
+    steps = [step_of(each, name) for name, each in labels_of.items() if each.kind != ROWS]
     if len(steps) == 2 and abs(steps[0] - steps[1]) > UNEVEN * steps[0]:
         raise InputError(
             f"u is sampled every {steps[0]:.6g} s and y every {steps[1]:.6g} s; resample one of "
             "them to the instants of the other"
         )
-    later = _later(tables["u"], tables["y"])
-    if steps and abs(later) > UNEVEN_START * steps[0]:
-        raise InputError(
-            f"y begins {later:.6g} s after u; cut both to the instants that they share"
-        )
+    if len(labels_of) == 2:
+        need_same_start(labels_of["u"], labels_of["y"], steps[0] if steps else 1.0)
     return Signals(
         turned["u"], turned["y"], labels["u"], labels["y"], units["u"], units["y"],
         steps[0] if steps else None,
@@ -118,9 +112,9 @@ def _table(given: Any, name: str) -> _Table:
     if hasattr(given, "dims") and hasattr(given, "coords"):
         return _labelled(given, name)
     if hasattr(given, "columns") and hasattr(given, "to_numpy"):
-        return _of_pandas(given, tuple(str(column) for column in given.columns))
+        return _of_pandas(given, tuple(map(str, given.columns)), name)
     if hasattr(given, "to_numpy") and hasattr(given, "index"):
-        return _of_pandas(given, (str(given.name),) if given.name is not None else None)
+        return _of_pandas(given, (str(given.name),) if given.name is not None else None, name)
     return _Table(given)
 
 
@@ -140,65 +134,16 @@ def _labelled(given: Any, name: str) -> _Table:
         count = given.sizes[others[0]]
     else:
         names, count = ((str(given.name),) if given.name is not None else None), 1
-    instants = given["time"].values if "time" in given.coords else None
-    seconds = _seconds(instants)
-    if instants is not None and seconds is not None and instants.dtype.kind not in "mM":
-        seconds = seconds * _factor(str(given["time"].attrs.get("units", "s")), name)
-    return _Table(array.values, names, (unit,) * count, seconds, True, _date(instants))
+    instants = None
+    if "time" in given.coords:
+        time = given["time"]
+        instants = of_labels(time.values, str(time.attrs.get("units", "s")), name)
+    return _Table(array.values, names, (unit,) * count, instants, True)
 
 
-def _factor(unit: str, name: str) -> float:
-    """Seconds in a unit of time; raises `InputError` for another unit."""
-    if unit not in SECONDS:
-        raise InputError(
-            f"the instants of {name} are in {unit!r}; {', '.join(SECONDS)} are known: convert them"
-        )
-    return SECONDS[unit]
-
-
-def _of_pandas(given: Any, names: tuple[str, ...] | None) -> _Table:
+def _of_pandas(given: Any, names: tuple[str, ...] | None, name: str) -> _Table:
     """A frame or a series; an index that only counts rows tells no instants."""
-    counts = type(given.index).__name__ == "RangeIndex"
-    instants = None if counts else np.asarray(given.index)
-    return _Table(given.to_numpy(), names, None, _seconds(instants), True, _date(instants))
-
-
-def _date(instants: Any) -> Any:
-    """The first of instants that are dates, else None."""
-    dates = instants is not None and len(instants) and instants.dtype.kind == "M"
-    return instants[0] if dates else None
-
-
-def _later(one: _Table, other: _Table) -> float:
-    """By how much another table begins later [s]; 0 where nothing tells."""
-    if one.date is not None and other.date is not None:
-        return float((other.date - one.date) / np.timedelta64(1, "ns") * 1e-9)
-    if one.instants is None or other.instants is None or one.date is not other.date:
-        return 0.0
-    return float(other.instants[0] - one.instants[0])
-
-
-def _seconds(instants: Any) -> RealArray | None:
-    """Instants as numbers [s], or None for what tells no time."""
-    if instants is None or len(instants) < 2:
-        return None
-    if instants.dtype.kind in "mM":
-        zero = instants[0] if instants.dtype.kind == "M" else np.timedelta64(0, "ns")
-        return np.asarray((instants - zero) / np.timedelta64(1, "ns") * 1e-9, dtype=float)
-    return np.asarray(instants, dtype=float) if instants.dtype.kind in "iuf" else None
-
-
-def _step(instants: RealArray, name: str) -> float:
-    """Sampling time [s] of instants; raises `InputError` unless they are equidistant."""
-    steps = np.diff(instants)
-    mean = float(steps.mean())
-    apart = ~(np.abs(steps - mean) <= UNEVEN * abs(mean))
-    if not mean > 0 or apart.any():
-        raise InputError(
-            f"the instants of {name} are not equidistant and rising at sample "
-            f"{int(np.argmax(apart)) + 1}: resample the record or cut it there"
-        )
-    return mean
+    return _Table(given.to_numpy(), names, None, of_index(given.index, name), True)
 
 
 def _numbers(table: _Table, name: str) -> RealArray:

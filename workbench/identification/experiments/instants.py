@@ -1,0 +1,148 @@
+"""Instants that labels of samples tell: those of pandas and of labelled arrays."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.files.clocks import as_seconds
+from workbench.identification.files.names import split_name
+from workbench.identification.files.units import converted, plain_unit
+
+UNEVEN = 0.1
+"""Largest deviation of a sampling interval from their mean, relative: instants are rounded."""
+UNEVEN_START = 0.5
+"""Largest distance of the first instants of u and y, in sampling intervals."""
+
+ROWS = "numbers of rows"
+"""The kind of labels that tell an order but no time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instants:
+    """Instants [s] of samples; those of dates count from the first.
+
+    ``origin`` is what the first stands for: a date, a text, or None where seconds are numbers.
+    ``kind`` says in words what the labels are; those of one kind can be compared.
+    """
+
+    seconds: RealArray
+    kind: str
+    origin: Any = None
+
+
+def of_index(index: Any, name: str) -> Instants | None:
+    """The instants that an index of pandas tells, or numbers of rows.
+
+    Raises
+    ------
+    InputError
+        It has labels that are no instants; the message says what to do.
+    """
+    kind = type(index).__name__
+    if len(index) < 2:
+        return None
+    if kind == "RangeIndex":
+        return Instants(np.asarray(index, dtype=float), ROWS)
+    if kind == "MultiIndex":
+        raise InputError(
+            f"{name} has an index of {index.nlevels} levels; instants are needed, or "
+            "reset_index(drop=True) and sample_time="
+        )
+    if kind == "PeriodIndex":
+        index = index.to_timestamp()
+    if index.dtype == object and hasattr(index[0], "isoformat"):
+        import pandas
+
+        with suppress(ValueError, TypeError):  # zones that differ stay objects and are refused
+            index = pandas.DatetimeIndex(index)
+    if getattr(index, "tz", None) is not None:
+        labels = index.tz_convert("UTC").tz_localize(None).to_numpy()
+        return _dates(labels, "dates with a time zone")
+    unit = split_name(str(index.name), "time")[1] if index.name is not None else None
+    return of_labels(index.to_numpy(), unit or "s", name)
+
+
+def of_labels(labels: np.ndarray, unit: str, name: str) -> Instants | None:
+    """The instants of an array of labels; numbers are in a unit of time.
+
+    Raises InputError as `of_index`.
+    """
+    if len(labels) < 2:
+        return None
+    if labels.dtype.kind == "M":
+        return _dates(labels, "dates without a time zone")
+    if labels.dtype.kind == "m":
+        return Instants(labels / np.timedelta64(1, "ns") * 1e-9, "times")
+    if labels.dtype.kind in "iuf":
+        try:
+            seconds = converted(labels.astype(float), plain_unit(unit), "s")
+        except InputError as error:
+            raise InputError(f"the instants of {name}: {error}") from None
+        return Instants(seconds, "numbers")
+    if all(isinstance(label, str) for label in labels):
+        return _texts([str(label) for label in labels], name)
+    raise InputError(
+        f"the samples of {name} are labelled by {type(labels[0]).__name__}, such as {labels[0]!r}; "
+        "instants are needed: numbers [s], dates, or no labels and sample_time="
+    )
+
+
+def _dates(labels: np.ndarray, kind: str) -> Instants:
+    """Dates, counted from the first."""
+    seconds = (labels - labels[0]) / np.timedelta64(1, "ns") * 1e-9
+    return Instants(np.asarray(seconds, dtype=float), kind, labels[0])
+
+
+def _texts(labels: list[str], name: str) -> Instants:
+    """Stamps written as text, counted from the first."""
+    try:
+        found = as_seconds(labels)
+    except InputError as error:
+        raise InputError(f"the instants of {name}: {error}") from None
+    if isinstance(found, int):
+        raise InputError(
+            f"the samples of {name} are labelled by texts, and {labels[found]!r} of sample {found} "
+            "is no date or clock: give instants, or no labels and sample_time="
+        )
+    return Instants(found[0], "texts", labels[0])
+
+
+def step_of(instants: Instants, name: str) -> float:
+    """Sampling time [s] of instants; raises `InputError` unless they are equidistant."""
+    steps = np.diff(instants.seconds)
+    mean = float(steps.mean())
+    apart = ~(np.abs(steps - mean) <= UNEVEN * abs(mean))
+    if not mean > 0 or apart.any():
+        raise InputError(
+            f"the instants of {name} ({instants.kind}) are not equidistant and rising at sample "
+            f"{int(np.argmax(apart)) + 1}: sort the rows, resample the record or cut it there"
+        )
+    return mean
+
+
+def need_same_start(u: Instants, y: Instants, step: float) -> None:
+    """Raise `InputError` where y begins at another instant, or another row, than u."""
+    if u.kind != y.kind:
+        if ROWS in (u.kind, y.kind):
+            return
+        raise InputError(
+            f"the instants of u are {u.kind} and those of y {y.kind}; give both the same ones"
+        )
+    if isinstance(u.origin, str):
+        both = as_seconds([u.origin, y.origin])
+        later = float("nan") if isinstance(both, int) else float(both[0][1])
+    elif u.origin is not None:
+        later = float((y.origin - u.origin) / np.timedelta64(1, "ns") * 1e-9)
+    else:
+        later = float(y.seconds[0] - u.seconds[0])
+    if not abs(later) <= UNEVEN_START * step:
+        unit = "rows" if u.kind == ROWS else "s"
+        raise InputError(
+            f"y begins {later:.6g} {unit} after u; cut both to the instants that they share"
+        )
