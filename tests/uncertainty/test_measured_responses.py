@@ -231,7 +231,7 @@ def test_channels_of_several_are_chosen_by_name_or_number():
         (lambda d: read(d, frequency="t", response="speed"), "of a record name input="),
         (lambda d: read(d, sample_rate=1000.0), "either the sample rate or the name of the time"),
         (lambda d: read(d, output="day"), "'2026-01-01' is not a number"),
-        (lambda d: read(d, time="torque"), "'torque' is in 'Nm'; s, sec"),
+        (lambda d: read(d, time="torque"), "'torque' is in 'Nm': 'Nm' cannot be converted to 's'"),
         (lambda d: Responses.from_files(d / "*", frequency="t", response="speed", hold=True),
          "hold belongs to records"),
         (lambda d: read(d, most=1), "most is 1; two frequencies"),

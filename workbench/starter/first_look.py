@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.identification.experiments.records import read_record
+from workbench.identification.experiments.alike import read_alike
 from workbench.starter.first_choices import FEWEST
 from workbench.uncertainty import Responses
 
@@ -48,7 +48,7 @@ def first_look(
         A record is too short; or two files hold the same one: one plant that counts twice makes
         the spread too small. Or as `workbench.identification.read_record`.
     """
-    read = [read_record(path, [input], [output], sample_rate, time) for path in paths]
+    read, _ = read_alike(paths, input, output, sample_rate, time)
     records = [(one["u"].values, one["y"].values) for one in read]
     for path, (u, _) in zip(paths, records, strict=True):
         if u.size < FEWEST_SAMPLES:

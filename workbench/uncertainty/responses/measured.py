@@ -15,9 +15,9 @@ import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import FrequencyResponseData
+from workbench.identification.experiments.alike import read_alike
 from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.experiments.records import read_record
 from workbench.identification.files.variables import need_path
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
@@ -203,7 +203,7 @@ def _of_records(
     need_whole(most, "most")
     if most < 2:
         raise InputError(f"most is {most}; two frequencies or more are needed")
-    read = [read_record(path, [str(input)], [str(output)], sample_rate, time) for path in paths]
+    read, alike = read_alike(paths, str(input), str(output), sample_rate, time)
     rates = [
         1.0 / float(np.diff(data["time"].values[[0, -1]])[0] / (data.sizes["time"] - 1))
         for data in read
@@ -233,10 +233,8 @@ def _of_records(
             raise InputError(f"{path}: {error}") from None
     rate = sample_rate or float(np.mean(rates))
     estimates, said = record_responses(records, rate, most)
-    units = {str(data[name].attrs["units"]) for data in read for name in ("y",)}
-    over = {str(data["u"].attrs["units"]) for data in read}
-    unit = _ratio(units.pop(), over.pop()) if len(units) == len(over) == 1 else "1"
-    told = {"unit": unit, "read": f"{read[0].attrs['read']}; {said}"}
+    unit = _ratio(*(str(read[0][name].attrs["units"]) for name in ("y", "u")))
+    told = {"unit": unit, "read": "; ".join([read[0].attrs["read"], *alike, said])}
     if not hold:
         return from_estimates(estimates, 0, 0, told | dict(names))
     told["read"] += "; the hold of the input is taken out"
@@ -256,7 +254,7 @@ def _ratio(above: str, below: str) -> str:
     if above == below:
         return "1"
     parts = [f"({unit})" if "/" in unit else unit for unit in (above, below)]
-    return parts[0] if below == "1" else "/".join(parts)
+    return above if below == "1" else "/".join(parts)
 
 
 def _of_curves(
@@ -277,5 +275,10 @@ def _of_curves(
     present = np.zeros(values.shape, bool)
     for k, (grid, data) in enumerate(zip(grids, read, strict=True)):
         at = np.searchsorted(omega, grid)
+        if np.unique(at).size < at.size:
+            twice = grid[np.argmax(np.bincount(at)[at] > 1)] / (2 * np.pi)
+            raise InputError(
+                f"{paths[k]} has the frequency {twice:.6g} Hz twice: leave one of its rows out"
+            )
         values[at, k], present[at, k] = data["response"].values[:, 0, 0], True
     return _on_one_grid(omega, values, present, {"read": read[0].attrs["read"]} | dict(names))

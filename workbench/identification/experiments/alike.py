@@ -1,0 +1,55 @@
+"""Records of several files in the same units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset
+from workbench.identification.experiments.records import read_record
+from workbench.identification.files.units import converted
+
+UNKNOWN = "1"
+"""The unit of a channel whose unit nothing tells."""
+
+
+def read_alike(
+    paths: Sequence[Path], input: str, output: str, sample_rate: float | None, time: str | None
+) -> tuple[list[Dataset], list[str]]:
+    """Records of one input and one output, in the units of the first file that tells them.
+
+    Returns
+    -------
+    records, said
+        As `read_record` returns them; and what was converted or taken as known.
+
+    Raises
+    ------
+    InputError
+        As `read_record`; or two files have units that cannot be converted; it names both.
+    """
+    records = [read_record(path, [input], [output], sample_rate, time) for path in paths]
+    said = []
+    for variable, name in (("u", input), ("y", output)):
+        units = [str(record[variable].attrs["units"]) for record in records]
+        first = next((k for k, unit in enumerate(units) if unit != UNKNOWN), None)
+        if first is None:
+            continue
+        for path, record, unit in zip(paths, records, units, strict=True):
+            if unit == units[first]:
+                continue
+            if unit == UNKNOWN:
+                said.append(f"{path.name}: unit of {name!r} unknown, taken as {units[first]}")
+            else:
+                try:
+                    values = converted(record[variable].values, unit, units[first])
+                except InputError as error:
+                    raise InputError(
+                        f"{path}: {name!r} is in {unit!r}, and in {units[first]!r} in "
+                        f"{paths[first]}: {error}"
+                    ) from None
+                record[variable].values[:] = values
+                said.append(f"{path.name}: {name!r} converted from {unit} to {units[first]}")
+            record[variable].attrs["units"] = units[first]
+    return records, said
