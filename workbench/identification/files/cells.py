@@ -12,10 +12,14 @@ from workbench.identification.files.units import is_unit
 BLANK = frozenset(("", "-", "--", "---", "#n/a", "n/a", "na", "n.a.", "nan", "null", "none", "nil"))
 """Cells, in small letters, that stand for nothing."""
 SWITCHES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0}
+FORTRAN = str.maketrans("Dd", "Ee")
+"""The mark of powers of ten in double precision, and the usual one."""
 QUANTITY = re.compile(r"([-+]?[\d.,][\d.,]*(?:[eEdD][-+]?\d+)?)\s*([^\W\d_][^\s;,]*|[°%][^\s;,]*)?")
 """A number, and perhaps its unit."""
 UNIT_FIRST = re.compile(r"[ij]\*?(?=[\d.])")
 """The imaginary unit before its number."""
+BETWEEN_GROUPS = re.compile(r"(?<=\d)[' ](?=\d{3}(?!\d))|^'")
+"""Apostrophes and blanks between thousands; the apostrophe by which Excel keeps a text."""
 GROUPS = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?"),
@@ -28,7 +32,7 @@ def is_number(cell: str, decimal: str) -> bool:
     if "_" in cell or (decimal == "," and "." in cell):
         return False
     try:
-        float(cell.replace(decimal, "."))
+        float(cell.replace(decimal, ".").translate(FORTRAN))
     except ValueError:
         return False
     return True
@@ -51,7 +55,7 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
 
     It is the place of the first cell that is none, if there is one.
     """
-    told = [cell.strip().strip("'") for cell in cells]
+    told = [BETWEEN_GROUPS.sub("", cell.strip()) for cell in cells]
     low = [cell.lower() for cell in told]
     if all(cell in SWITCHES or cell in BLANK for cell in low):
         return np.array([SWITCHES.get(cell, np.nan) for cell in low]), ""
@@ -65,14 +69,14 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
         if grouped and GROUPS[decimal].fullmatch(cell):
             cell = cell.replace(apart, "")
         found = QUANTITY.fullmatch(cell)
-        number = found[1].replace("D", "E").replace("d", "e") if found else cell
+        number = found[1] if found else cell
         if not is_number(number, decimal) or (found and apart in found[1]):
             return place
         unit = (found and found[2]) or ""
         units.add(unit)
         if len(units) > 1 or (unit and not is_unit(unit)):
             return place
-        values[place] = float(number.replace(decimal, "."))
+        values[place] = float(number.replace(decimal, ".").translate(FORTRAN))
     return values, units.pop() if units else ""
 
 

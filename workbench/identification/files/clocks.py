@@ -12,12 +12,12 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 
 STAMP = re.compile(
-    r"(?P<date>\d{1,4}[-./]\w{1,3}[-./]\d{1,4}|\d{8})?[T\s,]*"
+    r"(?:(?P<days>\d+) days?,?\s*)?(?P<date>\d{1,4}[-./]\w{1,3}[-./]\d{1,4}|\d{8})?[T\s,]*"
     r"(?:(?P<a>\d+):(?P<b>\d\d?)(?::(?P<c>\d\d?))?(?:[.,](?P<f>\d+))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[-+]\d\d:?\d\d|[-+]\d\d)?"
 )
-"""A date, a clock (hours, minutes, seconds, fraction), a half of the day and a zone; each may be
-absent."""
+"""Days, a date, a clock (hours, minutes, seconds, fraction), a half of the day and a zone; each may
+be absent."""
 ORDERS = {
     "year first": ("%Y{0}%m{0}%d", "%Y%m%d"),
     "day before month": ("%d{0}%m{0}%Y", "%d{0}%m{0}%y", "%d{0}%b{0}%Y"),
@@ -75,6 +75,7 @@ def _clock(stamp: re.Match[str]) -> float:
     fraction = float(f"0.{stamp['f']}") if stamp["f"] else 0.0
     if stamp["c"] is None and stamp["f"]:
         return 60 * first + second + fraction
+    first += 24 * int(stamp["days"] or 0)
     if stamp["half"]:
         first = first % 12 + (12 if stamp["half"][0] in "pP" else 0)
     seconds = 3600 * first + 60 * second + float(stamp["c"] or 0) + fraction

@@ -98,8 +98,10 @@ class Columns:
 
         Raises InputError as `numbers`, and where the unit is no time or is unknown and not seconds.
         """
-        if name in self.texts and isinstance(as_numbers(self.texts[name], self.decimal), int):
-            return self._stamps(name)
+        if name in self.texts:
+            wrong = as_numbers(self.texts[name], self.decimal)
+            if isinstance(wrong, int):
+                return self._stamps(name, wrong)
         values = self.numbers(name)
         if np.iscomplexobj(values):
             raise InputError(f"{self.path}: {name!r} holds complex numbers, which are no instants")
@@ -113,8 +115,11 @@ class Columns:
             )
         return values, f"unit of {name!r} unknown, taken as s"
 
-    def _stamps(self, name: str) -> tuple[RealArray, str]:
-        """Dates and clocks of a column of text [s]; a blank cell is NaN."""
+    def _stamps(self, name: str, no_number: int) -> tuple[RealArray, str]:
+        """Dates and clocks of a column of text [s]; a blank cell is NaN.
+
+        Where there are none, the first cell that is ``no_number`` is told, if it stands later.
+        """
         cells = self.texts[name]
         rows = [row for row, cell in enumerate(cells) if cell]
         try:
@@ -122,7 +127,8 @@ class Columns:
         except InputError as error:
             raise InputError(f"{self.path}, column {name!r}: {error}") from None
         if isinstance(found, int):
-            raise self._wrong(name, rows[found], "a number, date or clock")
+            row = max(rows[found], no_number)
+            raise self._wrong(name, row, "a number, date or clock")
         seconds = np.full(len(cells), np.nan)
         seconds[rows] = found[0]
         return seconds, f"{name!r} holds {found[1]}"

@@ -49,6 +49,7 @@ def decoded(path: Path) -> str:
         text = raw.decode(marked or _without_mark(raw))
     except UnicodeDecodeError:
         text = raw.decode(marked or "cp1252", errors="replace")
+    text = text.rstrip("\x00\x1a")  # what a logger's broken supply, and old DOS, leave behind
     if "\x00" in text:
         raise InputError(f"{path} is no text; .mat, .nc and .xlsx files must be named so")
     return text if text.isascii() else text.translate(SIGNS)

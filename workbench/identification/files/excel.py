@@ -24,7 +24,7 @@ def read_xlsx(path: Path) -> Columns:
     try:
         with pandas.ExcelFile(path, engine="openpyxl") as book:
             names = [str(name) for name in book.sheet_names]
-            sheet = book.parse(0, header=None, dtype=object, na_filter=False)
+            sheet = pandas.read_excel(book, header=None, dtype=object, na_filter=False)
     except ImportError:
         raise InputError(
             f'{path} needs openpyxl: pip install "robust-workbench[excel]", or save it as .csv'

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from workbench.identification.files.units import is_unit, plain_unit
+from workbench.identification.files.units import is_unit, plain_unit, spelt
 
 Role = Literal["time", "frequency", "signal", "magnitude", "phase"]
 """What a column holds; it decides which ends of a name are units."""
-IN_BRACKETS = re.compile(r"(.*\S)\s*[\[(]([^\])]*)[\])]")
+IN_BRACKETS = re.compile(r"(.*\S)\s*[\[(<]([^\])>]*)[\])>]")
 """A name with its unit, such as ``torque [Nm]``."""
 A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
 """The end of a name of one of several columns, such as ``y[0]``; ``gain [1]`` has a unit."""
@@ -27,14 +27,12 @@ SUFFIXES: dict[str, str] = {
     "phase": "deg|degrees?|rad|radians?",
 }  # fmt: skip
 """Units at the end of a name, after an underscore; single letters only where the role is known."""
-SPELLINGS = {
-    "nm": "Nm", "mnm": "mNm", "rads": "rad/s", "degc": "°C", "degf": "°F", "deg_s": "deg/s",
-    "mv": "mV", "kv": "kV", "ma": "mA", "kpa": "kPa", "db": "dB", "hz": "Hz", "khz": "kHz",
-    "mhz": "MHz", "ghz": "GHz", "rad_s": "rad/s", "radps": "rad/s", "m_s": "m/s", "mm_s": "mm/s",
-}  # fmt: skip
-"""Units as a suffix writes them, and as they are."""
-ALONE = re.compile(r"(milli|micro|nano)(s|seconds?)|seconds?|minutes?|hours?", re.IGNORECASE)
-"""Names of times that are nothing but their unit."""
+JOINED = re.compile(
+    r"(t|ti?me|(?:time)?stamp|elapsed|uptime|zeit)?"
+    r"(ms|us|µs|μs|ns|[mu]sec|sec|seconds?|minutes?|hours?|(?:milli|micro|nano)(?:s|seconds?))",
+    re.IGNORECASE,
+)
+"""Names of times that are nothing but their unit, or end with it, as ``timeMs``."""
 
 
 def split_name(name: str, role: Role = "signal") -> tuple[str, str | None]:
@@ -44,10 +42,9 @@ def split_name(name: str, role: Role = "signal") -> tuple[str, str | None]:
     for pattern in (AFTER_A_STROKE, AFTER_A_WORD):
         if (found := pattern.fullmatch(name)) and is_unit(plain_unit(found[2])):
             return found[1], plain_unit(found[2])
-    if role == "time" and ALONE.fullmatch(name):
-        return name, name.lower()
-    suffix = re.compile(rf"(.+?)[_ .]({SUFFIXES[role]})", re.IGNORECASE).fullmatch(name)
+    suffix = re.compile(rf"(.+?)[_ .-]({SUFFIXES[role]})", re.IGNORECASE).fullmatch(name)
     if suffix:
-        written = suffix[2] if suffix[2] in ("mHz", "MHz") else suffix[2].lower()
-        return suffix[1], SPELLINGS.get(written, written)
+        return suffix[1], spelt(suffix[2])
+    if role == "time" and (joined := JOINED.fullmatch(name)):
+        return joined[1] or name, spelt(joined[2])
     return name, None

@@ -48,7 +48,10 @@ def columns_of_text(path: Path, text: str) -> Columns:
     layout, split = found_layout([lines[i] for i in sample])
     rows = [cells for cells in split if any(map(layout.is_number, cells))]
     if not rows:
-        raise InputError(f"{path} holds no numbers")
+        raise InputError(
+            f"{path} holds no numbers in columns: separate columns by commas, semicolons, tabs or "
+            "blanks"
+        )
     width = Counter(map(len, rows)).most_common(1)[0][0]
     rows = [row for row in rows if len(row) == width]
     used = width

@@ -15,6 +15,12 @@ from workbench.errors import InputError
 
 LONGEST = 24
 """Characters of the longest text that is taken for a unit."""
+SPELLINGS = {
+    "nm": "Nm", "mnm": "mNm", "rads": "rad/s", "degc": "°C", "degf": "°F", "deg_s": "deg/s",
+    "mv": "mV", "kv": "kV", "ma": "mA", "kpa": "kPa", "db": "dB", "hz": "Hz", "khz": "kHz",
+    "mhz": "MHz", "ghz": "GHz", "rad_s": "rad/s", "radps": "rad/s", "m_s": "m/s", "mm_s": "mm/s",
+}  # fmt: skip
+"""Units as names write them in small letters, and as they are."""
 POWER_OF_A_NUMBER = re.compile(r"\d\d|[\d)]\s*(\*\*|\^)")
 """What no unit contains, and a parser might compute for hours."""
 SINGLE = frozenset("sVANmgTKWJhHCFΩ%°1-")
@@ -26,7 +32,6 @@ WRITTEN = (
     (r"^(1/|/)(s|sec|min|h)$", r"turn/\2"),
     (r"^(s|sec|min|h)(\^|\*\*)?(-1|⁻¹)$", r"turn/\1"),
     (r"([A-Za-z])(-?\d)", r"\1**\2"),  # m/s2
-    (r"^(rad|deg|mm|m)_s$|^(rad)ps$", r"\1\2/s"),
 )
 """Ways of writing that pint does not know, and what it knows, in this order."""
 
@@ -47,7 +52,7 @@ def _parsed(text: str) -> Any:
         return None
     for pattern, known in WRITTEN:
         text = re.sub(pattern, known, text)
-    for spelling in (text, text.lower(), text.capitalize()):
+    for spelling in (text, text.lower()):
         try:
             return _registry().parse_units(spelling)
         except Exception:  # pint raises errors of every kind for what is no unit
@@ -61,6 +66,11 @@ def plain_unit(text: str) -> str:
     if len(text) > 1 and text[0] + text[-1] in ("[]", "()"):
         text = text[1:-1].strip()
     return re.sub(r"\s+since\s.*", "", text)
+
+
+def spelt(text: str) -> str:
+    """A unit at the end of a name, in its usual letters; mHz and MHz stay apart."""
+    return text if text in ("mHz", "MHz") else SPELLINGS.get(text.lower(), text.lower())
 
 
 def is_unit(text: str) -> bool:
@@ -80,10 +90,13 @@ def converted(values: np.ndarray, unit: str, to: str) -> np.ndarray:
     """
     if unit == to:
         return values
-    known, wanted = _parsed(plain_unit(unit)), _parsed(to)
-    if known is None or wanted is None:
-        strange = unit if known is None else to
-        raise InputError(f"the unit {strange!r} is not known; write it as {to!r} or alike")
+    wanted = _parsed(to)
+    tried = [_parsed(text) for text in (plain_unit(unit), spelt(plain_unit(unit)))]
+    parsed = [one for one in tried if one is not None]
+    if wanted is None or not parsed:
+        strange = to if wanted is None else unit
+        raise InputError(f"the unit {strange!r} is not known; write it as pint does, such as m/s")
+    known = next((one for one in parsed if one.is_compatible_with(wanted)), parsed[0])
     if known == wanted:
         return values
     if known.is_compatible_with("turn/s") and str(known) in ("1 / second", "1 / minute"):
