@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.identification.files.matlab import mat_arrays
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 TEXTBOOK = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
@@ -32,7 +33,7 @@ def read_plant(
     Parameters
     ----------
     file
-        A MAT file of version 7 or older.
+        A MAT file, up to version 7.3.
     measurements, controls
         Their numbers, for a file with A, B, C and D.
 
@@ -82,26 +83,12 @@ class _Matrices:
 
     @classmethod
     def of(cls, file: Path) -> _Matrices:
-        from scipy.io import loadmat
-        from scipy.sparse import issparse
-
-        if not file.is_file():
-            raise InputError(f"{file}: there is no such file")
-        try:
-            stored = loadmat(file)
-        except NotImplementedError:
-            raise InputError(f"{file} is of MATLAB's version 7.3: save it with -v7") from None
-        except Exception as error:  # SciPy raises many kinds of errors for a broken file
-            raise InputError(f"{file} cannot be read as a MAT file: {error}") from None
-        plain = {
-            name: value.toarray() if issparse(value) else value for name, value in stored.items()
-        }
         return cls(
             file,
             {
                 name: value.astype(float)
-                for name, value in plain.items()
-                if not name.startswith("__") and value.dtype.kind in "biuf" and value.ndim == 2
+                for name, value in mat_arrays(file).items()
+                if value is not None and value.dtype.kind in "biuf" and value.ndim == 2
             },
         )
 

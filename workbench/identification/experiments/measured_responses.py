@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -12,13 +13,16 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 from workbench.identification.experiments.records import asked_names, column, picked
 from workbench.identification.files.columns import Columns
-from workbench.identification.files.names import Role
 from workbench.identification.files.units import converted
 from workbench.identification.files.variables import File, read_table
 
-MAGNITUDE = re.compile(r"(?i)mag|gain|abs|ampl|db\b|\|.*\||modulus|betrag")
-PHASE = re.compile(r"(?i)phas|arg|angle|∠|deg\b|°")
-"""Words in names of magnitudes and phases."""
+PART = re.compile(r"(?i)(?<![a-z])(re|real|im|imag\w*)(?![a-z])")
+MAGNITUDE = re.compile(r"(?i)mag|gain|abs|ampl|modulus|betrag|\|.*\|")
+PHASE = re.compile(r"(?i)(?<![a-z])(ph|arg)(?![a-z])|phas|angle|∠")
+"""Words in names of real and imaginary parts, magnitudes and phases."""
+Kind = Literal["magnitude", "phase", "part"]
+ROLES: tuple[Literal["magnitude", "phase"], ...] = ("magnitude", "phase")
+DECIBELS = ("db", "decibel", "decibels")
 
 
 def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
@@ -91,9 +95,28 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
 
 
 def _complex_column(table: Columns, name: str) -> np.ndarray:
-    """A variable that may hold complex numbers, or texts of them."""
+    """A variable that may hold complex numbers, or texts of them; InputError for a magnitude."""
     own = table.own_name(name)
-    return table.complex_numbers(own) if own in table.texts else column(table, name)
+    values = table.complex_numbers(own) if own in table.texts else column(table, name)
+    if not np.iscomplexobj(values) and (kind := _kind(table, name)) != "part":
+        raise InputError(
+            f"{table.path}: {name!r} is a {kind} alone: name magnitude and phase, or both parts"
+        )
+    return values
+
+
+def _kind(table: Columns, name: str) -> Kind:
+    """What a column of real numbers is, by its unit and its name."""
+    own = {role: table.own_name(name, role) for role in ROLES}
+    if PART.search(name):
+        return "part"
+    unit = table.unit(own["magnitude"], "magnitude")
+    if unit is not None and unit.lower() in DECIBELS:
+        return "magnitude"
+    if table.unit(own["phase"], "phase") in ("deg", "rad", "°", "degrees", "radians"):
+        return "phase"
+    words = {"magnitude": MAGNITUDE, "phase": PHASE}
+    return next((role for role in ROLES if words[role].search(own[role])), "part")
 
 
 def _formed(
@@ -105,22 +128,15 @@ def _formed(
     one, two = parts
     if one.shape != two.shape:
         raise InputError(f"{table.path}: {' and '.join(map(repr, names))} differ in shape")
-    is_magnitude = bool(MAGNITUDE.search(_label(table, names[0], "magnitude")))
-    is_phase = bool(PHASE.search(_label(table, names[1], "phase")))
-    if is_magnitude != is_phase:
-        raise InputError(
-            f"{table.path}: {names[0]!r} and {names[1]!r} are neither real and imaginary part nor "
-            "magnitude and phase: name two that belong together, magnitude and real part first"
-        )
-    if is_magnitude:
+    kinds = [_kind(table, name) for name in names]
+    if kinds == ["magnitude", "phase"]:
         return _polar(table, names, parts)
-    return one + 1j * two, f"{names[0]!r} and {names[1]!r} taken as real and imaginary part"
-
-
-def _label(table: Columns, name: str, role: Role) -> str:
-    """A column's name with its unit, by which it is known."""
-    own = table.own_name(name, role)
-    return f"{own} {table.unit(own, role) or ''}"
+    if kinds == ["part", "part"]:
+        return one + 1j * two, f"{names[0]!r} and {names[1]!r} taken as real and imaginary part"
+    raise InputError(
+        f"{table.path}: {names[0]!r} is a {kinds[0]} and {names[1]!r} a {kinds[1]}: name two that "
+        "belong together, real part and imaginary part, or magnitude and phase, in this order"
+    )
 
 
 def _polar(
@@ -130,7 +146,7 @@ def _polar(
     magnitude, phase = parts
     own = table.own_name(names[0], "magnitude"), table.own_name(names[1], "phase")
     unit = table.unit(own[0], "magnitude")
-    decibels = unit is not None and unit.lower() in ("db", "decibel")
+    decibels = unit is not None and unit.lower() in DECIBELS
     if not decibels and (magnitude < 0).any():
         raise InputError(
             f"{table.path}: magnitude {names[0]!r} is negative: if it is in decibels, call it "

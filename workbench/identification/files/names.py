@@ -9,7 +9,7 @@ from workbench.identification.files.units import is_unit, plain_unit, spelt
 
 Role = Literal["time", "frequency", "signal", "magnitude", "phase"]
 """What a column holds; it decides which ends of a name are units."""
-IN_BRACKETS = re.compile(r"(.*\S)\s*[\[(<]([^\])>]*)[\])>]")
+IN_BRACKETS = re.compile(r"(.*[^\s/])\s*/?\s*[\[(<]([^\])>]*)[\])>]")
 """A name with its unit, such as ``torque [Nm]``."""
 A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
 """The end of a name of one of several columns, such as ``y[0]``; ``gain [1]`` has a unit."""

@@ -38,10 +38,11 @@ def read_touchstone(path: Path) -> Columns:
     unit, kind, form, resistance = _options(path, options)
     width = 1 + 2 * ports**2
     rows = numbers[: len(numbers) // width * width].reshape(-1, width)
-    falling = np.flatnonzero(np.diff(rows[:, 0]) <= 0)  # a two-port's noise follows
-    if ports == 2 and falling.size:
-        rows = rows[: falling[0] + 1]
-    elif len(numbers) % width or not len(rows) or falling.size:
+    falling = np.flatnonzero(np.diff(rows[:, 0]) <= 0)
+    rows = rows[: falling[0] + 1] if falling.size else rows
+    rest = numbers[rows.size :]
+    noise = ports == 2 and len(rows) and rest.size % 5 == 0 and rest[:1] <= rows[-1, 0]
+    if not len(rows) or (rest.size and not noise):
         raise InputError(
             f"{path} has {len(numbers)} numbers; rising frequencies with {ports}x{ports} "
             f"parameters each need multiples of {width}: is its ending that of its ports, or is "
