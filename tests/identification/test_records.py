@@ -88,7 +88,7 @@ def test_bad_text(tmp_path, text, message):
         ("a.mat", b"nonsense", r"a\.mat cannot be read as a MAT file"),
         ("a.mat", b"", "cannot be read as a MAT file"),
         ("a.nc", b"nonsense", r"a\.nc cannot be read as NetCDF"),
-        ("a.csv", b"\x07\xff\xfe\x00", "is no text"),
+        ("a.csv", b"\x07\x00\xff\xfe", "is no text"),
     ],
 )
 def test_broken_files(tmp_path, name, content, message):

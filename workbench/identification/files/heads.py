@@ -99,7 +99,10 @@ def _own(names: Sequence[str]) -> list[str]:
 
 def _too_few(path: Path, line: int, named: int, used: int, layout: Layout) -> InputError:
     if layout.separator == "," and used >= 2 * named - 1 > named:
-        remedy = "if the numbers have decimal commas, separate columns by semicolons"
+        remedy = (
+            "name every column in that line, or, if the numbers have decimal commas, separate "
+            "columns by semicolons"
+        )
     else:
         remedy = "name every column in that line, without blanks where blanks separate them"
     return InputError(f"{path}, line {line + 1} names {named} columns, {used} are needed: {remedy}")

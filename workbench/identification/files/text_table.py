@@ -24,6 +24,8 @@ NUMBERS = re.compile(r"\s*[^\s#%]")
 """A line that is neither blank nor a comment."""
 RULE = re.compile(r"[-=+|\s]*(---|===)[-=+|\s]*")
 """A line that is drawn below the names."""
+MOST_COLUMNS = 10_000
+"""Largest number of columns; of more the file is a matrix on its side, or no table."""
 SAMPLE = 50
 """Lines of the middle, and of the end of a file, by which its layout is told."""
 
@@ -53,6 +55,11 @@ def columns_of_text(path: Path, text: str) -> Columns:
             "blanks"
         )
     width = Counter(map(len, rows)).most_common(1)[0][0]
+    if width > MOST_COLUMNS:
+        raise InputError(
+            f"{path} has {width} columns; at most {MOST_COLUMNS} are read: exchange rows and "
+            "columns"
+        )
     rows = [row for row in rows if len(row) == width]
     used = width
     while used > 1 and not any(row[used - 1] for row in rows):
@@ -162,9 +169,9 @@ def _without_end(
         return kept[:end], told
     cells = layout.cells(lines[kept[-1]])
     last = cells[-1] if cells else ""
-    broken = numeric[len(cells) - 1 :][:1] == [True] and layout.is_told(last)
+    broken = numeric[len(cells) - 1 :][:1] == [True] and not layout.is_number(last)
     torn = len(cells) < len(numeric) or lines[kept[-1]].count('"') % 2
-    if len(kept) > 1 and (torn or (not whole and broken and not layout.is_number(last))):
+    if len(kept) > 1 and (torn or (broken and not whole)):
         return kept[:-1], f"; the last line, {kept[-1] + 1}, is torn and left out"
     return kept, ""
 
@@ -189,6 +196,11 @@ def _columns(
         if '"' in text or mark == BLANKS
         else (lambda line: line.count(mark) + 1)
     )
+    unclosed = [k for k, line in enumerate(chosen) if line.count('"') % 2] if '"' in text else []
+    if unclosed:
+        raise InputError(
+            f"{path}, line {rows[unclosed[0]] + 1}: a quotation is open at its end: close it"
+        )
     counts = list(map(count, chosen))
     if min(counts) < used or max(counts) > width:
         k = next(k for k, count in enumerate(counts) if not used <= count <= width)
