@@ -41,7 +41,6 @@ LEFT = {
         identification/responses/periodic_local.py: response(sample_rate)
         identification/state_space/identified.py: IdentifiedModels(sample_time)""",
     "how units are written": """
-        identification/experiments/signals.py: SECONDS
         synthesis/mu/member_figures.py: LONGEST_IN_MS""",
     "a multiple of the highest frequency given": """
         fitting/factored.py: MISSING_ZERO_FACTOR""",

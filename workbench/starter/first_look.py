@@ -48,7 +48,7 @@ def first_look(
         A record is too short; or two files hold the same one: one plant that counts twice makes
         the spread too small. Or as `workbench.identification.read_record`.
     """
-    read, _ = read_alike(paths, input, output, sample_rate, time)
+    read, alike = read_alike(paths, input, output, sample_rate, time)
     records = [(one["u"].values, one["y"].values) for one in read]
     for path, (u, _) in zip(paths, records, strict=True):
         if u.size < FEWEST_SAMPLES:
@@ -68,7 +68,8 @@ def first_look(
     low = float(f"{min(u.min() for u, _ in records):.6g}")
     high = float(f"{max(u.max() for u, _ in records):.6g}")
     instants = f"at {1 / period:.6g} Hz" if time is None else f"time {time!r}"
-    columns = f"input {input!r}, output {output!r}, {instants}"
+    assumed = [one for one in (str(read[0].attrs["assumed"]), *alike) if one]
+    columns = "; ".join([f"input {input!r}, output {output!r}, {instants}", *assumed])
     return FirstLook(columns, period, (low, high))
 
 

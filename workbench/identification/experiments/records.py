@@ -47,13 +47,15 @@ def read_record(
     -------
     Dataset
         ``u`` (input, time) and ``y`` (output, time); the attribute ``read`` says what was found
-        out to read the file. Rows in which every variable asked for is blank are left out.
+        out to read the file, ``assumed`` which units are not known. Rows in which every variable
+        asked for is blank are left out.
 
     Raises
     ------
     InputError
-        The file cannot be read; a variable is missing, contains NaN or differs in length; or the
-        instants are not equidistant.
+        The file cannot be read; a variable is missing, contains NaN or differs in length; the
+        instants are not equidistant, or leave open what they mean; a unit is not known or does not
+        fit. The message names the file, the line or the variable, and what to do.
 
     Examples
     --------
@@ -98,7 +100,9 @@ def read_record(
     step = (instants[-1] - instants[0]) / max(count - 1, 1)
     read = "; ".join([table.said, *told, f"{count} samples, {step:.6g} s apart"])
     return xr.Dataset(
-        arrays, coords={"time": ("time", instants, unit), **coords}, attrs={"read": read}
+        arrays,
+        coords={"time": ("time", instants, unit), **coords},
+        attrs={"read": read, "assumed": "; ".join(told)},
     )
 
 
