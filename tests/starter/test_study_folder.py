@@ -155,7 +155,7 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
 
 
 def test_another_sampling_frequency_than_the_column_of_time_tells_is_refused(records, tmp_path):
-    with pytest.raises(InputError, match=r"'t \[s\]' rises by 0.005 a sample, 200 Hz"):
+    with pytest.raises(InputError, match=r"'t \[s\]' rises by 0.005 s a sample, 200 Hz"):
         write_study(tmp_path / "servo", str(records), sample_rate=150.0)
     assert not (tmp_path / "servo").exists()
 
