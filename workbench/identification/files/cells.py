@@ -55,6 +55,9 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
 
     It is the place of the first cell that is none, if there is one.
     """
+    first = next((k for k, cell in enumerate(cells) if cell.lower() not in BLANK), None)
+    if first is not None and not _may_be_number(cells[first]):
+        return first
     told = [BETWEEN_GROUPS.sub("", cell.strip()) for cell in cells]
     low = [cell.lower() for cell in told]
     if all(cell in SWITCHES or cell in BLANK for cell in low):
@@ -78,6 +81,14 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
             return place
         values[place] = float(number.replace(decimal, ".").translate(FORTRAN))
     return values, units.pop() if units else ""
+
+
+def _may_be_number(cell: str) -> bool:
+    """Whether a cell looks like a number or a switch; dates and words do not."""
+    plain = BETWEEN_GROUPS.sub("", cell.strip())
+    return (
+        plain.lower() in SWITCHES or QUANTITY.fullmatch(plain) is not None or is_number(plain, ".")
+    )
 
 
 def as_complex(cells: Sequence[str], decimal: str) -> np.ndarray | int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification.files.cells import as_complex, as_numbers
+from workbench.identification.files.cells import as_complex, as_numbers, mostly_numbers
 from workbench.identification.files.clocks import as_seconds
 from workbench.identification.files.names import A_COLUMN, Role, split_name
 from workbench.identification.files.units import converted, plain_unit
@@ -24,15 +24,15 @@ class Columns:
     """What a file holds.
 
     ``variables`` are its numbers by name, a blank cell is NaN; ``texts`` are the cells of other
-    columns; ``refused`` says why further ones cannot be read. ``units`` are known for some, by a
-    row of units or an attribute. ``said`` is what was found out. ``lines`` are the numbers of the
+    columns, NaN where blank; ``refused`` says why further ones cannot be read. ``units`` are known
+    for some, by a row of units or an attribute. ``said`` is what was found out. ``lines`` are the numbers of the
     rows' lines, from 0, in a file of text; ``named`` is false where no line names its columns.
     """
 
     path: Path
     variables: dict[str, np.ndarray]
     units: dict[str, str] = field(default_factory=dict)
-    texts: dict[str, Sequence[str]] = field(default_factory=dict)
+    texts: dict[str, np.ndarray] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     said: str = ""
     lines: Sequence[int] = ()
@@ -84,6 +84,10 @@ class Columns:
             self.units.setdefault(name, unit)
         return self.variables[name]
 
+    def is_mostly_numbers(self, name: str) -> bool:
+        """Whether at least half of the cells of a column of text are numbers, blank ones aside."""
+        return mostly_numbers(self._cells(name), self.decimal)
+
     def complex_numbers(self, name: str) -> np.ndarray:
         """A column as complex numbers; raises InputError as `numbers`."""
         if name in self.variables:
@@ -99,9 +103,10 @@ class Columns:
         Raises InputError as `numbers`, and where the unit is no time or is unknown and not seconds.
         """
         if name in self.texts:
-            wrong = as_numbers(self.texts[name], self.decimal)
+            cells = self._cells(name)
+            wrong = as_numbers(cells, self.decimal)
             if isinstance(wrong, int):
-                return self._stamps(name, wrong)
+                return self._stamps(name, cells, wrong)
         values = self.numbers(name)
         if np.iscomplexobj(values):
             raise InputError(f"{self.path}: {name!r} holds complex numbers, which are no instants")
@@ -115,12 +120,11 @@ class Columns:
             )
         return values, f"unit of {name!r} unknown, taken as s"
 
-    def _stamps(self, name: str, no_number: int) -> tuple[RealArray, str]:
+    def _stamps(self, name: str, cells: Sequence[str], no_number: int) -> tuple[RealArray, str]:
         """Dates and clocks of a column of text [s]; a blank cell is NaN.
 
         Where there are none, the first cell that is ``no_number`` is told, if it stands later.
         """
-        cells = self.texts[name]
         rows = [row for row, cell in enumerate(cells) if cell]
         try:
             found = as_seconds([cells[row] for row in rows])
@@ -152,8 +156,9 @@ class Columns:
             raise InputError(f"{self.path}: {name!r} is in {unit!r}: {error}") from None
 
     def _cells(self, name: str) -> Sequence[str]:
+        """The cells of a column of text; InputError where there is none."""
         if name in self.texts:
-            return self.texts[name]
+            return ["" if cell != cell else str(cell).strip() for cell in self.texts[name]]
         if name in self.refused:
             raise InputError(f"{self.path}: {name!r} {self.refused[name]}")
         raise InputError(
@@ -163,6 +168,6 @@ class Columns:
 
     def _wrong(self, name: str, row: int, what: str) -> InputError:
         return InputError(
-            f"{self.path}, {self.place(row)}: {self.texts[name][row]!r} is not {what} (column "
+            f"{self.path}, {self.place(row)}: {self._cells(name)[row]!r} is not {what} (column "
             f"{name!r}): correct that cell, or name another column"
         )

@@ -72,12 +72,12 @@ def columns_of_text(path: Path, text: str) -> Columns:
     kept, end = _without_end(layout, lines, kept[start:], numeric, text[-1:] in "\r\n")
     table = _columns(path, layout, lines, kept, (used, width), head)
     variables: dict[str, np.ndarray] = {}
-    texts: dict[str, Sequence[str]] = {}
+    texts: dict[str, np.ndarray] = {}
     for name, values in zip(head.names, table, strict=True):
         if values.dtype.kind in "biuf":
             variables[name] = values.astype(float)
         else:
-            texts[name] = ["" if cell != cell else str(cell).strip() for cell in values]
+            texts[name] = values
     left_out = f"; without numbers: {', '.join(texts)}" if texts else ""
     return Columns(
         path,

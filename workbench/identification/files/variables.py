@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.identification.files.cells import mostly_numbers
 from workbench.identification.files.columns import Columns
 from workbench.identification.files.excel import read_xlsx
 from workbench.identification.files.matlab import read_mat
@@ -47,8 +46,8 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
     {'time': [0.0, 0.1], 'u': [1.0, 1.0], 'y': [0.0, 0.5]}
     """
     table = read_table(file)
-    for name, cells in table.texts.items():
-        if mostly_numbers(cells, table.decimal):
+    for name in table.texts:
+        if table.is_mostly_numbers(name):
             table.numbers(name)
     return {name: table.variables[name] for name in table.names if name in table.variables}
 
