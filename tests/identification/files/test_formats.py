@@ -8,11 +8,13 @@ import openpyxl
 import pytest
 import xarray as xr
 from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
 from scipy.sparse import csc_matrix
 
 from workbench.collections import read_plant
 from workbench.errors import InputError
 from workbench.identification import read_record, read_response, read_variables
+from workbench.identification.files.matlab import _of_level_5
 
 U = np.array([1.0, -2.0, 3.0, 0.5])
 HEAD_7_3 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM"
@@ -89,6 +91,12 @@ def test_structs_of_older_files(tmp_path):
     assert set(found) == {"out.time", "out.signals[0].values", "out.signals[1].values", "S"}
     data = read_record(file, "out.signals[0].values", "out.signals[1].values", time="out.time")
     np.testing.assert_array_equal(data["y"], [2 * U])
+
+
+def test_a_timetable_of_older_files_keeps_its_name():
+    fields = [(name, object) for name in ("s0", "s1", "s2", "arr")]
+    stored = np.array([(b"tt", b"MCOS", b"timetable", np.zeros((6, 1)))], dtype=fields)
+    assert dict(_of_level_5("None", MatlabOpaque(stored), 0)) == {"tt": None}
 
 
 def test_a_plant_of_version_7_3(tmp_path):

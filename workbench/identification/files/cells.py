@@ -86,9 +86,7 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
 def _may_be_number(cell: str) -> bool:
     """Whether a cell looks like a number or a switch; dates and words do not."""
     plain = BETWEEN_GROUPS.sub("", cell.strip())
-    return (
-        plain.lower() in SWITCHES or QUANTITY.fullmatch(plain) is not None or is_number(plain, ".")
-    )
+    return plain.lower() in SWITCHES or bool(QUANTITY.fullmatch(plain)) or is_number(plain, ".")
 
 
 def as_complex(cells: Sequence[str], decimal: str) -> np.ndarray | int:

@@ -25,8 +25,9 @@ class Columns:
 
     ``variables`` are its numbers by name, a blank cell is NaN; ``texts`` are the cells of other
     columns, NaN where blank; ``refused`` says why further ones cannot be read. ``units`` are known
-    for some, by a row of units or an attribute. ``said`` is what was found out. ``lines`` are the numbers of the
-    rows' lines, from 0, in a file of text; ``named`` is false where no line names its columns.
+    for some, by a row of units or an attribute. ``said`` is what was found out. ``lines`` are the
+    numbers of the rows' lines, from 0, in a file of text; ``named`` is false where no line names
+    its columns.
     """
 
     path: Path

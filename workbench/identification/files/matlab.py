@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,10 @@ def read_mat(path: Path) -> Columns:
             refused[name] = OPAQUE
         else:
             found[name] = np.atleast_1d(np.squeeze(value))
-    return columns_of_arrays(path, found, {}, refused, "variables of a MAT file")
+    said = "variables of a MAT file"
+    if refused:
+        said += f"; without objects of MATLAB, whose contents cannot be read: {', '.join(refused)}"
+    return columns_of_arrays(path, found, {}, refused, said)
 
 
 def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
@@ -45,13 +49,16 @@ def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
         The file is missing or is none.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     found: dict[str, np.ndarray | None] = {}
     try:
         try:
-            stored = loadmat(path, struct_as_record=False)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", MatReadWarning)  # of several objects "None"
+                stored = loadmat(path, struct_as_record=False)
         except NotImplementedError:  # the format of version 7.3 is HDF5
             return dict(_of_hdf5(path))
         for name, value in stored.items():
@@ -59,8 +66,6 @@ def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
                 found |= dict(_of_level_5(name, value, 0))
     except Exception as error:  # SciPy and h5py raise many kinds of errors for a broken file
         raise InputError(f"{path} cannot be read as a MAT file: {error}") from None
-    if "None" in found or "__function_workspace__" in stored:  # objects lose their names
-        found.setdefault("None", None)
     return found
 
 
@@ -71,7 +76,10 @@ def _of_level_5(name: str, value: Any, depth: int) -> Iterator[tuple[str, np.nda
 
     if issparse(value):
         yield name, value.toarray()
-    elif isinstance(value, MatlabOpaque | MatlabFunction) or depth > DEEPEST:
+    elif isinstance(value, MatlabOpaque):  # SciPy calls each "None"; its own name is inside
+        own = value["s0"].ravel()[0]
+        yield own.decode(errors="replace") if isinstance(own, bytes) else name, None
+    elif isinstance(value, MatlabFunction) or depth > DEEPEST:
         yield name, None
     elif hasattr(value, "_fieldnames"):
         for field in value._fieldnames:
