@@ -25,6 +25,7 @@ FILES = {
     "clock": "t;u;y;at\n0;1;2;10:00:00,5\n1;3;4;10:00:01,5\n2;5;6;10:00:02,5\n",
     "decimal commas": "t;u;y\n0,0;1,0;2,0\n1,0;3,0;4,0\n2,0;5,0;6,0\n",
     "decimal commas and tabs": "t\tu\ty\n0,0\t1,0\t2,0\n1,0\t3,0\t4,0\n2,0\t5,0\t6,0\n",
+    "decimal commas in quotes": 't,u,y\n"0,0","1,0","2,0"\n"1,0","3,0","4,0"\n"2,0","5,0","6,0"\n',
     "integers and decimal commas": "t;u;y\n0;1;2,0\n1;3;4,0\n2;5;6,0\n",
     "names in a comment": "# made by numpy\n# t,u,y\n0,1,2\n1,3,4\n2,5,6\n",
     "aligned": "  t      u      y\n  0.0    1.0    2.0\n  1.0    3.0    4.0\n  2.0    5.0    6.0\n",

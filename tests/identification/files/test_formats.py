@@ -135,7 +135,8 @@ TOUCHSTONE = {
     "version 2": ("[Version] 2.0\n# Hz S RI\n1 2 3\n", "line 1: Touchstone of version 2"),
     "torn": ("# Hz S RI\n1 2 3\n2 5\n", "5 numbers; rising frequencies .* multiples of 3"),
     "falling": ("# Hz S RI\n2 2 3\n1 5 6\n", "rising frequencies"),
-    "a word": ("# Hz S RI\n1 2 x\n", "line 2: 'x' is not a number"),
+    "a word": ("# Hz S RI\n1 2 x\n", "line 2: 'x' is not a finite number"),
+    "infinity": ("# Hz S MA\n1 2 inf\n", "line 2: 'inf' is not a finite number"),
     "no resistance": ("# Hz S RI R -50\n1 2 3\n", "no positive resistance"),
     "nothing": ("# Hz S RI R 50\n", "0 numbers"),
 }

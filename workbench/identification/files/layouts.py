@@ -49,7 +49,9 @@ class Layout:
 
 
 LAYOUTS = [Layout(mark, point) for point in ".," for mark in (",", ";", "\t", BLANKS)]
-LAYOUTS = [one for one in LAYOUTS if one.separator != one.decimal]
+QUOTED = [one for one in LAYOUTS if one.separator == one.decimal]
+"""Layouts that need quotes around numbers."""
+LAYOUTS = [one for one in LAYOUTS if one not in QUOTED]
 
 
 def found_layout(lines: Sequence[str]) -> tuple[Layout, list[list[str]]]:
@@ -66,7 +68,7 @@ def found_layout(lines: Sequence[str]) -> tuple[Layout, list[list[str]]]:
 
     best, most = (LAYOUTS[0], [LAYOUTS[0].cells(line) for line in lines]), (0.0, 0.0)
     for with_units in (False, True):
-        for plain in LAYOUTS:
+        for plain in LAYOUTS + QUOTED * any('"' in line for line in lines):
             layout = replace(plain, with_units=with_units)
             split = [layout.cells(line) for line in lines]
             if (found := score(split, layout)) > most:

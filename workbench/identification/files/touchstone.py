@@ -77,9 +77,12 @@ def _parts(path: Path) -> tuple[str, np.ndarray]:
             continue
         for word in words.split():
             try:
-                numbers.append(float(word))
+                number = float(word)
             except ValueError:
-                raise InputError(f"{path}, line {place}: {word!r} is not a number") from None
+                number = np.nan
+            if not np.isfinite(number):
+                raise InputError(f"{path}, line {place}: {word!r} is not a finite number")
+            numbers.append(number)
     return options, np.array(numbers)
 
 
