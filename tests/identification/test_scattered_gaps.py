@@ -79,8 +79,8 @@ def test_the_unit_of_time_is_read():
     time = ("time", 20.0 * np.arange(20), {"units": "ms"})
     one, other = (xr.DataArray(x, dims="time", coords={"time": time}) for x in (u, y))
     assert as_experiments(one, other).sample_time == pytest.approx(0.02)
-    one["time"].attrs["units"] = "weeks"
-    with pytest.raises(InputError, match="in 'weeks'"):
+    one["time"].attrs["units"] = "fathom"
+    with pytest.raises(InputError, match="the instants of u: 'fathom' cannot be converted to 's'"):
         as_experiments(one, other)
 
 

@@ -71,3 +71,16 @@ def test_the_starter_reads_them_too(tmp_path):
     plain = responses(tmp_path, output=y, input=u, time=t)
     record(tmp_path, 2, "t,torque [N m],speed [rad/s]")
     np.testing.assert_allclose(plain.values, responses(tmp_path).values, rtol=1e-8)
+
+
+def test_the_starter_finds_dates_and_clocks_too(tmp_path):
+    clocks = [f"2024-01-31 23:59:{k / 20:06.3f}" for k in range(N)]
+    for instants in (clocks, [clock[11:] for clock in clocks]):
+        rows = [f"{at},RUN,{(7 * k) % 5},{(3 * k) % 4}" for k, at in enumerate(instants)]
+        file = tmp_path / "drive1.csv"
+        file.write_text("\n".join(["when,state,torque,speed", *rows]))
+        names = record_columns(file, None, None, None, None)
+        assert names == ("torque", "speed", "when")
+        look = first_look([file], *names, None)
+        assert look.period == pytest.approx(0.05)
+        assert "unit of 'torque' unknown, taken as 1" in look.columns

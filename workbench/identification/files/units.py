@@ -29,7 +29,7 @@ WRITTEN = (
     (r"[−–]", "-"),
     (r"\b([mkMµμu]?N)\s?m\b", r"\1*m"),  # pint reads Nm as a number times a metre
     (r"\b(U|rev|r|revolutions|turns?|cycles?)/", "turn/"),
-    (r"^(1/|/)(s|sec|min|h)$", r"turn/\2"),
+    (r"^(1/|/)(s|sec|second|min|minute|h|hour)$", r"turn/\2"),
     (r"^(s|sec|min|h)(\^|\*\*)?(-1|⁻¹)$", r"turn/\1"),
     (r"([A-Za-z])(-?\d)", r"\1**\2"),  # m/s2
 )
@@ -99,8 +99,6 @@ def converted(values: np.ndarray, unit: str, to: str) -> np.ndarray:
     known = next((one for one in parsed if one.is_compatible_with(wanted)), parsed[0])
     if known == wanted:
         return values
-    if known.is_compatible_with("turn/s") and str(known) in ("1 / second", "1 / minute"):
-        known = known * _registry().turn
     if not known.is_compatible_with(wanted) or "decibel" in str(known) + str(wanted):
         raise InputError(f"{unit!r} cannot be converted to {to!r}")
     result = _registry().Quantity(np.asarray(values, dtype=float), known).to(wanted).magnitude
