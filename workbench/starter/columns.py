@@ -75,7 +75,7 @@ def record_columns(
 def _stamps(columns: Columns) -> dict[str, RealArray]:
     """The columns of dates and clocks [s]."""
     found = {}
-    for name in columns.texts:
+    for name in list(columns.texts):
         with suppress(InputError):
             found[name] = columns.seconds(name)[0]
     return found

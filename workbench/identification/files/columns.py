@@ -24,10 +24,10 @@ class Columns:
     """What a file holds.
 
     ``variables`` are its numbers by name, a blank cell is NaN; ``texts`` are the cells of other
-    columns, NaN where blank; ``refused`` says why further ones cannot be read. ``units`` are known
-    for some, by a row of units or an attribute. ``said`` is what was found out. ``lines`` are the
-    numbers of the rows' lines, from 0, in a file of text; ``named`` is false where no line names
-    its columns.
+    columns, NaN where blank, until they are read as numbers; ``refused`` says why further ones
+    cannot be read. ``units`` are known for some, by a row of units or an attribute. ``said`` is
+    what was found out. ``lines`` are the numbers of the rows' lines, from 0, in a file of text;
+    ``named`` is false where no line names its columns.
     """
 
     path: Path
@@ -81,9 +81,17 @@ class Columns:
         if isinstance(found, int):
             raise self._wrong(name, found, "a number")
         self.variables[name], unit = found
+        del self.texts[name]
         if unit:
             self.units.setdefault(name, unit)
         return self.variables[name]
+
+    def real_numbers(self, name: str) -> RealArray:
+        """A column as real numbers; raises InputError as `numbers`, and for complex ones."""
+        values = self.numbers(name)
+        if np.iscomplexobj(values):
+            raise InputError(f"{self.path}: {name!r} holds complex numbers; real ones are needed")
+        return values
 
     def is_mostly_numbers(self, name: str) -> bool:
         """Whether at least half of the cells of a column of text are numbers, blank ones aside."""
@@ -108,9 +116,7 @@ class Columns:
             wrong = as_numbers(cells, self.decimal)
             if isinstance(wrong, int):
                 return self._stamps(name, cells, wrong)
-        values = self.numbers(name)
-        if np.iscomplexobj(values):
-            raise InputError(f"{self.path}: {name!r} holds complex numbers, which are no instants")
+        values = self.real_numbers(name)
         unit = self.unit(name, "time")
         if unit is not None:
             return self.converted(values, name, unit, "s"), ""
@@ -140,7 +146,7 @@ class Columns:
 
     def hertz(self, name: str) -> tuple[RealArray, str]:
         """A column as frequencies [Hz], and how they were told; raises InputError as `seconds`."""
-        values = self.numbers(name)
+        values = self.real_numbers(name)
         unit = self.unit(name, "frequency")
         if unit is not None:
             return self.converted(values, name, unit, "Hz"), ""

@@ -46,7 +46,7 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
     {'time': [0.0, 0.1], 'u': [1.0, 1.0], 'y': [0.0, 0.5]}
     """
     table = read_table(file)
-    for name in table.texts:
+    for name in list(table.texts):
         if table.is_mostly_numbers(name):
             table.numbers(name)
     return {name: table.variables[name] for name in table.names if name in table.variables}
