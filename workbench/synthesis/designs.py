@@ -190,19 +190,19 @@ def full_block(task: DesignTask, context: Context) -> StateSpace:
 def dk(task: DesignTask, context: Context) -> StateSpace:
     """D-K iteration: real scalars count as complex ones, of which it lowers the peak of mu."""
     program = MuSynthesis(task.regular, task.structure.complexified())
-    K: StateSpace = _answer(program, context, "dk").K
+    K: StateSpace = _answer(program, context, "dk").lti
     return K
 
 
 def mu_dk(task: DesignTask, context: Context) -> StateSpace:
     """(mu, D)-K iteration: real scalars count as what they are."""
-    K: StateSpace = _answer(MuSynthesis(task.regular), context, "mu-dk").K
+    K: StateSpace = _answer(MuSynthesis(task.regular), context, "mu-dk").lti
     return K
 
 
 def fixed_order(task: DesignTask, context: Context) -> StateSpace:
     """Mixed mu lowered directly over controllers of the reference's order, from it on."""
-    K: StateSpace = _answer(MuSynthesis(task.regular, start=task.reference), context, "fixed").K
+    K: StateSpace = _answer(MuSynthesis(task.regular, start=task.reference), context, "fixed").lti
     return K
 
 
