@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
+    from workbench.realisations.descriptor_form import from_descriptor
     from workbench.realisations.gramian_pair import Gramians, gramians
     from workbench.realisations.hankel import HankelValues, hankel_values
     from workbench.realisations.minimal_realisation import MinimalRealisation, minimal
@@ -17,6 +18,7 @@ __all__ = [
     "HankelValues",
     "MinimalRealisation",
     "SystemParts",
+    "from_descriptor",
     "gramians",
     "hankel_values",
     "minimal",
