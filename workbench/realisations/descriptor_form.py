@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.errors import InputError
@@ -24,7 +23,9 @@ Descriptor = tuple[RealArray, RealArray, RealArray, RealArray, RealArray]
 """E, A, B, C and D."""
 
 
-def from_descriptor(A: Any, B: Any, C: Any, D: Any, E: Any, *, dt: float = 0.0) -> StateSpace:
+def from_descriptor(
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, E: ArrayLike, *, dt: float = 0.0
+) -> StateSpace:
     """The system of states that has the response of a descriptor system.
 
     Equations without a derivative are solved, and constraints on the states are removed with the
@@ -77,7 +78,7 @@ def from_descriptor(A: Any, B: Any, C: Any, D: Any, E: Any, *, dt: float = 0.0) 
     return realisation((A1 * rate, B1 * rate, C1, D1), dt)
 
 
-def _checked(A: Any, B: Any, C: Any, D: Any, E: Any) -> Descriptor:
+def _checked(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, E: ArrayLike) -> Descriptor:
     """E, A, B, C and D as finite matrices that fit."""
     found = {"A": A, "B": B, "C": C, "D": D, "E": E}
     parts = {name: np.atleast_2d(as_array(value, name)) for name, value in found.items()}

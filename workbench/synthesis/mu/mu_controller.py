@@ -55,7 +55,7 @@ class MuController(DrawnController):
     omega: float
     history: tuple[Iterate, ...] = field(default=())
     peak: Peak | None = None
-    whole: StateSpace | None = None
+    whole: StateSpace | None = field(default=None, kw_only=True)
     """The controller of the user's plant, where K is only a part of it."""
 
     @property
@@ -70,6 +70,6 @@ class MuController(DrawnController):
         )
 
     @classmethod
-    def of(cls, K: StateSpace, found: Peak, history: tuple[Iterate, ...] = ()) -> MuController:
+    def of(cls, controller: StateSpace, found: Peak, history: tuple[Iterate, ...]) -> MuController:
         """The answer for a controller and the peak of its loop."""
-        return cls(K, found.lower, found.upper, found.omega, history, found)
+        return cls(controller, found.lower, found.upper, found.omega, history, found)

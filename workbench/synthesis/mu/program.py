@@ -331,7 +331,7 @@ class MuSynthesis(Program):
         found = None
         if stability_of(loop).holds:
             found = scaled_peak(loop, self.closed, scalings, upper)
-        return None if found is None else MuController.of(K, found)
+        return None if found is None else MuController.of(K, found, ())
 
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
