@@ -57,7 +57,7 @@ def from_descriptor(
     >>> from workbench.realisations import from_descriptor
     >>> E, A = [[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [-1.0, -2.0]]
     >>> G = from_descriptor(A, [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], E)
-    >>> G.nstates, G.poles().real.round(3).tolist(), round(G(0.0).real, 3)
+    >>> G.nstates, G.poles().real.round(3).tolist(), round(float(G(0.0).real), 3)
     (1, [-0.5], 1.0)
     """
     need_time_base(dt)
