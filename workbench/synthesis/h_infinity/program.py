@@ -282,7 +282,7 @@ class HinfSynthesis(Program):
         closed = self.absorbed.plant.close(answer.K)
         return {
             "loop": drawn.loop(closed, answer.gamma),
-            "controller": drawn.controller(answer.K, closed),
+            "controller": drawn.controller(self._whole(answer), closed),
         }
 
     def to_dataset(self, answer: HinfController) -> Dataset:

@@ -482,7 +482,7 @@ class MuSynthesis(Program):
         loop, loops = self.plant.close(answer.K), drawn_loops(self.plant, answer.K, self.units)
         found = {
             "mu": bounds_figure(loop, self.closed, answer.upper),
-            "controller": controller(answer.K, loop, self._gain_unit),
+            "controller": controller(self._whole(answer), loop, self._gain_unit),
             "performance": performance_figure(loops, answer.upper),
             "steps": steps_figure(loops),
         }
