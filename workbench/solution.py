@@ -51,7 +51,8 @@ class Solution:
         lines = [f"Solution: {self.outcome}"]
         if self.message:
             lines[0] += f" ({_cut(self.message)})"
-        if self.answer is not None:
+        evidence = self.proof is not None and not isinstance(self.answer, Answer)
+        if self.answer is not None and not evidence:  # raw evidence is for the certificate
             said = self.answer.said() if isinstance(self.answer, Answer) else repr(self.answer)
             lines += [f"  {line}" for line in _cut(said, LONGEST).splitlines()]
         if self.certificate is not None:
