@@ -51,7 +51,7 @@ def controller(
     plant of first order. Method "fixed" goes on from an earlier one.
 
     after: the method whose controller this one starts from. order: to which that is reduced first,
-    None: not.
+    if it has more states; None: not.
     """
     chosen = PLANTS[plant]()
     unitless = dict.fromkeys((*chosen.system.input_labels, *chosen.system.output_labels), "1")
@@ -65,4 +65,5 @@ def _started(plant: GeneralisedPlant, start: Run | None, order: int | None) -> S
             raise InputError(f"order = {order} reduces the controller of a run: say after which")
         return None
     K = restored(start.data, "controller")
-    return K if order is None else approximated(K, order, plant=plant)
+    needless = order is None or K.nstates <= order
+    return K if needless else approximated(K, order, plant=plant)

@@ -72,5 +72,6 @@ def controller(
     if order is not None:
         if K is None:
             raise InputError(f"order = {order} reduces a controller: say after which")
-        K = approximated(K, order, plant=plant)
+        if K.nstates > order:
+            K = approximated(K, order, plant=plant)
     return LoopController(plant, start=K, units=SIGNAL_UNITS)
