@@ -120,7 +120,7 @@ def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
     return iterated(program, context, GAMMA_SHARE)
 
 
-def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
+def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool = True) -> Claim:
     """Iterate K and D steps and return the best controller.
 
     With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way."""
@@ -128,7 +128,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     now = DKState(blend) if kept is None else DKState.restored(kept)
     for number, each in enumerate(now.history, start=1):
         context.record(each.row(number))
-    finish = Finish(program, context)
+    finish = Finish(program, context, reduces=reduces)
     try:
         if now.history:
             best = min(now.history, key=lambda each: each.peak)

@@ -88,7 +88,8 @@ def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
         own = Context(options)
         with clocked_by(own):
-            answer, _, _ = iterated(program.without_demands(), own, 0.0)
+            # what is best left out depends on the order, which is lower still
+            answer, _, _ = iterated(program.without_demands(), own, 0.0, reduces=False)
     except (SolverError, InputError):
         return None
     return answer
