@@ -1,0 +1,65 @@
+"""What a test of a record says: a finding, and what became of the assumption that was tested."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something in a record that harms what is estimated from it.
+
+    Parameters
+    ----------
+    kind
+        What it is, in a word or two: "feedback", "spikes", "clipped".
+    message
+        What was found, in a sentence without a full stop.
+    where
+        Channel and samples, such as "output 'speed', samples 17 and 230".
+    strength
+        How strong it is, as a number.
+    measure
+        What that number is, such as "share of the input's variance that comes from the output".
+    remedy
+        What to do.
+    forbids
+        Whether nothing may be estimated from the record as it is.
+    """
+
+    kind: str
+    message: str
+    where: str
+    strength: float
+    measure: str
+    remedy: str
+    forbids: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.message} ({self.where}): {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Tested:
+    """An assumption on a record, and what its test gave.
+
+    Parameters
+    ----------
+    assumption
+        What is assumed, such as "open loop".
+    result
+        What was found, such as "at most 4 % of the variance of 'u' can come from 'y'", or why it
+        cannot be tested.
+    testable
+        Whether the record allows the test.
+    findings
+        What stands against the assumption.
+    """
+
+    assumption: str
+    result: str
+    testable: bool = True
+    findings: tuple[Finding, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.assumption}: {'tested' if self.testable else 'not testable'}; {self.result}"
