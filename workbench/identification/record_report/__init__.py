@@ -1,1 +1,1 @@
-"""What a record must be before anything is estimated from it, and whether it is: tests, findings."""
+"""Is a record fit to be estimated from: each assumption tested, and what was found."""
