@@ -25,6 +25,7 @@ from workbench.synthesis.mu import dk
 from workbench.synthesis.mu.rounds import packed, unpacked
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.synthesis.mu.structured import fixed
+from workbench.uncertainty import generalised_plant, real, tf
 
 ROOT = Path(__file__).parents[2]
 METHODS = ("dk", pytest.param("mu-dk", marks=pytest.mark.slow), "fixed")
@@ -114,6 +115,40 @@ def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, 
     )
     again = wb.solve(program, name, context=Context(checkpoint=kept))
     assert again.outcome is Outcome.SOLVED and same(again.answer.history, whole.answer.history)
+
+
+def test_rounds_with_multipliers_that_go_on_late_keep_what_they_had():
+    pole = real("pole", 1.0, percent=50)
+    weight, effort = control.tf([0.4], [1.0, 0.1]), control.tf([0.1], [1.0])
+    plant = generalised_plant(
+        [(tf([1], [1, pole]), "u", "y"), (weight, "e", "z_e"), (effort, "u", "z_u")],
+        {"e": "r - y"},
+        exogenous=["r"],
+        performance=["z_e", "z_u"],
+        control=["u"],
+        measurement="e",
+    )
+    program, kept, told = MuSynthesis(plant), Memory(), []
+
+    def stop(description, done, total):
+        if description == "multipliers" and done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        wb.solve(program, "dgk", context=Context(progress=stop, checkpoint=kept))
+    context = Context(Options(time_limit=1000.0), checkpoint=kept)
+
+    def late(description, done, total):
+        if description == "multipliers":
+            told.append(done)
+            context.started -= 1000.0
+
+    context.progress = late
+    short = wb.solve(program, "dgk", context=context)
+    assert told and short.outcome is Outcome.TIME_LIMIT and short.certificate.holds
+    peaks = [each.peak for each in short.answer.history]
+    assert short.answer.upper == pytest.approx(min(peaks), rel=1e-2)
+    assert [row["peak"] for row in context.rows] == peaks
 
 
 def test_before_the_first_controller_there_is_no_answer(program):

@@ -126,13 +126,9 @@ def iterated(program: MuSynthesis, context: Context, blend: float, reduces: bool
     With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way."""
     kept = context.checkpoint.load()
     now = DKState(blend) if kept is None else DKState.restored(kept)
-    for number, each in enumerate(now.history, start=1):
-        context.record(each.row(number))
     finish = Finish(program, context, reduces=reduces)
     try:
-        if now.history:
-            best = min(now.history, key=lambda each: each.peak)
-            finish.offer(best.K, best.peak)
+        finish.resume(now.history)
         ended = _rounds(program, context, now, finish, program.start if kept is None else None)
     except TimeLimitError as error:
         ended = finish.late(error)

@@ -46,6 +46,14 @@ class Finish:
     sure: MuController | None = None
     reduces: bool = True
 
+    def resume(self, history: Sequence[Iterate]) -> None:
+        """Record the rounds before an interruption, and offer the best controller of them."""
+        for number, each in enumerate(history, start=1):
+            self.context.record(each.row(number))
+        if history:
+            best = min(history, key=lambda each: each.peak)
+            self.offer(best.K, best.peak)
+
     def offer(self, K: StateSpace, peak: float) -> None:
         """Certify a controller at once if time is limited and it is the first or much better.
 

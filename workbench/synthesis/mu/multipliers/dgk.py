@@ -138,7 +138,9 @@ def iterated_with_multipliers(
     The first round starts from the best controller so far.
     """
     try:
-        ended = _rounds(program, context, structure, now)
+        if finish.sure is None:  # the rounds so far were before an interruption
+            finish.resume(now.history)
+        ended = _rounds(program, context, structure, now, finish)
     except TimeLimitError as error:
         ended = finish.late(error)
     if isinstance(ended, MuController):
@@ -147,7 +149,7 @@ def iterated_with_multipliers(
 
 
 def _rounds(
-    program: MuSynthesis, context: Context, structure: Structure, now: DGKState
+    program: MuSynthesis, context: Context, structure: Structure, now: DGKState, finish: Finish
 ) -> MuController | str:
     """Go over the rounds, and say how they ended; a controller that reaches the target ends them.
 
@@ -180,6 +182,7 @@ def _rounds(
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
             return reached
+        finish.offer(K, peak)
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
