@@ -33,8 +33,8 @@ from workbench.program import Task
 from workbench.solvers import Options
 from workbench.study import Study
 from workbench.synthesis import LoopShaping, MixedSensitivity
-from workbench.synthesis.mu.no_controller.interlacing import NoStableController
-from workbench.synthesis.mu.no_controller.no_gain import NoStabilisingGain
+from workbench.synthesis.no_controller.interlacing import NoStableController
+from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
 from workbench.uncertainty import MatrixSets
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"

@@ -61,11 +61,11 @@ LEFT = {
         second_opinion/margins/dead_times.py: _sizes from 0.5 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from -2 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from 2 to -2
-        synthesis/mu/families/lead_lag.py: examples from 0.1 to 1
-        synthesis/mu/families/lead_lag.py: examples from 3 to 10
-        synthesis/mu/families/modal.py: examples from 0.3 to 3
-        synthesis/mu/families/three_terms.py: FILTERS from 0.001 to 1
-        synthesis/mu/families/three_terms.py: parameters from 0.001 to 3
+        synthesis/families/lead_lag.py: examples from 0.1 to 1
+        synthesis/families/lead_lag.py: examples from 3 to 10
+        synthesis/families/modal.py: examples from 0.3 to 3
+        synthesis/families/three_terms.py: FILTERS from 0.001 to 1
+        synthesis/families/three_terms.py: parameters from 0.001 to 3
         synthesis/mu/structured/starts/lag_rules.py: CLOSED_LOOP_TIMES from 0.1 to 10
         synthesis/records/riccati.py: MULTIPLIERS from 1e-08 to 1e+08
         systems/margins.py: highest_crossover from 1e-12 to 0.5""",

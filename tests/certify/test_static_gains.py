@@ -8,7 +8,7 @@ from flint import fmpq_poly
 from workbench.certify.proofs.static_gains import gain_ranges, is_hurwitz
 from workbench.executor import Context
 from workbench.solvers import Outcome
-from workbench.synthesis.mu.no_controller.no_gain import NoStabilisingGain
+from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
 
 S = control.tf("s")
 

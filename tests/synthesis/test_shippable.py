@@ -17,9 +17,9 @@ from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.structure import Complex
 from workbench.synthesis import Modal, MuSynthesis
-from workbench.synthesis.mu.no_controller import interlacing
-from workbench.synthesis.mu.no_controller.interlacing import NoStableController
-from workbench.synthesis.mu.shippable import Shippable
+from workbench.synthesis.families.demands import Shippable
+from workbench.synthesis.no_controller import interlacing
+from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel, generalised_plant
 

@@ -6,6 +6,11 @@ from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
     from workbench.synthesis.designs import DESIGNS, DesignTask
+    from workbench.synthesis.families.decentralised import Decentralised
+    from workbench.synthesis.families.family import Family
+    from workbench.synthesis.families.lead_lag import LeadLag
+    from workbench.synthesis.families.modal import Modal, Static
+    from workbench.synthesis.families.three_terms import PD, PI, PID
     from workbench.synthesis.h_infinity.gap_metric import gap_metric
     from workbench.synthesis.h_infinity.hinf import hinf
     from workbench.synthesis.h_infinity.known_disturbance import (
@@ -47,11 +52,6 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.control_cover import ControlCover
     from workbench.synthesis.mu.demand_cost import DemandCost
     from workbench.synthesis.mu.equalising_gain import equalising_gain
-    from workbench.synthesis.mu.families.decentralised import Decentralised
-    from workbench.synthesis.mu.families.family import Family
-    from workbench.synthesis.mu.families.lead_lag import LeadLag
-    from workbench.synthesis.mu.families.modal import Modal, Static
-    from workbench.synthesis.mu.families.three_terms import PD, PI, PID
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate

@@ -7,6 +7,7 @@ from typing import Any
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options
+from workbench.synthesis.families.family import Family
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -18,6 +19,8 @@ def hinf(
     controls: int | None = None,
     *,
     gamma: float | None = None,
+    order: int | None = None,
+    family: Family | None = None,
     method: str | None = None,
     options: Options | None = None,
 ) -> HinfController:
@@ -33,10 +36,11 @@ def hinf(
         measurements and whose last inputs are the controls.
     measurements, controls
         Numbers of measurements and controls, for a StateSpace or TransferFunction only.
-    gamma
+    gamma, order, family
         As in `HinfSynthesis`.
     method
-        ``"riccati"`` (default), ``"sb10ad"`` or the name of a conic solver.
+        ``"riccati"`` (default), ``"sb10ad"``, the name of a conic solver, or ``"fixed"``, the
+        default where an order or a family is asked for.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def hinf(
             "measurements and controls belong to a StateSpace or TransferFunction; the plant is "
             f"{type(plant).__name__}"
         )
-    solution = solve(HinfSynthesis(plant, gamma), method, options)
+    solution = solve(HinfSynthesis(plant, gamma, order=order, family=family), method, options)
     if solution.certificate is None:
         raise SolverError(solution.message)
     if not solution.certificate.valid:

@@ -14,6 +14,7 @@ from workbench.certify.norms import NORM_TOLERANCE
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.families.family import Family
 from workbench.synthesis.h_infinity.figures import grid
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.singular_plants.absorbed import between_poles
@@ -37,7 +38,7 @@ class MixedSensitivity(HinfSynthesis):
         A weight with a single channel acts on every channel. None leaves the row out. Weights are
         stable, but W_S may have poles on the stability boundary, as an integrator or a resonator:
         the controller then has them too (``answer.lti``), and the loop is stable without weights.
-    gamma
+    gamma, order, family, stable, fastest_pole, start, random
         As in `HinfSynthesis`.
 
     Raises
@@ -55,13 +56,29 @@ class MixedSensitivity(HinfSynthesis):
     >>> solution = wb.solve(program)
     >>> solution.certificate.holds, bool(solution.answer.norm < 1)
     (True, True)
+    >>> from workbench.synthesis import PI
+    >>> program = MixedSensitivity(G, control.tf([0.5, 1.0], [1.0, 0.01]), 0.1, family=PI())
+    >>> wb.solve(program).answer.K.poles().tolist()  # an integrator
+    [0j]
     """
 
     G: StateSpace
     weights: dict[str, StateSpace]
 
     def __init__(
-        self, G: Any, W_S: Any = None, W_KS: Any = None, W_T: Any = None, gamma: float | None = None
+        self,
+        G: Any,
+        W_S: Any = None,
+        W_KS: Any = None,
+        W_T: Any = None,
+        gamma: float | None = None,
+        *,
+        order: int | None = None,
+        family: Family | None = None,
+        stable: bool = False,
+        fastest_pole: float | None = None,
+        start: Any = None,
+        random: int = 0,
     ) -> None:
         G = as_system(G, "G")
         given = {"S": W_S, "KS": W_KS, "T": W_T}
@@ -73,10 +90,11 @@ class MixedSensitivity(HinfSynthesis):
         }
         if not weights:
             raise InputError("there is no weight; give at least one of W_S, W_KS and W_T")
-        object.__setattr__(self, "G", G)
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "plant", _stack(G, weights))
-        object.__setattr__(self, "gamma", gamma)
+        fields = {"G": G, "weights": weights, "plant": _stack(G, weights), "gamma": gamma}
+        fields |= {"order": order, "family": family, "stable": stable}
+        fields |= {"fastest_pole": fastest_pole, "start": start, "random": random}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
         self.__post_init__()
 
     def checks(self, answer: HinfController, tolerance: float) -> list[Check]:

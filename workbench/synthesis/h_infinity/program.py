@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -14,24 +14,35 @@ from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
+from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
-from workbench.program import Program
+from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
+from workbench.solvers import Outcome
+from workbench.synthesis.families.demands import Shippable
+from workbench.synthesis.families.family import (
+    Family,
+    asked_of,
+    family_for,
+    need_continuous_plant,
+    need_draws,
+    started,
+)
 from workbench.synthesis.h_infinity import figures as drawn
-from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     Absorbed,
-    absorbed,
     between_poles,
     loop_gains,
+    tested,
 )
+from workbench.synthesis.no_controller.claim import no_controller
+from workbench.synthesis.no_controller.interlacing import violated, words
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, pole_sizes
-from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
 LEAST_GAMMA = 1e-100
@@ -95,12 +106,29 @@ class HinfSynthesis(Program):
     gamma
         The level asked for; None: the least level. Methods keep a distance of 1e-3 above it, since
         controllers at the least level have poles at infinity.
+    order
+        Largest number of states of the controller.
+    family
+        Controllers among which is searched, such as ``PID()`` or ``Decentralised(PI(), PI())``.
+    stable, fastest_pole
+        Whether the controller itself must be stable, and the largest size of its poles [rad/s].
+    start
+        A stabilising controller to start from, a member of the family where there is one; or its
+        parameters in the family. None: the method finds its own.
+    random
+        Number of stabilising members, drawn around the start, from which is searched besides.
+
+    A controller of an order or a family is found by method "fixed", a local search from several
+    starts; ``least`` of the answer is the least level of all controllers, so that norm over least
+    is the most that any other could be better. A method whose controller is not what is asked
+    hands over to "fixed".
 
     Raises
     ------
     InputError
         The plant is not stabilisable or not detectable by a mode that the controller cannot share
-        with a weight, is not finite or lacks signals; or gamma is not positive and finite.
+        with a weight, is not finite or lacks signals; gamma is not positive and finite; or what is
+        asked of the controller is none, does not fit, or leaves no room for poles of weights.
 
     References
     ----------
@@ -124,15 +152,25 @@ class HinfSynthesis(Program):
     >>> solution = wb.solve(HinfSynthesis(plant))
     >>> solution.certificate.holds, round(solution.answer.least, 2)
     (True, 2.73)
+    >>> solution = wb.solve(HinfSynthesis(plant, order=0))  # a gain
+    >>> solution.certificate.holds, round(solution.answer.norm, 2)
+    (True, 2.73)
     """
 
     plant: GeneralisedPlant
     gamma: float | None = None
+    order: int | None = field(default=None, kw_only=True)
+    family: Family | None = field(default=None, kw_only=True)
+    stable: bool = field(default=False, kw_only=True)
+    fastest_pole: float | None = field(default=None, kw_only=True)
+    start: StateSpace | None = field(default=None, kw_only=True)
+    random: int = field(default=0, kw_only=True)
 
     default_method: ClassVar[str] = "riccati"
     methods_in: ClassVar[tuple[str, ...]] = (
         "workbench.synthesis.h_infinity.methods",
         "workbench.synthesis.h_infinity.conic",
+        "workbench.synthesis.mu.structured.least_norm",
     )
     headline: ClassVar[str] = "norm"
 
@@ -147,17 +185,22 @@ class HinfSynthesis(Program):
             raise InputError(
                 f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
             )
+        _ = self.demands  # raises for what is none
+        need_draws(self.random)
+        need_continuous_plant(self)
         object.__setattr__(self, "plant", visible(self.plant))
-        _ = self._tested
+        plant = self._tested[0].plant
+        if self.family is not None:
+            object.__setattr__(self, "family", family_for(self.family, plant))
+        if self.start is not None:
+            object.__setattr__(self, "start", started(self.family, self.start, plant))
+        if any(each is not None for each in (self.family, self.order, self.start)):
+            object.__setattr__(self, "default_method", "fixed")
 
     @cached_property
     def _tested(self) -> tuple[Absorbed, Scaled | None]:
         """The plant without modes that the controller shares, and scaled where it is regular."""
-        try:
-            return Absorbed(self.plant), scaled_if_regular(standard_plant(self.plant))
-        except HiddenModeError:
-            remaining = absorbed(self.plant)
-        return remaining, scaled_if_regular(standard_plant(remaining.plant))
+        return tested(self.plant, asked_of(self))
 
     @property
     def absorbed(self) -> Absorbed:
@@ -168,6 +211,38 @@ class HinfSynthesis(Program):
     def scaled(self) -> Scaled | None:
         """The scaled continuous-time plant that methods use; None where it must be perturbed."""
         return self._tested[1]
+
+    @property
+    def demands(self) -> Shippable:
+        """What the controller must be besides."""
+        return Shippable(self.order, self.stable, self.fastest_pole)
+
+    def claim_task(self, claim: Outcome) -> Task | None:
+        if claim is not Outcome.INFEASIBLE or not asked_of(self) or self.plant.system.dt:
+            return None
+        return no_controller(self.absorbed.plant.controlled(), self.stable)
+
+    def respond(self, method: str | None, context: Context) -> Claim:
+        controlled = self.absorbed.plant.controlled()
+        zeros = violated(controlled) if self.stable and not controlled.dt else None
+        if zeros is not None:
+            find_method(self, method)  # raises for an unknown one
+            return None, Outcome.INFEASIBLE, words(controlled, *zeros)
+        claim = super().respond(method, context)
+        answer, _, said = claim
+        if (method or self.default_method) == "fixed" or answer is None or self.suits(answer.K):
+            return claim
+        fixed = super().respond("fixed", context)
+        return *fixed[:2], f"{said}; not what is asked, handed over to fixed: {fixed[2]}"
+
+    def suits(self, controller: StateSpace) -> bool:
+        """Whether a controller meets the demands and is of the family."""
+        if self.family is not None:
+            try:
+                self.family.about(controller)
+            except InputError:
+                return False
+        return self.demands.admits(controller)
 
     # --- objective ----------------------------------------------------------------------------
 
@@ -199,7 +274,7 @@ class HinfSynthesis(Program):
             return found
         loop = plant.close(K)
         stability = stability_of(loop)
-        found.append(stability)
+        found += [stability, *self.demands.checks(K)]
         size = certified_norm(loop) if stability.holds else np.inf
         limit = CLAIM_TOLERANCE
         found.append(
@@ -253,6 +328,11 @@ class HinfSynthesis(Program):
         said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
         if self.absorbed.copies:
             said.append(self.absorbed.words)
+        if asked_of(self) and answer.least > 0:
+            said.append(
+                f"norm {answer.norm:.4g} reached; no controller of any order was found below "
+                f"{answer.least:.4g}: distance {answer.norm / answer.least - 1:.1%}"
+            )
         return said
 
     def metrics(self, answer: HinfController) -> dict[str, float]:

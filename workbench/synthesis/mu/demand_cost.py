@@ -20,9 +20,9 @@ from workbench.input_checks import as_list, need_positive
 from workbench.second_opinion import loops
 from workbench.solution import solve
 from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 

@@ -14,7 +14,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import need_positive, need_whole
+from workbench.input_checks import need_positive
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
@@ -22,22 +22,28 @@ from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
 from workbench.solvers import Outcome
 from workbench.structure import Structure
-from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
+from workbench.synthesis.families.demands import Shippable
+from workbench.synthesis.families.family import (
+    Family,
+    asked_of,
+    family_for,
+    need_continuous_plant,
+    need_draws,
+    started,
+)
 from workbench.synthesis.h_infinity.figures import controller
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     Absorbed,
-    absorbed,
     between_poles,
     loop_gains,
+    tested,
 )
-from workbench.synthesis.mu.families.family import Family, need_family, started
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
 from workbench.synthesis.mu.mu_controller import MuController
-from workbench.synthesis.mu.no_controller.interlacing import NoStableController, violated, words
-from workbench.synthesis.mu.no_controller.no_gain import NoStabilisingGain
 from workbench.synthesis.mu.rounds import Iterate, round_variables, rounds_of
-from workbench.synthesis.mu.shippable import Shippable
+from workbench.synthesis.no_controller.claim import no_controller
+from workbench.synthesis.no_controller.interlacing import violated, words
 from workbench.systems.balancing import balanced
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.conversion import need_plant
@@ -46,7 +52,6 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
 from workbench.systems.realisation import in_words, pole_sizes, realisation
-from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
 PEAK_TOLERANCE = 1e-3
@@ -156,18 +161,9 @@ class MuSynthesis(Program):
     def __post_init__(self) -> None:
         need_plant(self.plant)
         need_positive(self.target, "target", or_none=True)
-        need_positive(self.fastest_pole, "fastest_pole", or_none=True)
-        if self.order is not None:
-            need_whole(self.order, "order")
-            if self.order < 0:
-                raise InputError(f"order is {self.order}; it must be 0 or more")
-        need_whole(self.random, "random")
-        if self.random < 0:
-            raise InputError(f"random is {self.random}; it must be 0 or more")
-        if not isinstance(self.stable, bool):
-            raise InputError(f"stable is {self.stable!r}; it must be True or False")
-        if self.family is not None:
-            need_family(self.family, "family")
+        _ = self.demands  # raises for what is none
+        need_draws(self.random)
+        need_continuous_plant(self)
         plant, structure = self.plant, self.structure or self.plant.structure
         fixed = any(each is not None for each in (self.family, self.order, self.start))
         if structure is None and not fixed:
@@ -182,50 +178,17 @@ class MuSynthesis(Program):
                 f"the plant has {plant.exogenous} exogenous inputs and {plant.performance} "
                 "performance outputs; mu synthesis needs one of each at least"
             )
-        if system.dt and (self.family is not None or self.fastest_pole is not None):
-            raise InputError(
-                f"the plant is sampled (dt = {system.dt} s): family and fastest_pole are for "
-                "continuous controllers"
-            )
-        given, shared = plant, self._sharing(plant)
+        shared, _ = tested(plant, asked_of(self))
+        vars(self)["_given"], vars(self)["_shared"] = plant, shared
         plant = shared.plant
-        vars(self)["_given"], vars(self)["_shared"] = given, shared
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
         if self.family is not None:
-            object.__setattr__(
-                self, "family", self.family.sized(plant.measurements, plant.controls)
-            )
+            object.__setattr__(self, "family", family_for(self.family, plant))
         if self.only_fixed:
             object.__setattr__(self, "default_method", "fixed")
         if self.start is not None:
-            object.__setattr__(self, "start", started(self.family, self.start))
-            stability = stability_of(plant.close(self.start))
-            if not stability.holds:
-                raise InputError(
-                    "the start does not stabilise the plant: the loop has a pole with real part "
-                    f"{stability.value:.3g} {stability.where}, which must be less than "
-                    f"{stability.limit:.3g}, its rounding error"
-                )
-
-    def _sharing(self, plant: GeneralisedPlant) -> Absorbed:
-        """The plant without modes of weights on the axis, which the controller shares."""
-        try:
-            scaled_if_regular(standard_plant(plant))
-            return Absorbed(plant)
-        except HiddenModeError:
-            shared = absorbed(plant)
-        asked = ("start", "family", "order", "fastest_pole")
-        given = [name for name in asked if getattr(self, name) is not None]
-        given += ["stable"] if self.stable else []
-        if given:
-            poles = ", ".join(f"{pole:.4g}" for pole in shared.poles)
-            raise InputError(
-                f"weights have poles on the stability boundary ({poles}), which the controller "
-                f"then has besides; so {' and '.join(given)} cannot be given: move these poles a "
-                "little to the left"
-            )
-        return shared
+            object.__setattr__(self, "start", started(self.family, self.start, plant))
 
     @property
     def shared(self) -> Absorbed:
@@ -246,11 +209,7 @@ class MuSynthesis(Program):
     def claim_task(self, claim: Outcome) -> Task | None:
         if claim is not Outcome.INFEASIBLE or self.plant.system.dt:
             return None
-        controlled = self.plant.controlled()
-        if self.stable and violated(controlled) is not None:
-            return NoStableController(controlled)
-        alone = (controlled.ninputs, controlled.noutputs) == (1, 1)
-        return NoStabilisingGain(controlled) if alone else None
+        return no_controller(self.plant.controlled(), self.stable)
 
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""

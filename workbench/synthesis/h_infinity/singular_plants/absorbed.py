@@ -22,13 +22,16 @@ B. A. Francis, W. M. Wonham, The internal model principle of control theory, Aut
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.arrays import EPS, RealArray
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.h_infinity.assumptions import HiddenModeError
+from workbench.synthesis.h_infinity.assumptions import HiddenModeError, scaled_if_regular
+from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.singular_plants.shared_poles import (
     HiddenPoleError,
     Shared,
@@ -104,6 +107,32 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
         tuple(_system(copy, given.dt) for copy in copies if copy is not None),
         tuple(_place(pole, given.dt) for pole in poles),
     )
+
+
+def tested(plant: GeneralisedPlant, asked: Sequence[str] = ()) -> tuple[Absorbed, Scaled | None]:
+    """The plant without modes that the controller shares, and scaled where it is regular.
+
+    ``asked`` names what the controller is asked to be, which leaves no room for poles of weights.
+
+    Raises
+    ------
+    HiddenModeError
+        A mode that the controller cannot share is not stabilisable or not detectable.
+    InputError
+        Poles must be shared, and something is asked.
+    """
+    try:
+        return Absorbed(plant), scaled_if_regular(standard_plant(plant))
+    except HiddenModeError:
+        shared = absorbed(plant)
+    if asked:
+        poles = ", ".join(f"{pole:.4g}" for pole in shared.poles)
+        raise InputError(
+            f"weights have poles on the stability boundary ({poles}), which the controller then "
+            f"has besides; so {' and '.join(asked)} cannot be given: move these poles a little to "
+            "the left"
+        )
+    return shared, scaled_if_regular(standard_plant(shared.plant))
 
 
 def loop_gains(plant: GeneralisedPlant, K: StateSpace, omega: RealArray) -> RealArray:

@@ -25,7 +25,7 @@ from workbench.executor.clock import time_is_up
 from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
-from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian

@@ -13,10 +13,10 @@ from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.structure import Structure
-from workbench.synthesis.mu.families.family import Family
-from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.families.demands import Shippable
+from workbench.synthesis.families.family import Family
+from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.rounds import Iterate
-from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 

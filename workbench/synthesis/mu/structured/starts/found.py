@@ -10,7 +10,7 @@ import numpy as np
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.full_order import full_order_starts
 from workbench.synthesis.mu.structured.starts.gains import gain_starts, one_gain

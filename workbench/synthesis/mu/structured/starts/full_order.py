@@ -11,10 +11,10 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.executor.clock import clocked_by
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.synthesis.mu.dk import LEVEL_TOLERANCE, iterated
-from workbench.synthesis.mu.families.modal import Modal
 from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.search import Search

@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 from workbench.arrays import RealArray
 from workbench.errors import InputError, TimeLimitError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.families.family import Family
-from workbench.synthesis.mu.families.modal import Modal
+from workbench.synthesis.families.family import Family
+from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.realisation import realisation

@@ -17,9 +17,9 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.families.family import Family
-from workbench.synthesis.mu.families.modal import Modal
-from workbench.synthesis.mu.families.three_terms import ThreeTerms
+from workbench.synthesis.families.family import Family
+from workbench.synthesis.families.modal import Modal
+from workbench.synthesis.families.three_terms import ThreeTerms
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.systems.frequency_grid import frequencies_of

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.families.family import Family, need_family, need_size
+from workbench.synthesis.families.family import Family, need_family, need_size
 from workbench.systems.hidden_states import seen_states
 from workbench.systems.realisation import realisation
 

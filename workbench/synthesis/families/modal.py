@@ -11,8 +11,8 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
-from workbench.synthesis.mu.families.family import POLE_ROOM, Family, need_size
-from workbench.synthesis.mu.families.least_squares import combined
+from workbench.synthesis.families.family import POLE_ROOM, Family, need_size
+from workbench.synthesis.families.least_squares import combined
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
 from workbench.systems.generalised_plant import response

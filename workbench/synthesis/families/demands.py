@@ -8,7 +8,9 @@ import numpy as np
 
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.stability import stability_of
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive, need_whole
 
 ROUNDING = 1e-9
 """Relative rounding of the sizes of poles."""
@@ -18,12 +20,21 @@ ROUNDING = 1e-9
 class Shippable:
     """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
 
-    None leaves a demand out.
+    None leaves a demand out. Raises InputError for an order or a size that is none.
     """
 
     order: int | None = None
     stable: bool = False
     fastest: float | None = None
+
+    def __post_init__(self) -> None:
+        need_positive(self.fastest, "fastest_pole", or_none=True)
+        if self.order is not None:
+            need_whole(self.order, "order")
+            if self.order < 0:
+                raise InputError(f"order is {self.order}; it must be 0 or more")
+        if not isinstance(self.stable, bool):
+            raise InputError(f"stable is {self.stable!r}; it must be True or False")
 
     @property
     def asked(self) -> bool:

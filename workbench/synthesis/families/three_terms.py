@@ -12,14 +12,14 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_kind, need_positive
-from workbench.synthesis.mu.families.family import (
+from workbench.synthesis.families.family import (
     LARGEST_LOG,
     POLE_ROOM,
     Family,
     need_leak,
     need_size,
 )
-from workbench.synthesis.mu.families.least_squares import combined
+from workbench.synthesis.families.least_squares import combined
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 

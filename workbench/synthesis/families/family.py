@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import as_array, is_real
-from workbench.synthesis.mu.families.least_squares import fitted_parameters
+from workbench.input_checks import as_array, is_real, need_whole
+from workbench.synthesis.families.least_squares import fitted_parameters
 from workbench.systems.conversion import as_system
-from workbench.systems.generalised_plant import response
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 LARGEST_LOG = 100.0
 """Largest size of a logarithm among parameters, so that products stay within doubles."""
@@ -151,11 +152,59 @@ def need_family(family: Any, name: str) -> None:
     )
 
 
-def started(family: Family | None, start: Any) -> StateSpace:
+def family_for(family: Any, plant: GeneralisedPlant) -> Family:
+    """A family for the measurements and controls of a plant.
+
+    Raises InputError for what is no family or does not fit.
+    """
+    need_family(family, "family")
+    sized: Family = family.sized(plant.measurements, plant.controls)
+    return sized
+
+
+def need_continuous_plant(program: Any) -> None:
+    """Raise InputError where the plant is sampled and what is asked is for continuous time."""
+    dt = program.plant.system.dt
+    if dt and (program.family is not None or program.fastest_pole is not None):
+        raise InputError(
+            f"the plant is sampled (dt = {dt} s): family and fastest_pole are for continuous "
+            "controllers"
+        )
+
+
+def asked_of(program: Any) -> list[str]:
+    """Names of what a synthesis asks of the controller itself."""
+    names = ("start", "family", "order", "fastest_pole")
+    asked = [name for name in names if getattr(program, name) is not None]
+    return [*asked, "stable"] if program.stable else asked
+
+
+def need_draws(random: Any) -> None:
+    """Raise InputError for a number of random members that is none."""
+    need_whole(random, "random")
+    if random < 0:
+        raise InputError(f"random is {random}; it must be 0 or more")
+
+
+def started(family: Family | None, start: Any, plant: GeneralisedPlant) -> StateSpace:
     """A start as a system: given as one, or by its parameters in a family.
 
-    Raises InputError for other numbers of parameters, and for what is no member.
+    Raises InputError for other numbers of parameters, for what is no member, and for what does not
+    stabilise the plant.
     """
+    K = _as_member(family, start)
+    stability = stability_of(plant.close(K))
+    if not stability.holds:
+        raise InputError(
+            f"the start does not stabilise the plant: the loop has a pole with real part "
+            f"{stability.value:.3g} {stability.where}, which must be less than "
+            f"{stability.limit:.3g}, its rounding error"
+        )
+    return K
+
+
+def _as_member(family: Family | None, start: Any) -> StateSpace:
+    """A start as a system; raises InputError for what is no member of the family."""
     if family is None or isinstance(start, str) or np.ndim(start) != 1:
         K = as_system(start, "start")
         if family is not None:

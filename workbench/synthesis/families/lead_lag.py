@@ -12,7 +12,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_whole
-from workbench.synthesis.mu.families.family import (
+from workbench.synthesis.families.family import (
     LARGEST_LOG,
     POLE_ROOM,
     Family,

@@ -1,0 +1,58 @@
+"""H-infinity synthesis of controllers of an order or a family: mu synthesis without perturbation.
+
+With a full block alone mu is the largest singular value, so the search of method "fixed" for the
+least peak of mu is one for the least norm.
+"""
+
+from __future__ import annotations
+
+import math
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.certify.norms import certified_norm
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.synthesis.families.family import asked_of
+from workbench.synthesis.h_infinity.methods import LEAST_DISTANCE
+from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
+from workbench.synthesis.h_infinity.riccati import central_of
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.systems.generalised_plant import GeneralisedPlant
+
+ASKED = ("order", "family", "stable", "fastest_pole", "start", "random")
+"""What is asked of the controller, by the same names in both Programs."""
+
+
+def _free(program: HinfSynthesis) -> str | None:
+    """Why there is nothing to search for; None where there is."""
+    return None if asked_of(program) else "nothing is asked of the controller: give order or family"
+
+
+@method(HinfSynthesis, "fixed", optimal=False, unfit=_free, accuracy=ANY_ACCURACY_ALIKE)
+def _fixed(program: HinfSynthesis, context: Context) -> Claim:
+    """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+    given = program.absorbed.plant
+    plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
+    asked = {name: getattr(program, name) for name in ASKED}
+    if program.order is None and program.family is None and program.start is None:
+        asked["order"] = given.system.nstates
+    answer, outcome, said = MuSynthesis(plant, target=program.gamma, **asked).respond(
+        "fixed", context
+    )
+    if answer is None:
+        return None, outcome, said
+    size = certified_norm(given.close(answer.K))
+    least = _least_of_all(program) if program.gamma is None else math.nan
+    level = size if program.gamma is None else program.gamma
+    return HinfController(answer.K, size, level, least), outcome, said
+
+
+def _least_of_all(program: HinfSynthesis) -> float:
+    """A level below which no controller of any order is found; NaN where none is known."""
+    if program.scaled is None:
+        return math.nan
+    try:
+        return central_of(program.scaled, LEAST_DISTANCE / 2).lower
+    except (SolverError, InputError):
+        return math.nan
