@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from workbench.synthesis.families.lead_lag import LeadLag
     from workbench.synthesis.families.modal import Modal, Static
     from workbench.synthesis.families.three_terms import PD, PI, PID
+    from workbench.synthesis.h2.lqg import lqg
+    from workbench.synthesis.h2.program import H2Controller, H2Synthesis
     from workbench.synthesis.h_infinity.gap_metric import gap_metric
     from workbench.synthesis.h_infinity.hinf import hinf
     from workbench.synthesis.h_infinity.known_disturbance import (
@@ -101,6 +103,8 @@ __all__ = [
     "FeedbackFromRecords",
     "FixedCascade",
     "FixedPoint",
+    "H2Controller",
+    "H2Synthesis",
     "HinfController",
     "HinfSynthesis",
     "Implementation",
@@ -149,6 +153,7 @@ __all__ = [
     "largest_least_mu",
     "least_mu",
     "load_controller",
+    "lqg",
     "measurement_dropped",
     "measurement_filtered",
     "proven_share",

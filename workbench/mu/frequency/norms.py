@@ -12,7 +12,7 @@ import numpy as np
 from workbench.answer import REPEATED_ROUNDING, Answer, PartsChecker, no_better
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, Checker, excess
 from workbench.certify.eigenvalues import separate_pole_discs
-from workbench.certify.proofs.energy import energy_bounds
+from workbench.certify.realisations.energy import energy_bounds
 from workbench.certify.rounding import exact
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError

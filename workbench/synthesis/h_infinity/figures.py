@@ -19,11 +19,12 @@ DECADES_BEYOND = 1.5
 """Decades shown beyond the slowest and the fastest pole."""
 
 
-def loop(closed: StateSpace, gamma: float) -> Figure:
-    """Figure of the singular values of the closed loop, with the level gamma."""
+def loop(closed: StateSpace, gamma: float | None = None) -> Figure:
+    """Figure of the singular values of the closed loop, with the level gamma if there is one."""
     figure, (panel,) = figures.axes()
     _singular_values(panel, closed, grid(closed))
-    panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
+    if gamma is not None:
+        panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
     figures.label(panel, y="singular values of the closed loop [1]")
     figures.legend_below(figure, panel)
     return figure

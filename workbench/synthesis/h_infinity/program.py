@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -14,21 +14,11 @@ from workbench.certificate import EVERY_FREQUENCY, Check, excess
 from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
-from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
-from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
-from workbench.solvers import Outcome
-from workbench.synthesis.families.demands import Shippable
-from workbench.synthesis.families.family import (
-    Family,
-    asked_of,
-    family_for,
-    need_continuous_plant,
-    need_draws,
-    started,
-)
+from workbench.synthesis.families.family import asked_of
+from workbench.synthesis.families.synthesis import ControllerSynthesis
 from workbench.synthesis.h_infinity import figures as drawn
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
@@ -37,8 +27,6 @@ from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     loop_gains,
     tested,
 )
-from workbench.synthesis.no_controller.claim import no_controller
-from workbench.synthesis.no_controller.interlacing import violated, words
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import visible
 from workbench.systems.margins import highest_crossover
@@ -90,7 +78,7 @@ class HinfController(drawn.DrawnController):
 
 
 @dataclass(frozen=True, eq=False)
-class HinfSynthesis(Program):
+class HinfSynthesis(ControllerSynthesis):
     """The stabilising K with the least norm of F_l(P, K), or with one below a level.
 
     Parameters
@@ -157,14 +145,7 @@ class HinfSynthesis(Program):
     (True, 2.73)
     """
 
-    plant: GeneralisedPlant
     gamma: float | None = None
-    order: int | None = field(default=None, kw_only=True)
-    family: Family | None = field(default=None, kw_only=True)
-    stable: bool = field(default=False, kw_only=True)
-    fastest_pole: float | None = field(default=None, kw_only=True)
-    start: StateSpace | None = field(default=None, kw_only=True)
-    random: int = field(default=0, kw_only=True)
 
     default_method: ClassVar[str] = "riccati"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -185,17 +166,8 @@ class HinfSynthesis(Program):
             raise InputError(
                 f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
             )
-        _ = self.demands  # raises for what is none
-        need_draws(self.random)
-        need_continuous_plant(self)
         object.__setattr__(self, "plant", visible(self.plant))
-        plant = self._tested[0].plant
-        if self.family is not None:
-            object.__setattr__(self, "family", family_for(self.family, plant))
-        if self.start is not None:
-            object.__setattr__(self, "start", started(self.family, self.start, plant))
-        if any(each is not None for each in (self.family, self.order, self.start)):
-            object.__setattr__(self, "default_method", "fixed")
+        self._set_form()
 
     @cached_property
     def _tested(self) -> tuple[Absorbed, Scaled | None]:
@@ -208,48 +180,15 @@ class HinfSynthesis(Program):
         return self._tested[0]
 
     @property
+    def closed_plant(self) -> GeneralisedPlant:
+        return self.absorbed.plant
+
+    @property
     def scaled(self) -> Scaled | None:
         """The scaled continuous-time plant that methods use; None where it must be perturbed."""
         return self._tested[1]
 
-    @property
-    def demands(self) -> Shippable:
-        """What the controller must be besides."""
-        return Shippable(self.order, self.stable, self.fastest_pole)
-
-    def claim_task(self, claim: Outcome) -> Task | None:
-        if claim is not Outcome.INFEASIBLE or not asked_of(self) or self.plant.system.dt:
-            return None
-        return no_controller(self.absorbed.plant.controlled(), self.stable)
-
-    def respond(self, method: str | None, context: Context) -> Claim:
-        controlled = self.absorbed.plant.controlled()
-        zeros = violated(controlled) if self.stable and not controlled.dt else None
-        if zeros is not None:
-            find_method(self, method)  # raises for an unknown one
-            return None, Outcome.INFEASIBLE, words(controlled, *zeros)
-        claim = super().respond(method, context)
-        answer, _, said = claim
-        if (method or self.default_method) == "fixed" or answer is None or self.suits(answer.K):
-            return claim
-        fixed = super().respond("fixed", context)
-        return *fixed[:2], f"{said}; not what is asked, handed over to fixed: {fixed[2]}"
-
-    def suits(self, controller: StateSpace) -> bool:
-        """Whether a controller meets the demands and is of the family."""
-        if self.family is not None:
-            try:
-                self.family.about(controller)
-            except InputError:
-                return False
-        return self.demands.admits(controller)
-
     # --- objective ----------------------------------------------------------------------------
-
-    @property
-    def problem_size(self) -> float:
-        """Number of states of the plant."""
-        return float(self.plant.system.nstates)
 
     def objective(self, answer: HinfController) -> float | None:
         """The norm of the closed loop; None where a level is asked for, which any norm may meet."""

@@ -261,7 +261,7 @@ def _lower(
     peak = float(bound.max())
     near = omega[bound > LOWERED_SHARE * peak]
     value, slope = problem.linear(x, near)
-    units = _known_units(units, slope, peak)
+    units = known_units(units, slope, peak)
     rows, sides = problem.family.halfspaces(problem.demands.stable, problem.demands.fastest)
     room = (rows * units, sides - rows @ x) if len(rows) else None
     while radius > SMALLEST_RADIUS:
@@ -288,7 +288,7 @@ def _lower(
     return "no step lowers the peak"
 
 
-def _known_units(units: RealArray, slope: RealArray, peak: float) -> RealArray:
+def known_units(units: RealArray, slope: RealArray, peak: float) -> RealArray:
     """Units of parameters, where they are zero the step that moves a bound by the peak."""
     steepest = np.abs(slope).max(axis=0)
     moved = steepest > SMALLEST_SLOPE * peak

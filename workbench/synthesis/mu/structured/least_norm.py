@@ -7,6 +7,7 @@ least peak of mu is one for the least norm.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.norms import certified_norm
@@ -14,6 +15,7 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.synthesis.families.family import asked_of
+from workbench.synthesis.families.synthesis import ControllerSynthesis
 from workbench.synthesis.h_infinity.methods import LEAST_DISTANCE
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import central_of
@@ -21,22 +23,28 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 ASKED = ("order", "family", "stable", "fastest_pole", "start", "random")
-"""What is asked of the controller, by the same names in both Programs."""
+"""What is asked of the controller, by the same names in all Programs."""
 
 
-def _free(program: HinfSynthesis) -> str | None:
+def nothing_asked(program: ControllerSynthesis) -> str | None:
     """Why there is nothing to search for; None where there is."""
     return None if asked_of(program) else "nothing is asked of the controller: give order or family"
 
 
-@method(HinfSynthesis, "fixed", optimal=False, unfit=_free, accuracy=ANY_ACCURACY_ALIKE)
+def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
+    """What is asked of the controller, by name; an order where no form is told."""
+    asked = {name: getattr(program, name) for name in ASKED}
+    if program.order is None and program.family is None and program.start is None:
+        asked["order"] = order
+    return asked
+
+
+@method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: HinfSynthesis, context: Context) -> Claim:
     """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
     given = program.absorbed.plant
     plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
-    asked = {name: getattr(program, name) for name in ASKED}
-    if program.order is None and program.family is None and program.start is None:
-        asked["order"] = given.system.nstates
+    asked = asked_form(program, given.system.nstates)
     answer, outcome, said = MuSynthesis(plant, target=program.gamma, **asked).respond(
         "fixed", context
     )

@@ -13,7 +13,7 @@ from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.starts.full_order import full_order_starts
-from workbench.synthesis.mu.structured.starts.gains import gain_starts, one_gain
+from workbench.synthesis.mu.structured.starts.gains import gain_starts, none_stabilises, one_gain
 from workbench.synthesis.mu.structured.starts.lag_rules import lag_rules
 from workbench.synthesis.mu.structured.starts.quiet import quiet
 from workbench.synthesis.mu.structured.starts.rightmost import SEARCHES, rightmost
@@ -74,7 +74,7 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
         found += _of_rule(search, name, rule, found)
         if any(program.target and one.peak <= program.target for one in found):
             break
-    if GAINS in asked and not found and not program.demands.asked_of_poles:
+    if GAINS in asked and not found and none_stabilises(search):
         raise NoStabilisingGainError("no gain stabilises")
     last: dict[str, Rule] = {LAGS: lag_rules, RIGHTMOST: _searched}
     if not any(one.rule != QUIET for one in found):

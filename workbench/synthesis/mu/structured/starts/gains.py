@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from workbench.certify.proofs.static_gains import gain_ranges
+from workbench.certify.proofs.static_gains import GainRange, gain_ranges
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.structured.starts.search import Search
 from workbench.systems.realisation import realisation
@@ -23,8 +23,25 @@ def one_gain(search: Search) -> bool:
 
 
 def gain_starts(search: Search) -> Iterator[StateSpace]:
-    """A gain of each range that stabilises."""
-    ranges = [one for one in gain_ranges(search.controlled) if one.stabilises]
+    """Gains of each range that stabilises: its middle, and those of the plant's own size.
+
+    A range may end where direct terms that are rounding cancel, and its middle is then far away.
+    """
     nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
-    targets = [realisation((*nothing, np.array([[float(one.middle)]])), 0.0) for one in ranges]
-    yield from search.members(targets)
+    near = (-search.gain, 0.0, search.gain)
+    for one in gain_ranges(search.controlled):
+        if one.stabilises:
+            gains = [float(one.middle), *(gain for gain in near if _inside(one, gain))]
+            targets = [realisation((*nothing, np.array([[gain]])), 0.0) for gain in gains]
+            yield from search.members(targets)
+
+
+def none_stabilises(search: Search) -> bool:
+    """Whether no gain stabilises the plant, which fractions tell."""
+    return not any(one.stabilises for one in gain_ranges(search.controlled))
+
+
+def _inside(one: GainRange, gain: float) -> bool:
+    """Whether a gain lies in a range."""
+    low, high = (None if end is None else float(end) for end in (one.low, one.high))
+    return (low is None or low < gain) and (high is None or gain < high)

@@ -117,10 +117,11 @@ class Search:
             for omega, weight in self._weights(target):
                 try:
                     member = self.family.nearest(target, omega, weight)
+                    member = None if member is None else self._within(member)
                 except (InputError, SolverError, np.linalg.LinAlgError):
-                    continue
+                    continue  # none is near, or its modes have no common block
                 if member is not None:
-                    yield self._within(member)
+                    yield member
 
     def _within(self, member: StateSpace) -> StateSpace:
         """A member with parameters moved to where the demands on poles are met, one by one."""

@@ -1,0 +1,1 @@
+"""H2 synthesis: the least mean square of the performance under white noise; LQG."""

@@ -1,0 +1,79 @@
+"""H2 synthesis by linear matrix inequalities, for every conic solver.
+
+Of all X with x' X x at most the cost that is still to come, the largest solves the Riccati
+equation (J. C. Willems, Least squares stationary optimal control and the algebraic Riccati
+equation, IEEE Trans. Automatic Control 16 (1971) 621-634): semidefinite programs for X and Y
+replace the equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.accuracy import AccuracyRange
+from workbench.arrays import RealArray
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.program import Claim, conic_method
+from workbench.solvers import ConicSolver, Outcome, solve_conic
+from workbench.synthesis.h2.methods import answered
+from workbench.synthesis.h2.program import H2Synthesis
+from workbench.synthesis.h2.separation import Separated, separated
+from workbench.systems.standard_plant import StandardPlant
+
+MOST_STATES = 30
+"""Most states of a plant; the semidefinite programs of larger plants take too long."""
+FINEST_ACCURACY = 1e-8
+"""Finest accuracy asked of solvers."""
+
+
+def _unfit(program: H2Synthesis) -> str | None:
+    """Why the method cannot take the program; None where it can."""
+    states = program.plant.system.nstates
+    if not states:
+        return "it has no states"
+    if states > MOST_STATES:
+        return f"it has {states} states; at most {MOST_STATES} make LMIs of a practical size"
+    return None
+
+
+@conic_method(
+    H2Synthesis, optimal=False, unfit=_unfit, accuracy=AccuracyRange(finest=FINEST_ACCURACY)
+)
+def _conic(program: H2Synthesis, context: Context, solver: ConicSolver) -> Claim:
+    """The largest X and Y below the costs to come, by linear matrix inequalities."""
+
+    def step(plant: StandardPlant) -> Separated:
+        return separated(
+            plant, _largest(plant, solver, context), _largest(plant.dual, solver, context)
+        )
+
+    answer, outcome, said = answered(program, step)
+    # the norm by X and Y is no better than the accuracy of the solver, and claims nothing
+    return answer and replace(answer, least=float("nan")), outcome, said
+
+
+def _largest(plant: StandardPlant, solver: ConicSolver, context: Context) -> RealArray:
+    """The largest X below the cost to come of the control problem."""
+    import cvxpy as cp
+
+    A, B, C, D = plant.A, plant.B2, plant.C1, plant.D12
+    X = cp.Variable(A.shape, symmetric=True)
+    if plant.dt:
+        corner, side, end = A.T @ X @ A - X, A.T @ X @ B, B.T @ X @ B
+    else:
+        corner, side, end = A.T @ X + X @ A, X @ B, np.zeros((B.shape[1], B.shape[1]))
+    matrix = cp.bmat(
+        [
+            [corner + C.T @ C, side + C.T @ D],
+            [(side + C.T @ D).T, end + D.T @ D],
+        ]
+    )
+    problem = cp.Problem(cp.Maximize(cp.trace(X)), [(matrix + matrix.T) / 2 >> 0])
+    outcome, said = solve_conic(problem, solver, context.options, context)
+    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+        raise SolverError(said)
+    found: RealArray = X.value
+    return found

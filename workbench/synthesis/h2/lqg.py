@@ -1,0 +1,118 @@
+"""LQG in one call: the H2 controller of a plant with a quadratic cost and white noises."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError, SolverError
+from workbench.input_checks import as_array, is_real
+from workbench.solution import solve
+from workbench.synthesis.h2.program import H2Controller, H2Synthesis
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
+
+SYMMETRY = 1e-9
+"""Relative asymmetry of a weight that counts as rounding."""
+
+
+def lqg(
+    plant: Any,
+    Q: ArrayLike,
+    R: ArrayLike,
+    W: ArrayLike,
+    V: ArrayLike,
+    *,
+    recovery: float = 0.0,
+) -> H2Controller:
+    """The LQG controller u = K y (positive feedback) of a plant, certified.
+
+    The plant is x' = A x + B u + w, y = C x + D u + v, with white noises w and v of covariance
+    (continuous time: intensity) W and V. K minimises the mean of x' Q x + u' R u; the square of the
+    answer's ``norm`` is this mean. In sampled time u answers to the newest y at once.
+
+    Parameters
+    ----------
+    plant
+        StateSpace or TransferFunction with n states, m inputs and p outputs.
+    Q, R, W, V
+        Weights and covariances (n, n), (m, m), (n, n) and (p, p), symmetric; Q and W positive
+        semidefinite, R and V positive definite. A number is one times the identity.
+    recovery
+        Loop transfer recovery: so much white noise, of that covariance, at the inputs of the plant
+        besides. As it grows, the loop at the plant's input becomes that of full information, for
+        plants without zeros right of the axis (J. C. Doyle, G. Stein, IEEE Trans. Automatic
+        Control 26 (1981) 4-16). It is part of the cost of the answer.
+
+    Raises
+    ------
+    InputError
+        A weight has another size, is not symmetric, or is not (semi)definite; or as `H2Synthesis`.
+    SolverError
+        No valid controller was found; the message says why.
+
+    Examples
+    --------
+    >>> import control
+    >>> from workbench.synthesis import lqg
+    >>> G = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0)
+    >>> answer = lqg(G, Q=[[1, 0], [0, 0]], R=1, W=[[0, 0], [0, 1]], V=1)
+    >>> round(answer.norm**2, 4), answer.holds  # 3 sqrt(2)
+    (4.2426, True)
+    """
+    G = as_system(plant, "plant")
+    n, m, p = G.nstates, G.ninputs, G.noutputs
+    of_x, of_u = _root(Q, n, "Q", "states"), _root(R, m, "R", "inputs", definite=True)
+    noise, error = _root(W, n, "W", "states"), _root(V, p, "V", "outputs", definite=True)
+    if not (is_real(recovery) and 0.0 <= recovery < np.inf):
+        raise InputError(f"recovery is {recovery!r}; it must be a number of 0 or more")
+    A, B, C, D = (np.asarray(getattr(G, name), dtype=float) for name in "ABCD")
+    B1 = np.hstack([noise, np.sqrt(recovery) * B, np.zeros((n, p))])
+    D21 = np.hstack([np.zeros((p, n)), np.sqrt(recovery) * D, error])
+    matrices = (
+        A,
+        np.hstack([B1, B]),
+        np.vstack([of_x, np.zeros((m, n)), C]),
+        np.block(
+            [
+                [np.zeros((n, B1.shape[1])), np.zeros((n, m))],
+                [np.zeros((m, B1.shape[1])), of_u],
+                [D21, D],
+            ]
+        ),
+    )
+    program = H2Synthesis(GeneralisedPlant(realisation(matrices, float(G.dt or 0.0)), None, m, p))
+    solution = solve(program)
+    if solution.certificate is None:
+        raise SolverError(solution.message)
+    if not solution.certificate.valid:
+        raise SolverError("; ".join(solution.certificate.failures))
+    answer: H2Controller = solution.answer
+    return answer
+
+
+def _root(weight: ArrayLike, size: int, name: str, of: str, *, definite: bool = False) -> RealArray:
+    """A symmetric root of a weight (size, size), or of a number times the identity."""
+    given = as_array(weight, name)
+    matrix = float(given) * np.eye(size) if given.ndim == 0 else np.asarray(given, dtype=float)
+    if matrix.shape != (size, size):
+        raise InputError(
+            f"{name} has shape {given.shape}; for {size} {of} ({size}, {size}) is needed, or a "
+            "number"
+        )
+    if not np.isfinite(matrix).all():
+        raise InputError(f"{name} has entries that are not finite")
+    scale = float(np.abs(matrix).max(initial=0.0))
+    if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRY * scale:
+        raise InputError(f"{name} is not symmetric")
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    least = float(values.min(initial=np.inf))
+    if least < -SYMMETRY * scale or (definite and least <= SYMMETRY * scale * bool(size)):
+        kind = "positive definite" if definite else "positive semidefinite"
+        raise InputError(f"{name} must be {kind}; its least eigenvalue is {least:.3g}")
+    root: RealArray = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return root if name in ("Q", "R") else root.T

@@ -1,0 +1,304 @@
+"""H2 synthesis of controllers of an order or a family, by descent along gradients.
+
+The norm is a smooth function of a controller that stabilises. With gramians P and Q of the loop
+A_c, B_c, C_c the slope of tr(B_c' Q B_c) by the matrices of the controller is 2 (...) of products
+of P and Q (T. Rautert, E. W. Sachs, Computational design of optimal output feedback controllers,
+SIAM J. Optimization 7 (1997) 837-852). Steps are those of BFGS with a line search that takes an
+unstable loop for one of infinite norm (A. S. Lewis, M. L. Overton, Nonsmooth optimization via
+quasi-Newton methods, Mathematical Programming 141 (2013) 135-163).
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.linalg import LinAlgError, null_space, solve_continuous_lyapunov, solve_discrete_lyapunov
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError, TimeLimitError
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.families.demands import Shippable
+from workbench.synthesis.families.family import Family
+from workbench.synthesis.families.modal import Modal
+from workbench.synthesis.h2.direct import ROUNDING, direct_term
+from workbench.synthesis.h2.methods import answered, riccati_step
+from workbench.synthesis.h2.program import H2Controller, H2Synthesis
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.structured.fixed import DRAWS_PER_START, START_SPREAD, known_units
+from workbench.synthesis.mu.structured.least_norm import asked_form, nothing_asked
+from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
+from workbench.synthesis.reduction import truncation
+from workbench.synthesis.reduction.kept_part import kept_and_stable
+from workbench.systems.bilinear import bilinear_sampled
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import Matrices, matrices_of, realisation
+from workbench.systems.standard_plant import StandardPlant
+
+NO_NORM = "no start was found whose loop is stable and has a finite norm"
+"""What is said without a start: in continuous time w -> z must have no direct term."""
+MOST_STEPS = 300
+"""Most steps from one start."""
+DIFFERENCE = 1e-6
+"""Step of differences of the loop's matrices, in units of the parameters."""
+FALL, SLOPE = 1e-4, 0.9
+"""Shares of a line search by Wolfe's weak conditions: least fall, and most of the slope left."""
+MOST_HALVINGS = 40
+"""Most trials of a line search."""
+SETTLED_FALL = 1e-9
+"""The descent is settled where a step lowers the norm by less than this share."""
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyProblem:
+    """The square of the H2 norm of the loop as a function of the parameters of a family."""
+
+    plant: StandardPlant
+    family: Family
+    demands: Shippable
+
+    def controller(self, x: RealArray) -> StateSpace:
+        """The controller of parameters x, in the plant's time."""
+        return realisation(matrices_of(self.family.system(x)), self.plant.dt)
+
+    def closed(self, x: RealArray) -> Matrices:
+        """The closed loop of parameters x; raises LinAlgError where it is not determined."""
+        return self.plant.close(matrices_of(self.family.system(x)))
+
+    def value(self, x: RealArray) -> float:
+        """The energy; infinite where the loop is not stable or K is not what is asked."""
+        return self._gramians(x)[0]
+
+    def slopes(self, x: RealArray) -> RealArray:
+        """Derivatives of the energy by the parameters x (k,) of a stable loop."""
+        value, P, Q, (A, B, C, D) = self._gramians(x)
+        assert math.isfinite(value)
+        by_A = Q @ A @ P if self.plant.dt else Q @ P
+        parts = zip(self._derivatives(x), (by_A, Q @ B, C @ P, D), strict=True)
+        return np.asarray(sum(2.0 * np.einsum("kij,ij->k", each, by) for each, by in parts))
+
+    def free_directions(self, x: RealArray) -> RealArray:
+        """Directions (k, f) of the parameters that move no direct term of a continuous loop."""
+        k = len(x)
+        if self.plant.dt:
+            return np.eye(k)
+        moved = self._derivatives(x)[3].reshape(k, -1).T
+        return np.asarray(null_space(moved) if moved.any() else np.eye(k), dtype=float)
+
+    def without_direct(self, x: RealArray) -> RealArray:
+        """Parameters near x whose continuous loop has no direct term, where there are any."""
+        if self.plant.dt:
+            return x
+        moved, D = self._derivatives(x)[3].reshape(len(x), -1).T, self.closed(x)[3]
+        return x - np.asarray(np.linalg.lstsq(moved, D.ravel(), rcond=None)[0], dtype=float)
+
+    def _gramians(self, x: RealArray) -> tuple[float, RealArray, RealArray, Matrices]:
+        """The energy, both gramians, and the loop."""
+        none = np.zeros((0, 0))
+        dt = self.plant.dt
+        unstable = math.inf, none, none, (none,) * 4
+        K = self.controller(x)
+        if self.demands.asked and not self.demands.admits(K):
+            return unstable
+        try:
+            A, B, C, D = loop = self.plant.close(matrices_of(K))
+        except LinAlgError:
+            return unstable
+        if not stability_of(realisation(loop, dt)).holds:
+            return unstable
+        if not dt and not direct_term(self.plant, K.D) <= ROUNDING:
+            return unstable
+        try:
+            P, Q = _gramian(A, B, dt), _gramian(A.T, C.T, dt)
+        except (LinAlgError, RuntimeWarning):  # the equation is singular, up to rounding
+            return unstable
+        return float(np.trace(B.T @ Q @ B) + np.sum(D**2)), P, Q, loop
+
+    def _derivatives(self, x: RealArray) -> list[RealArray]:
+        """Derivatives (k, ...) of the matrices of the loop by the parameters."""
+        steps = DIFFERENCE * np.maximum(self.family.units(x), DIFFERENCE)
+        found = []
+        for place, step in enumerate(steps):
+            change = np.zeros(len(x))
+            change[place] = step
+            above, below = self.closed(x + change), self.closed(x - change)
+            found.append([(a - b) / (2 * step) for a, b in zip(above, below, strict=True)])
+        return [np.array(each) for each in zip(*found, strict=True)]
+
+
+def _gramian(A: RealArray, B: RealArray, dt: float) -> RealArray:
+    """The controllability gramian of a stable system; warnings of SciPy are raised."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        found = (
+            solve_discrete_lyapunov(A, B @ B.T) if dt else solve_continuous_lyapunov(A, -B @ B.T)
+        )
+    return np.asarray(found, dtype=float)
+
+
+@method(H2Synthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
+def _fixed(program: H2Synthesis, context: Context) -> Claim:
+    """Quasi-Newton descent over a family or an order, from the start or from those it finds."""
+    every, *_ = answered(program, riccati_step)
+    try:
+        begun = _starts(program, every, context)
+    except NoStabilisingGainError:
+        return None, Outcome.INFEASIBLE, ""
+    best: H2Controller | None = None
+    said = NO_NORM
+    for K in context.track(begun, "starts"):
+        try:
+            found, said = _descended(program, K, context)
+        except (InputError, LinAlgError):  # no member, or poles that have no common block
+            continue
+        except TimeLimitError:
+            said = f"the time ended after {len(context.rows)} starts"
+            break
+        answer = None if found is None else program.answer(found)
+        if answer is None:
+            continue
+        context.record({"norm": answer.norm})
+        if best is None or answer.norm < best.norm:
+            best = answer
+    if best is None:
+        return None, Outcome.FAILED, said
+    least = math.nan if every is None else every.least
+    return H2Controller(best.K, best.norm, least), Outcome.SOLVED, said
+
+
+def _starts(program: H2Synthesis, every: H2Controller | None, context: Context) -> list[StateSpace]:
+    """The given start; or the best controller of all, reduced, and those of a small norm."""
+    if program.start is not None:
+        return [program.start, *_drawn(program, program.start, context.rng)]
+    near = [] if every is None else list(_reduced(program, every.K))
+    plant, dt = program.plant, float(program.plant.system.dt or 0.0)
+    bare = GeneralisedPlant(plant.system, None, plant.controls, plant.measurements)
+    mu = MuSynthesis(bare, **asked_form(program, plant.system.nstates))
+    try:
+        found = [one.K for one in found_starts(mu.plane if dt else mu, context)]
+    except NoStabilisingGainError:
+        raise
+    except SolverError:
+        found = []
+    near += [bilinear_sampled(K, dt) if dt else K for K in found]
+    return near + [one for K in near[:1] for one in _drawn(program, K, context.rng)]
+
+
+def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
+    """A controller of any order as one of the family or order that is asked for."""
+    if program.family is not None:
+        omega = frequencies_of(program.plant.close(K))
+        member = program.family.nearest(K, omega, np.ones(len(omega)))
+        if member is not None:
+            yield member
+        return
+    order = K.nstates if program.order is None else program.order
+    if K.nstates <= order:
+        yield K
+    elif not K.dt:
+        for least, way in (
+            truncation.balanced_truncation(kept_and_stable(matrices_of(K))),
+            truncation.matchdc(kept_and_stable(matrices_of(K))),
+        ):
+            if least <= order:
+                yield realisation(way(order), 0.0)
+
+
+def _problem(program: H2Synthesis, K: StateSpace) -> tuple[EnergyProblem, RealArray]:
+    """The energy over the parameters of the family, or of all controllers of K's order."""
+    family, x = (program.family or Modal(K.nstates)).about(K)
+    return EnergyProblem(program.standard, family, program.demands), x
+
+
+def _drawn(program: H2Synthesis, K: StateSpace, rng: np.random.Generator) -> Iterator[StateSpace]:
+    """Random members about a controller whose loops are stable, as many as are asked for."""
+    if not program.random:
+        return
+    problem, x = _problem(program, K)
+    units, found = problem.family.units(x), 0
+    for _ in range(DRAWS_PER_START * program.random):
+        member = problem.without_direct(x + START_SPREAD * units * rng.normal(size=x.size))
+        if found < program.random and math.isfinite(problem.value(member)):
+            found += 1
+            yield problem.controller(member)
+
+
+def _descended(
+    program: H2Synthesis, K: StateSpace, context: Context
+) -> tuple[StateSpace | None, str]:
+    """The controller at the end of a descent from K, and why it ended; None without a start."""
+    problem, x = _problem(program, K)
+    x = problem.without_direct(x)
+    value = problem.value(x)
+    if not math.isfinite(value):
+        return None, NO_NORM
+    free = np.asarray(problem.free_directions(x), dtype=float)
+    sizes = known_units(problem.family.units(x), problem.slopes(x)[None], value)
+    units = free.T @ (sizes[:, None] * free)
+    slope = partial(_free_slope, problem, free)
+    inverse, known = units @ units.T, False
+    g = slope(x)
+    for _ in range(MOST_STEPS):
+        context.seconds_left("descent")
+        direction = -inverse @ g
+        found = _line_search(problem, x, value, g, free, direction)
+        fallen = 0.0
+        if found is not None:
+            length, reached, turned = found
+            s, y = length * direction, turned - g
+            fallen = 1.0 - math.sqrt(reached / value) if value else 0.0
+            x, value, g = x + free @ s, reached, turned
+        if found is None or fallen < SETTLED_FALL:
+            if not known:
+                return problem.controller(x), "settled"
+            inverse, known = units @ units.T, False  # curvature seen far away may hide the way
+        elif s @ y > 0:
+            if not known:
+                inverse, known = inverse * (s @ y) / (y @ inverse @ y), True
+            turn = np.eye(len(s)) - np.outer(s, y) / (s @ y)
+            inverse = turn @ inverse @ turn.T + np.outer(s, s) / (s @ y)
+    return problem.controller(x), f"stopped after {MOST_STEPS} steps"
+
+
+def _free_slope(problem: EnergyProblem, free: RealArray, x: RealArray) -> RealArray:
+    """Derivatives of the energy in the free directions."""
+    return np.asarray(free.T @ problem.slopes(x))
+
+
+def _line_search(
+    problem: EnergyProblem,
+    x: RealArray,
+    value: float,
+    g: RealArray,
+    free: RealArray,
+    direction: RealArray,
+) -> tuple[float, float, RealArray] | None:
+    """A length of Wolfe's weak conditions, with the energy and its slopes there; None without."""
+    low, high, length = 0.0, math.inf, 1.0
+    promised = float(g @ direction)
+    if not promised < 0.0:
+        return None
+    best = None
+    for _ in range(MOST_HALVINGS):
+        there = x + length * (free @ direction)
+        reached = problem.value(there)
+        if reached < value + FALL * length * promised:
+            slope = _free_slope(problem, free, there)
+            best = length, reached, slope
+            if slope @ direction >= SLOPE * promised:
+                return best
+            low = length
+        else:
+            high = length
+        length = 2.0 * low if math.isinf(high) else (low + high) / 2.0
+    return best
