@@ -71,9 +71,9 @@ def test_the_answer_says_where_to_go():
         r"workbench\.synthesis\.hinf here, as in `.*`; guide: docs/coming-from/matlab-robust\.md",
     ):
         wb.hinfsyn  # noqa: B018
-    assert guidance("h2syn").endswith(
-        "h2syn is not here; use python-control's `control.h2syn`; mixed problems are not here; "
-        "for example `control.h2syn(P, 1, 1)`; guide: docs/coming-from/matlab-robust.md"
+    assert guidance("lqr").endswith(
+        "lqr is not here; use python-control's `control.lqr`; for example "
+        "`control.lqr(G0.A, G0.B, np.eye(2), 1)`; guide: docs/coming-from/matlab-robust.md"
     )
     assert guidance("no_such_name") == ""
 

@@ -19,12 +19,14 @@ from workbench.mu import conditions, peak, upper_bound
 from workbench.solvers import Options
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import (
+    H2Synthesis,
     HinfSynthesis,
     Implementation,
     LoopShaping,
     MixedSensitivity,
     MuSynthesis,
     export,
+    lqg,
     reduce_order,
     sampled_conditions,
 )
@@ -61,6 +63,14 @@ STRUCTURE = Structure([Complex(1), Real(1)])
 NOT_A_NUMBER = ("fast", math.nan, [1.0, 2.0], {})
 NOT_POSITIVE = (*NOT_A_NUMBER, 0.0, -1.0, math.inf)
 NOT_A_COUNT = (*NOT_A_NUMBER, -1, 1.5)
+NO_FORM = {
+    "family": ("pid", object()),
+    "random": (-1, 1.5, "many"),
+    "order": NOT_A_COUNT,
+    "stable": ("yes", 1, None),
+    "fastest_pole": NOT_POSITIVE,
+}
+"""What cannot be asked of a controller."""
 NOT_AN_OBJECT = (None, "plant", object(), int)
 NOT_A_SYSTEM = ("plant", object(), int, [[math.nan]])
 NOT_A_NAME = ("nonsense", 7)
@@ -228,23 +238,36 @@ JOINTS = {
                 control.ss([], [], [], np.eye(3)),
                 control.ss([], [], [], [[-500.0]]),
             ),
-            "family": ("pid", object()),
-            "random": (-1, 1.5, "many"),
             "target": NOT_POSITIVE,
-            "order": NOT_A_COUNT,
-            "stable": ("yes", 1, None),
-            "fastest_pole": NOT_POSITIVE,
-        },
+        }
+        | NO_FORM,
     ),
     "HinfSynthesis": (
         HinfSynthesis,
         {"plant": LOOP},
-        {"plant": (*NOT_AN_OBJECT, LAG), "gamma": NOT_POSITIVE},
+        {"plant": (*NOT_AN_OBJECT, LAG), "gamma": NOT_POSITIVE} | NO_FORM,
+    ),
+    "H2Synthesis": (
+        H2Synthesis,
+        {"plant": LOOP},
+        {"plant": (*NOT_AN_OBJECT, LAG)} | NO_FORM,
+    ),
+    "lqg": (
+        lqg,
+        {"plant": LAG, "Q": 1.0, "R": 1.0, "W": 1.0, "V": 1.0},
+        {
+            "plant": (None, *NOT_A_SYSTEM),
+            "Q": (None, "much", -1.0, [[1.0, 2.0]], float("nan")),
+            "R": (None, "much", 0.0, [[1.0, 2.0]], float("inf")),
+            "W": (None, "much", -1.0, [[1.0, 2.0]], float("nan")),
+            "V": (None, "much", 0.0, [[1.0, 2.0]], float("nan")),
+            "recovery": (None, "much", -1.0, float("nan"), float("inf")),
+        },
     ),
     "MixedSensitivity": (
         MixedSensitivity,
         {"G": LAG, "W_S": LAG, "W_KS": 0.1},
-        {"G": (None, *NOT_A_SYSTEM), "W_S": NOT_A_SYSTEM, "W_KS": NOT_A_SYSTEM},
+        {"G": (None, *NOT_A_SYSTEM), "W_S": NOT_A_SYSTEM, "W_KS": NOT_A_SYSTEM} | NO_FORM,
     ),
     "LoopShaping": (
         LoopShaping,

@@ -32,7 +32,7 @@ from workbench.geometry import SmallestCircle
 from workbench.program import Task
 from workbench.solvers import Options
 from workbench.study import Study
-from workbench.synthesis import LoopShaping, MixedSensitivity
+from workbench.synthesis import LoopShaping, MixedSensitivity, lqg
 from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
 from workbench.uncertainty import MatrixSets
@@ -89,6 +89,7 @@ PROGRAMS = {
     "MatrixSets": matrix_sets,
     "LoopShaping": lambda: wb.solve(LoopShaping(LAG)).certificate,
     "MixedSensitivity": lambda: wb.solve(MixedSensitivity(LAG, W_S=0.5, W_KS=0.5)).certificate,
+    "H2Synthesis": lambda: lqg(LAG, 1.0, 1.0, 1.0, 1.0).certificate,
     "ParameterFit": lambda: ANSWERS["fit_parameters"]().certificate,
 }
 """Small instances of Programs of which no answer is stored."""

@@ -191,6 +191,14 @@ PLANTED: dict[str, dict[str, Wrong]] = {
         "norm a constant": lambda a: replace(a, norm=0.02, gamma=0.02),
         "gain 10 % larger": controller(gain(1.1)),
     },
+    "h2": CONTROLLERS
+    | {
+        "norm 1 % too small": scaled("norm", 0.99),
+        "norm half": scaled("norm", 0.5),
+        "least 1 % too large": scaled("least", 1.01),
+        "gain 10 % larger": controller(gain(1.1)),
+        "a direct term": controller(lambda K: control.ss(K.A, K.B, K.C, K.D + 0.1)),
+    },
     "hinf_flexible": CONTROLLERS
     | {
         "norm 1 % too small": scaled("norm", 0.99),

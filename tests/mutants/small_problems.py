@@ -28,6 +28,14 @@ def mu_synthesis() -> Program:
     return replace(PROGRAMS["mu_synthesis"](), start=control.ss([], [], [], [[-3.0]]))
 
 
+def hinf_of_order_one() -> Program:
+    return replace(PROGRAMS["hinf"](), order=1)
+
+
+def h2_of_order_one() -> Program:
+    return replace(PROGRAMS["h2"](), order=1)
+
+
 def given_angle() -> Program:
     return NarrowestStadium(np.random.default_rng(3).normal(size=(7, 2)) @ [1.0, 1j], angle=0.3)
 
@@ -75,6 +83,6 @@ OTHERS = {
     make.__name__: make
     for make in (
         conic_program, cvxpy_program, closed_loop_fit, implementation, rational_model,
-        rational_fit, given_angle, mu_synthesis,
+        rational_fit, given_angle, mu_synthesis, hinf_of_order_one, h2_of_order_one,
     )
 }  # fmt: skip

@@ -42,12 +42,24 @@ MATHEMATICS = {
     },
     "MuUpperBound": SOLVERS | {"ab13md": "a barrier", "fast": "balancing, interior points"},
     "MuLowerBound": NONLINEAR | {"power": "power iteration", "gain": "vertices", "best": ""},
-    "HinfSynthesis": SOLVERS | {"riccati": "Riccati equations", "sb10ad": "Riccati equations"},
+    "HinfSynthesis": SOLVERS
+    | {
+        "riccati": "Riccati equations",
+        "sb10ad": "Riccati equations",
+        "fixed": "nonsmooth descent",
+    },
+    "H2Synthesis": SOLVERS
+    | {
+        "riccati": "Riccati equations",
+        "sb10hd": "Riccati equations",
+        "fixed": "quasi-Newton descent",
+    },
     "LoopShaping": SOLVERS
     | {
         "riccati": "Riccati equations",
         "sb10ad": "Riccati equations",
         "coprime": "a closed form of the level",
+        "fixed": "nonsmooth descent",
     },
     "MuSynthesis": {
         "dk": "complex multipliers",

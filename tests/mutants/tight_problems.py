@@ -28,6 +28,7 @@ from workbench.program import Program
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import (
     FeedbackFromRecords,
+    H2Synthesis,
     HinfSynthesis,
     Mode,
     MuSynthesis,
@@ -73,6 +74,10 @@ def hinf() -> Program:
     B, C = [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]]
     D = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     return HinfSynthesis(GeneralisedPlant(control.ss([[1.0]], B, C, D), None, 1, 1))
+
+
+def h2() -> Program:
+    return H2Synthesis(PROGRAMS["hinf"]().plant)
 
 
 def hinf_flexible() -> Program:
@@ -280,7 +285,7 @@ PROGRAMS = {
     for make in (
         circle, stadium, small_stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated,
         mu_lower_full,
-        mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, mu_synthesis_target, fault_filter,
+        mu_lower_mixed, hinf, h2, hinf_flexible, mu_synthesis, mu_synthesis_target, fault_filter,
         switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
         parameter_fit, matrix_sets, matrix_traces, matrix_cover, record_decay, record_h2,

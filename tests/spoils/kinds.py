@@ -39,6 +39,7 @@ FREE: dict[str, tuple[Free, ...]] = {
     "MuUpperBound": (Free("value", ABOVE), Free("Delta", PROOF)),
     "MuLowerBound": (Free("mu_lower", BELOW),),
     "HinfSynthesis": HINF,
+    "H2Synthesis": (CONTROLLER, Free("norm", ABOVE), Free("least", TOLD)),
     "LoopShaping": HINF,
     "MixedSensitivity": HINF,
     "MuSynthesis": (

@@ -136,7 +136,7 @@ def reference(task: DesignTask, context: Context) -> StateSpace:
     return task.reference
 
 
-def lqg(task: DesignTask, context: Context) -> StateSpace:
+def lqg_design(task: DesignTask, context: Context) -> StateSpace:
     """The least mean square of the outputs of the quadratic plant (SLICOT SB10HD)."""
     import control
 
@@ -208,7 +208,7 @@ def fixed_order(task: DesignTask, context: Context) -> StateSpace:
 
 DESIGNS: dict[str, Callable[[DesignTask, Context], StateSpace]] = {
     "reference": reference,
-    "LQG": lqg,
+    "LQG": lqg_design,
     "mixed sensitivity": mixed_sensitivity,
     "loop shaping": loop_shaping,
     "full block": full_block,

@@ -18,9 +18,9 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.synthesis.h2.methods import answered
+from workbench.synthesis.h2.methods import claim_of_step
 from workbench.synthesis.h2.program import H2Synthesis
-from workbench.synthesis.h2.separation import Separated, separated
+from workbench.synthesis.h2.separation import Separated, separated_controller
 from workbench.systems.standard_plant import StandardPlant
 
 MOST_STATES = 30
@@ -46,11 +46,11 @@ def _conic(program: H2Synthesis, context: Context, solver: ConicSolver) -> Claim
     """The largest X and Y below the costs to come, by linear matrix inequalities."""
 
     def step(plant: StandardPlant) -> Separated:
-        return separated(
+        return separated_controller(
             plant, _largest(plant, solver, context), _largest(plant.dual, solver, context)
         )
 
-    answer, outcome, said = answered(program, step)
+    answer, outcome, said = claim_of_step(program, step)
     # the norm by X and Y is no better than the accuracy of the solver, and claims nothing
     return answer and replace(answer, least=float("nan")), outcome, said
 

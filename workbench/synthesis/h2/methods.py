@@ -17,7 +17,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome, slicot_routine, slycot_missing
 from workbench.synthesis.h2.direct import cancelling_gain, with_D22, without_D22, without_direct
 from workbench.synthesis.h2.program import H2Synthesis
-from workbench.synthesis.h2.separation import Separated, separated
+from workbench.synthesis.h2.separation import Separated, separated_controller
 from workbench.synthesis.h_infinity.normalised import Scaled, normalised_plant
 from workbench.synthesis.h_infinity.singular_plants.regularised import on_regular
 from workbench.systems.balancing import balanced
@@ -29,7 +29,7 @@ Step = Callable[[StandardPlant], Separated]
 """A method as a function of a plant without direct terms of w -> z (continuous time) and u -> y."""
 
 
-def answered(program: H2Synthesis, step: Step) -> Claim:
+def claim_of_step(program: H2Synthesis, step: Step) -> Claim:
     """The claim of a method for the plant, or for a perturbed one where it must be perturbed."""
     given, regular = program.standard, bool(program.plant.system.dt) or program.scaled is not None
     try:
@@ -37,7 +37,7 @@ def answered(program: H2Synthesis, step: Step) -> Claim:
         K = with_D22(made.K, given.D22)
     except (LinAlgError, ArithmeticError, SolverError) as error:
         return None, Outcome.FAILED, " ".join(str(error).split())
-    answer = program.answer(realisation(K, given.dt), made.norm if regular else math.nan)
+    answer = program.judged(realisation(K, given.dt), least=made.norm if regular else math.nan)
     if answer is None:
         return None, Outcome.FAILED, "the controller found does not stabilise the plant"
     said = "" if regular else "of a plant perturbed to meet the assumptions"
@@ -69,12 +69,12 @@ def _sampled(given: StandardPlant, step: Step) -> Separated:
 @method(H2Synthesis, "riccati", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _riccati(program: H2Synthesis, context: Context) -> Claim:
     """Two Riccati equations, of the control and of the estimation problem."""
-    return answered(program, riccati_step)
+    return claim_of_step(program, riccati_step)
 
 
 def riccati_step(plant: StandardPlant) -> Separated:
     """The controller of a plant without direct terms, by both Riccati equations."""
-    return separated(plant, _root(plant), _root(plant.dual))
+    return separated_controller(plant, _root(plant), _root(plant.dual))
 
 
 def _root(plant: StandardPlant) -> RealArray:
@@ -109,4 +109,4 @@ def _sb10hd(program: H2Synthesis, context: Context) -> Claim:
         A, B, C, D, _ = sb10hd(*sizes, plant.A, plant.B, plant.C, plant.D)
         return Separated((A, B, C, D), riccati_step(plant).norm)
 
-    return answered(program, step)
+    return claim_of_step(program, step)

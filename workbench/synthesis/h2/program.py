@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -55,7 +55,7 @@ class H2Controller(drawn.DrawnController):
 
     K: StateSpace
     norm: float
-    least: float = math.nan
+    least: float = field(default=math.nan, kw_only=True)
 
     @property
     def lti(self) -> StateSpace:
@@ -215,9 +215,9 @@ class H2Synthesis(ControllerSynthesis):
         A, B, C, D = matrices_of(closed)
         return realisation((A, B, C, 0.0 * D), dt)
 
-    def answer(self, K: StateSpace, least: float = math.nan) -> H2Controller | None:
+    def judged(self, controller: StateSpace, *, least: float = math.nan) -> H2Controller | None:
         """The answer for a controller; None where its loop has no proven finite norm."""
-        K = self.plant.named(K)
+        K = self.plant.named(controller)
         loop = self.loop(K)
         if not stability_of(loop).holds:
             return None
@@ -225,7 +225,7 @@ class H2Synthesis(ControllerSynthesis):
             norm = h2_norm(loop).upper
         except InputError:  # rounding hides a pole
             return None
-        return H2Controller(K, norm, least) if np.isfinite(norm) else None
+        return H2Controller(K, norm, least=least) if np.isfinite(norm) else None
 
     # --- datasets and figures -----------------------------------------------------------------
 
@@ -251,4 +251,4 @@ class H2Synthesis(ControllerSynthesis):
 
     def from_dataset(self, data: Dataset) -> H2Controller:
         K = self.plant.named(restored(data, "controller"))
-        return H2Controller(K, float(data["norm"]), float(data["least"]))
+        return H2Controller(K, float(data["norm"]), least=float(data["least"]))

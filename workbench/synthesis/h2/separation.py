@@ -25,7 +25,7 @@ class Separated(NamedTuple):
     norm: float
 
 
-def separated(plant: StandardPlant, X: RealArray, Y: RealArray) -> Separated:
+def separated_controller(plant: StandardPlant, X: RealArray, Y: RealArray) -> Separated:
     """The controller u = K y made of X and Y."""
     return _sampled(plant, X, Y) if plant.dt else _continuous(plant, X, Y)
 

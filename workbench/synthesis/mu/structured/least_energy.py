@@ -31,7 +31,7 @@ from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.h2.direct import ROUNDING, direct_term
-from workbench.synthesis.h2.methods import answered, riccati_step
+from workbench.synthesis.h2.methods import claim_of_step, riccati_step
 from workbench.synthesis.h2.program import H2Controller, H2Synthesis
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.fixed import DRAWS_PER_START, START_SPREAD, known_units
@@ -149,7 +149,7 @@ def _gramian(A: RealArray, B: RealArray, dt: float) -> RealArray:
 @method(H2Synthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2Synthesis, context: Context) -> Claim:
     """Quasi-Newton descent over a family or an order, from the start or from those it finds."""
-    every, *_ = answered(program, riccati_step)
+    every, *_ = claim_of_step(program, riccati_step)
     try:
         begun = _starts(program, every, context)
     except NoStabilisingGainError:
@@ -164,7 +164,7 @@ def _fixed(program: H2Synthesis, context: Context) -> Claim:
         except TimeLimitError:
             said = f"the time ended after {len(context.rows)} starts"
             break
-        answer = None if found is None else program.answer(found)
+        answer = None if found is None else program.judged(found)
         if answer is None:
             continue
         context.record({"norm": answer.norm})
@@ -173,7 +173,7 @@ def _fixed(program: H2Synthesis, context: Context) -> Claim:
     if best is None:
         return None, Outcome.FAILED, said
     least = math.nan if every is None else every.least
-    return H2Controller(best.K, best.norm, least), Outcome.SOLVED, said
+    return H2Controller(best.K, best.norm, least=least), Outcome.SOLVED, said
 
 
 def _starts(program: H2Synthesis, every: H2Controller | None, context: Context) -> list[StateSpace]:
