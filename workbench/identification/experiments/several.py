@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,8 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.signals import Signals, as_signals
+from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.report import RecordReport, as_names, reported
 from workbench.input_checks import need_positive
 
 SamplesAlong = Literal["rows", "columns"]
@@ -38,6 +41,8 @@ class Experiments:
         Names and units of the channels.
     excitation
         What drove a closed loop from outside (N, nr), where that was recorded.
+    assumed
+        Assumptions that the user vouches for, whatever the report of the record says of them.
 
     Examples
     --------
@@ -57,6 +62,7 @@ class Experiments:
     input_units: tuple[str, ...] = field(default=(), kw_only=True)
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
     excitation: RealArray | None = field(default=None, kw_only=True)
+    assumed: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __len__(self) -> int:
         return len(self.u)
@@ -71,6 +77,44 @@ class Experiments:
     def missing(self) -> int:
         """Number of samples that are missing in the outputs."""
         return int(np.isnan(self.y).sum())
+
+    @cached_property
+    def report(self) -> RecordReport:
+        """What was tested of the record and what was found, made once, for no order in particular.
+
+        Inputs may act within the same sample.
+        """
+        return self.reported()
+
+    def reported(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
+        """Report for a model of an order (None: not known), with or without a direct term."""
+        record = Record(
+            self.u, self.y, self.excitation, self.starts, self.sample_time,
+            self.inputs, self.outputs, direct, order,
+        )  # fmt: skip
+        return reported(record).assuming(self.assumed)
+
+    def driven_by(self, excitation: Any, samples: SamplesAlong | None = None) -> Experiments:
+        """The record with what drove the loop from outside, as many samples as u and y have.
+
+        Raises `InputError` for an excitation of another length, with gaps, or that never changes.
+        """
+        pieces = [y for _, y in self.pieces()]
+        y = pieces if isinstance(excitation, list) and _holds_arrays(excitation) else self.y
+        try:
+            driven = as_experiments(excitation, y, self.sample_time, samples)
+        except InputError as error:
+            raise InputError(f"excitation, in the place of u: {error}") from None
+        if still := driven.still_inputs():
+            raise InputError(
+                f"excitation: channel {still[0]} never changes: give what was added from outside"
+            )
+        if len(driven) != len(self):
+            raise InputError(
+                f"excitation: {len(driven)} samples go with {len(self)} of u and y; cut the "
+                "record to a stretch without gaps"
+            )
+        return replace(self, excitation=driven.u)
 
     def pieces(self) -> Iterator[tuple[RealArray, RealArray]]:
         """Inputs and outputs of each experiment."""
@@ -137,7 +181,12 @@ class Experiments:
 
 
 def as_experiments(
-    u: Any, y: Any, sample_time: float | None = None, samples: SamplesAlong | None = None
+    u: Any,
+    y: Any,
+    sample_time: float | None = None,
+    samples: SamplesAlong | None = None,
+    *,
+    assume: str | Sequence[str] = (),
 ) -> Experiments:
     """Experiments from arrays, labelled arrays, tables, or lists of them.
 
@@ -153,6 +202,8 @@ def as_experiments(
     samples
         Where samples lie in plain arrays: "rows" (N, channels) or "columns". None: along the axis
         that u and y share.
+    assume
+        Assumptions that you vouch for against the `report`, such as "open loop".
 
     Raises
     ------
@@ -194,6 +245,7 @@ def as_experiments(
         outputs=first.outputs,
         input_units=first.input_units,
         output_units=first.output_units,
+        assumed=as_names(assume),
     )
     _refuse_dead_inputs(found)
     _refuse_dead_outputs(found)

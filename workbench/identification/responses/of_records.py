@@ -15,7 +15,7 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.responses.local_polynomial import (
     line_frequencies,
-    local_polynomial,
+    polynomials_in_bands,
 )
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
@@ -111,14 +111,14 @@ def _periodic(
             f"the inputs have {lines.size} excited lines in common; two are needed: excite all "
             "plants by the same signal"
         )
-    chosen = _thinned(lines, most)
+    chosen = thinned(lines, most)
     frequency = chosen * rate / samples
     found: list[ResponseEstimate] = [
         from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
-    thinned = f", {chosen.size} taken" if chosen.size < lines.size else ""
-    said = f"{count} periods of {samples} samples{dropped}; {lines.size} excited lines{thinned}"
+    fewer = f", {chosen.size} taken" if chosen.size < lines.size else ""
+    said = f"{count} periods of {samples} samples{dropped}; {lines.size} excited lines{fewer}"
     return found, said
 
 
@@ -128,11 +128,11 @@ def _arbitrary(
     """Responses by local polynomials, from records cut to one length."""
     found: list[ResponseEstimate] = []
     frequency = line_frequencies(length)
-    at = _thinned(np.arange(1, frequency.size + 1), most, frequency)
+    at = thinned(np.arange(1, frequency.size + 1), most, frequency)
     freedom = 2.0 * (LOCAL_LINES - 2 * (LOCAL_DEGREE + 1))
     for u, y in pairs:
         record = u[-length:, None], y[-length:, None]
-        local = local_polynomial(*record, LOCAL_DEGREE, LOCAL_LINES, at=at)
+        local = polynomials_in_bands(*record, LOCAL_DEGREE, LOCAL_LINES, at=at)
         found.append(
             ResponseEstimate(local.frequency * rate, local.response, local.variance, freedom)
         )
@@ -160,7 +160,7 @@ def excited(U: np.ndarray) -> IntegerArray:
     return np.flatnonzero((mean > EXCITED * mean.max()) & (mean > EXCITED_OVER_NOISE * spread))
 
 
-def _thinned(lines: IntegerArray, most: int, place: RealArray | None = None) -> IntegerArray:
+def thinned(lines: IntegerArray, most: int, place: RealArray | None = None) -> IntegerArray:
     """At most so many of the lines, at equal steps of log frequency where there are enough."""
     if lines.size <= most:
         return lines

@@ -13,7 +13,7 @@ the disc and 1.6 times as wide as the interval of one part.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ from workbench import figures
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.assumptions import Assumptions, assess
 
 
@@ -40,6 +41,8 @@ class ResponseEstimate:
         E|error|^2 of each entry of the response, in the same shape.
     degrees
         Number of real degrees of freedom of the variance.
+    report
+        Report of the record, where one was made.
 
     Examples
     --------
@@ -56,6 +59,7 @@ class ResponseEstimate:
     response: np.ndarray
     variance: np.ndarray
     degrees: float
+    report: RecordReport | None = field(default=None, kw_only=True, repr=False)
 
     def __repr__(self) -> str:
         size = np.abs(self.response)

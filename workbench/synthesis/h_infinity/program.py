@@ -253,7 +253,7 @@ class HinfSynthesis(Program):
         said = [f"controller: {in_words(self._whole(answer))}, crossover {crossover:.4g} Hz"]
         if self.absorbed.copies:
             said.append(self.absorbed.words)
-        return said
+        return [*said, *self.plant.tested]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
         whole = self._whole(answer)

@@ -1,0 +1,134 @@
+"""The report of a record: every test, every finding, and what the user vouches for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.record import Record
+from workbench.input_checks import as_list
+
+TESTS: tuple[Callable[[Record], Tested], ...] = ()
+"""Each test takes a record and says what became of one assumption."""
+
+
+@dataclass(frozen=True, repr=False)
+class RecordReport:
+    """What was tested of a record, and what was found.
+
+    Parameters
+    ----------
+    tested
+        Each assumption and what its test gave.
+    settled
+        Assumptions that need no test, by name, and why: the user vouches for them, or what is
+        estimated does not rest on them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import record_report
+    >>> u = np.random.default_rng(0).standard_normal(500)
+    >>> report = record_report(u, np.convolve(u, [0.5, 0.3])[:500])
+    >>> report.usable
+    True
+    """
+
+    tested: tuple[Tested, ...]
+    settled: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, what forbids the use of the record first."""
+        found = [finding for one in self.tested for finding in one.findings]
+        return tuple(sorted(found, key=lambda finding: not finding.forbids))
+
+    @property
+    def usable(self) -> bool:
+        """Whether no finding forbids to estimate from the record; those against settled do not."""
+        return not self._forbidding
+
+    @property
+    def _forbidding(self) -> list[tuple[Tested, Finding]]:
+        """What forbids the use of the record, each with the assumption that it is against."""
+        return [
+            (one, finding)
+            for one in self.tested
+            if one.assumption not in self.settled
+            for finding in one.findings
+            if finding.forbids
+        ]
+
+    def assuming(self, assumptions: str | Sequence[str]) -> RecordReport:
+        """The report where the user vouches for these assumptions too.
+
+        Raises `UnknownNameError` for one that no test is of.
+        """
+        return self.settling(dict.fromkeys(as_names(assumptions), "assumed by the user"))
+
+    def settling(self, reasons: Mapping[str, str]) -> RecordReport:
+        """The report where these assumptions, by name, need no test for these reasons."""
+        known = [one.assumption for one in self.tested]
+        for name in reasons:
+            if name not in known:
+                raise UnknownNameError("assumption", name, known)
+        return replace(self, settled={**self.settled, **reasons})
+
+    def need_usable(self, name: str = "the record") -> None:
+        """Raise `InputError` with what forbids the use of the record, if anything does."""
+        if not self.usable:
+            against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))
+            told = "; ".join(str(finding) for _, finding in self._forbidding)
+            raise InputError(f"{name}: {told}. Who knows better says assume=[{against}]")
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Each assumption with what its test gave, for certificates."""
+        return tuple(self._sentence(one) for one in self.tested)
+
+    def _sentence(self, one: Tested) -> str:
+        why = self.settled.get(one.assumption)
+        if why is None:
+            return str(one)
+        against = "; ".join(finding.message for finding in one.findings if finding.forbids)
+        if against:
+            return f"{one.assumption}: {why}, against the finding: {against}"
+        how = "tested" if one.testable else "not testable"
+        return f"{one.assumption}: {why}; {how}; {one.result}"
+
+    def __repr__(self) -> str:
+        untested = sum(not one.testable for one in self.tested)
+        head = f"RecordReport: {len(self.tested) - untested} assumptions tested"
+        head += f", {untested} not testable" if untested else ""
+        count = len(self.findings)
+        told = f"{count} finding{'s' if count > 1 else ''}" if count else "nothing found"
+        lines = [f"{head}; {told}"]
+        lines += [f"  {'forbids  ' if one.forbids else ''}{one}" for one in self.findings]
+        return "\n".join([*lines, *(f"  {sentence}" for sentence in self.sentences)])
+
+
+def together(reports: Mapping[str, RecordReport]) -> tuple[str, ...]:
+    """Each assumption with what its tests gave for several records; like results told once."""
+    names: dict[str, list[str]] = {}
+    for name, report in reports.items():
+        for sentence in report.sentences:
+            names.setdefault(sentence, []).append(name)
+    return tuple(
+        sentence if len(of) == len(reports) else f"{', '.join(of)}: {sentence}"
+        for sentence, of in sorted(names.items(), key=lambda pair: pair[0].partition(":")[0])
+    )
+
+
+def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of assumptions, given as one or several; raises `InputError` for what are none."""
+    given = [assumptions] if isinstance(assumptions, str) else as_list(assumptions, "assume")
+    if not all(isinstance(name, str) for name in given):
+        raise InputError(f"assume is {assumptions!r}; names of assumptions are needed")
+    return tuple(given)
+
+
+def reported(record: Record) -> RecordReport:
+    """The report of a record."""
+    return RecordReport(tuple(test(record) for test in TESTS))
