@@ -18,6 +18,10 @@ from workbench.cli.group import main
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
 @click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
+@click.option("--excitation", metavar="NAME", help="Column of what drove a closed loop [none].")
+@click.option(
+    "--assume", metavar="NAME", multiple=True, help="Vouch for an assumption: 'open loop'."
+)
 @click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
 @click.option(
     "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
@@ -45,6 +49,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
+    for sentence in chosen.tested:
+        click.echo(f"assumed  {sentence}")
     if not chosen.peak < 1:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
