@@ -6,10 +6,35 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workbench.errors import InputError
+from workbench.identification.record_report.clipping import clipping
+from workbench.identification.record_report.collinear import apart
+from workbench.identification.record_report.delay import delay
+from workbench.identification.record_report.excitation import excitation
 from workbench.identification.record_report.finding import Finding, Tested
+from workbench.identification.record_report.flags import flags
+from workbench.identification.record_report.gaps import gaps, instants
+from workbench.identification.record_report.nonlinearity import nonlinearity
+from workbench.identification.record_report.quantisation import quantisation
 from workbench.identification.record_report.record import Record
+from workbench.identification.record_report.slow import drift, duration
+from workbench.identification.record_report.spikes import spikes
+from workbench.identification.record_report.stuck import stuck
 
-TESTS: tuple[Callable[[Record], Tested], ...] = ()
+TESTS: tuple[Callable[[Record], Tested], ...] = (
+    flags,
+    excitation,
+    apart,
+    spikes,
+    clipping,
+    stuck,
+    quantisation,
+    gaps,
+    instants,
+    drift,
+    duration,
+    delay,
+    nonlinearity,
+)
 """Each test takes a record and says what became of one assumption."""
 
 
