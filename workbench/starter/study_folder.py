@@ -131,7 +131,7 @@ def write_study(
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
-    named = {"excitation": excitation} if excitation is not None else {}
+    named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
     if assume:
         named["assume"] = as_names(assume)
     package = plant.lower().replace("-", "_")

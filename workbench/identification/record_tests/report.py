@@ -6,11 +6,36 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import InputError, UnknownNameError
+from workbench.identification.record_tests.clipping import clipping
+from workbench.identification.record_tests.collinear import apart
+from workbench.identification.record_tests.delay import delay
+from workbench.identification.record_tests.excitation import excitation
 from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import flags
+from workbench.identification.record_tests.gaps import gaps, instants
+from workbench.identification.record_tests.nonlinearity import nonlinearity
+from workbench.identification.record_tests.quantisation import quantisation
 from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.slow import drift, duration
+from workbench.identification.record_tests.spikes import spikes
+from workbench.identification.record_tests.stuck import stuck
 from workbench.input_checks import as_list
 
-TESTS: tuple[Callable[[Record], Tested], ...] = ()
+TESTS: tuple[Callable[[Record], Tested], ...] = (
+    flags,
+    excitation,
+    apart,
+    spikes,
+    clipping,
+    stuck,
+    quantisation,
+    gaps,
+    instants,
+    drift,
+    duration,
+    delay,
+    nonlinearity,
+)
 """Each test takes a record and says what became of one assumption."""
 
 
@@ -99,14 +124,11 @@ class RecordReport:
         return f"{one.assumption}: {why}; {how}; {one.result}"
 
     def __repr__(self) -> str:
-        untested = sum(not one.testable for one in self.tested)
-        head = f"RecordReport: {len(self.tested) - untested} assumptions tested"
-        head += f", {untested} not testable" if untested else ""
-        count = len(self.findings)
-        told = f"{count} finding{'s' if count > 1 else ''}" if count else "nothing found"
-        lines = [f"{head}; {told}"]
+        untested = [one.assumption for one in self.tested if not one.testable]
+        head = f"RecordReport: {len(self.tested) - len(untested)} assumptions tested"
+        lines = [head if self.findings else f"{head}, nothing found"]
         lines += [f"  {'forbids  ' if one.forbids else ''}{one}" for one in self.findings]
-        return "\n".join([*lines, *(f"  {sentence}" for sentence in self.sentences)])
+        return "\n".join([*lines, *(f"  not testable: {name}" for name in untested)])
 
 
 def together(reports: Mapping[str, RecordReport]) -> tuple[str, ...]:

@@ -21,11 +21,12 @@ from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
+from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_polynomial import (
     line_frequencies,
     polynomials_in_bands,
 )
-from workbench.identification.responses.of_records import excited, period, thinned
+from workbench.identification.responses.of_records import excited, thinned
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.identification.responses.periodic_local import periodic_local_polynomial
 from workbench.identification.responses.ratios import (
