@@ -85,11 +85,6 @@ def report_of_arrays(
     ``assume`` names assumptions that the user vouches for. Raises `InputError` where a finding
     forbids to use the record.
     """
-    inputs, outputs = (
-        tuple(f"{letter}{k + 1}" for k in range(signal.shape[1]))
-        for letter, signal in (("u", u), ("y", y))
-    )
-    record = Experiments(u, y, sample_time=dt, inputs=inputs, outputs=outputs, excitation=r)
-    report = record.report.assuming(assume)
+    report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
     report.need_usable(name)
     return report

@@ -88,9 +88,11 @@ class Experiments:
 
     def reported(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
         """Report for a model of an order (None: not known), with or without a direct term."""
+        inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
+        outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
         record = Record(
             self.u, self.y, self.excitation, self.starts, self.sample_time,
-            self.inputs, self.outputs, direct, order,
+            inputs, outputs, direct, order,
         )  # fmt: skip
         return reported(record).assuming(self.assumed)
 
