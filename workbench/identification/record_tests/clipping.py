@@ -1,7 +1,7 @@
 """Clipping: an output that stays at an end of its converter's range while it heads beyond.
 
-A signal that settles at its largest value, or has few levels, is not clipped. So a short regression,
-fitted where nothing is clipped, must say that the output would go on.
+A signal that settles at its largest value, or has few levels, is not clipped. So either its values
+never repeat elsewhere, or a short regression, fitted inside the range, must say that it would go on.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.record import Record
 
-PAST = 4
-"""Lags of the outputs and inputs in the regression."""
+PASTS = (4, 2, 1)
+"""Lags of the outputs and inputs in the regressions."""
 ROWS = 20_000
 """Rows of the regression at most."""
 ROWS_EACH = 10
@@ -25,6 +25,11 @@ FEWEST_ARRIVALS = 3
 """Fewest times that the output arrives at the end of its range."""
 CERTAIN = 5.0
 """Standard errors by which the output must be expected beyond."""
+FEWEST_REPEATS, REPEATED = 10, 0.01
+"""Samples at the end of the range at least, and share of equal neighbours elsewhere at most, from
+which on exact repetition is no chance."""
+ROUNDING = 1e-6
+"""Error of a regression, relative to the output, that is no noise."""
 STRONG = 0.05
 """Share of clipped samples from which on nothing may be estimated."""
 
@@ -80,41 +85,53 @@ def clipping(record: Record) -> Tested:
 def _beyond(record: Record, signal: RealArray, output: int) -> bool:
     """Whether an output (N,) would go beyond its largest value where it arrives there.
 
-    It is not told where too few samples are inside the range.
+    Shorter regressions are asked where longer ones have too few rows inside the range.
     """
     waits = [one.most or 0 for one in delays(record) if one.output == output]
-    reach = max([PAST, *(wait + PAST for wait in waits)])
-    ends = np.nanmax(signal), np.nanmin(signal)
-    outside = ~np.isfinite(signal) | (signal == ends[0])
+    top, bottom = np.nanmax(signal), np.nanmin(signal)
+    outside = ~np.isfinite(signal) | (signal == top)
     if held_share(-signal):
-        outside |= signal == ends[1]
-    since = np.arange(len(signal)) - np.maximum.accumulate(
-        np.where(outside, np.arange(len(signal)), -1)
-    )
-    inside = since > PAST  # neither this sample nor those before it are cut off
-    begin = np.zeros(len(signal), dtype=bool)
-    for piece in record.pieces():
-        begin[piece.start : piece.start + reach] = True
-    rows = np.flatnonzero(inside & ~begin)
-    rows = rows[:: max(1, -(-len(rows) // ROWS))]
-    arrivals = _arrivals(signal == ends[0])
-    arrivals = arrivals[~begin[arrivals] & (since[arrivals - 1] > PAST)][:ROWS]
+        outside |= signal == bottom
+    at = np.arange(len(signal))
+    since = at - np.maximum.accumulate(np.where(outside, at, -1))  # samples since the last one
+    arrivals = _arrivals(signal == top)
+    noisy = _never_repeats(signal, outside) and np.sum(signal == top) >= FEWEST_REPEATS
+    for past in PASTS:
+        begin = np.zeros(len(signal), dtype=bool)
+        for piece in record.pieces():
+            begin[piece.start : piece.start + past + max([0, *waits])] = True
+        rows = np.flatnonzero((since > past) & ~begin)
+        rows = rows[:: max(1, -(-len(rows) // ROWS))]
+        here = arrivals[~begin[arrivals] & (since[arrivals - 1] >= past)][:ROWS]
+        basis = _regressors(record, signal, rows, past, waits)
+        if len(here) < FEWEST_ARRIVALS or len(rows) < ROWS_EACH * basis.shape[1]:
+            continue
+        size = np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
+        weight = np.linalg.lstsq(basis / size, signal[rows], rcond=None)[0] / size
+        noise = float(np.std(signal[rows] - basis @ weight))
+        if noisy and noise > ROUNDING * float(np.std(signal[rows])):
+            return True
+        away = _regressors(record, signal, here, past, waits) @ weight - top
+        least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal))
+        if away.mean() > least and (away > 0).mean() > 0.5:
+            return True
+    return False
 
-    def regressors(at: IntegerArray) -> RealArray:
-        past = [signal[at - k] for k in range(1, PAST + 1)]
-        drives = [
-            record.u[at - wait - k, j] for j, wait in enumerate(waits) for k in range(PAST + 1)
-        ]
-        return np.column_stack([np.ones(len(at)), *past, *drives])
 
-    if len(arrivals) < FEWEST_ARRIVALS:
-        return False
-    basis = regressors(rows)
-    if len(rows) < ROWS_EACH * basis.shape[1]:
-        return False
-    size = np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
-    weight = np.linalg.lstsq(basis / size, signal[rows], rcond=None)[0] / size
-    noise = float(np.std(signal[rows] - basis @ weight))
-    away = regressors(arrivals) @ weight - ends[0]
-    least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal))
-    return bool(away.mean() > least and (away > 0).mean() > 0.5)
+def _never_repeats(signal: RealArray, outside: BoolArray) -> bool:
+    """Whether the values of a signal (N,) inside its range are noisy and not of a converter.
+
+    Then a largest value that repeats exactly is an end of the range.
+    """
+    both = ~outside[1:] & ~outside[:-1]
+    equal = (signal[1:] == signal[:-1])[both]
+    return bool(equal.size and equal.mean() < REPEATED and not resolution(signal[~outside]))
+
+
+def _regressors(
+    record: Record, signal: RealArray, at: IntegerArray, past: int, waits: list[int]
+) -> RealArray:
+    """A level, past outputs, and present and past inputs at samples (R,)."""
+    outputs = [signal[at - k] for k in range(1, past + 1)]
+    inputs = [record.u[at - wait - k, j] for j, wait in enumerate(waits) for k in range(past + 1)]
+    return np.column_stack([np.ones(len(at)), *outputs, *inputs])

@@ -53,7 +53,8 @@ def spikes(record: Record) -> Tested:
         away[~np.isfinite(y) | ~known_past(clean, response)] = 0.0
         away[_after_pulses(clean.u, response)] = 0.0
         size = float(np.std(thinned(y)))
-        limit = max(tail_limit(np.abs(left)), LEAST * size, STEPS * resolution(y))
+        tail = min(tail_limit(np.abs(own)), tail_limit(np.abs(left)))
+        limit = max(tail, LEAST * size, STEPS * resolution(y))
         samples = np.flatnonzero(away > limit)
         if not 0 < samples.size <= RARE * len(y):
             continue
@@ -96,9 +97,12 @@ def median_of_five(signal: RealArray) -> RealArray:
 
 
 def tail_limit(sizes: RealArray) -> float:
-    """Size beyond which a tail, as the bulk of sizes (N,) tells it, lets hardly any sample."""
+    """Size beyond which a tail, as the bulk of sizes (N,) tells it, lets hardly any sample.
+
+    It is infinite where the bulk is 0 and tells nothing.
+    """
     near, far = np.quantile(thinned(sizes), [1 - share for share in BULK])
     if not near > 0:
-        return float(far)
+        return np.inf
     heavy = np.log(far / near) / np.log(BULK[0] / BULK[1])
     return float(far * (BULK[1] * len(sizes) / EXPECTED) ** heavy)
