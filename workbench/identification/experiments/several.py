@@ -43,6 +43,8 @@ class Experiments:
         What drove a closed loop from outside (N, nr), where that was recorded.
     assumed
         Assumptions that the user vouches for, whatever the report of the record says of them.
+    times
+        Instants (N,) [s] that were stamped on the samples, for the report; None: none were.
 
     Examples
     --------
@@ -63,6 +65,7 @@ class Experiments:
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
     excitation: RealArray | None = field(default=None, kw_only=True)
     assumed: tuple[str, ...] = field(default=(), kw_only=True)
+    times: RealArray | None = field(default=None, kw_only=True, repr=False)
 
     def __len__(self) -> int:
         return len(self.u)
@@ -92,7 +95,7 @@ class Experiments:
         outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
         record = Record(
             self.u, self.y, self.excitation, self.starts, self.sample_time,
-            inputs, outputs, direct, order,
+            inputs, outputs, direct, order, self.times,
         )  # fmt: skip
         return reported(record).assuming(self.assumed)
 
@@ -128,7 +131,12 @@ class Experiments:
         inside = tuple(start - first for start in self.starts if first < start < end)
         driven = None if self.excitation is None else self.excitation[first:end]
         return replace(
-            self, u=self.u[first:end], y=self.y[first:end], starts=(0, *inside), excitation=driven
+            self,
+            u=self.u[first:end],
+            y=self.y[first:end],
+            starts=(0, *inside),
+            excitation=driven,
+            times=None if self.times is None else self.times[first:end],
         )
 
     def delayed(self, delays: Sequence[int]) -> Experiments:
@@ -157,6 +165,7 @@ class Experiments:
             y=np.vstack([y[longest:] for _, y in parts]),
             starts=tuple(int(start) for start in starts),
             excitation=None,
+            times=None,
         )
 
     def from_rest(self, samples: int) -> Experiments:
@@ -170,9 +179,8 @@ class Experiments:
             us.append(np.vstack([np.zeros((samples, u.shape[1])), u]))
             ys.append(np.vstack([np.tile(level, (samples, 1)), y]))
         starts = np.cumsum([0, *(len(u) for u in us)])[:-1]
-        return replace(
-            self, u=np.vstack(us), y=np.vstack(ys), starts=tuple(int(start) for start in starts)
-        )
+        rows = tuple(int(start) for start in starts)
+        return replace(self, u=np.vstack(us), y=np.vstack(ys), starts=rows, times=None)
 
     def still_inputs(self) -> list[int]:
         """Inputs that never change within any experiment."""
@@ -234,13 +242,14 @@ def as_experiments(
         raise InputError(
             f"the experiments are sampled every {sorted(known)} s; resample them to one time"
         )
-    cut = [piece for one in signals for piece in _cut_at_missing_inputs(one)]
+    cut = [(one, part) for one in signals for part in _known_inputs(one.u)]
     if not cut:
         raise InputError("no sample has all inputs; fill the gaps of u or leave a channel out")
-    starts = np.cumsum([0, *(len(u) for u, _ in cut)])[:-1]
+    starts = np.cumsum([0, *(part.stop - part.start for _, part in cut)])[:-1]
+    times = [one.times[part] for one, part in cut if one.times is not None]
     found = Experiments(
-        np.vstack([u for u, _ in cut]),
-        np.vstack([y for _, y in cut]),
+        np.vstack([one.u[part] for one, part in cut]),
+        np.vstack([one.y[part] for one, part in cut]),
         tuple(int(start) for start in starts),
         sample_time=float(sample_time or next(iter(known), 1.0)),
         inputs=first.inputs,
@@ -248,6 +257,7 @@ def as_experiments(
         input_units=first.input_units,
         output_units=first.output_units,
         assumed=as_names(assume),
+        times=np.concatenate(times) if len(times) == len(cut) else None,
     )
     _refuse_dead_inputs(found)
     _refuse_dead_outputs(found)
@@ -296,11 +306,11 @@ def _refuse_other_channels(first: Signals, other: Signals, number: int) -> None:
             )
 
 
-def _cut_at_missing_inputs(one: Signals) -> list[tuple[RealArray, RealArray]]:
+def _known_inputs(u: RealArray) -> list[slice]:
     """Stretches of an experiment in which every input is known."""
-    known = np.isfinite(one.u).all(axis=1)
+    known = np.isfinite(u).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    return [(one.u[a:b], one.y[a:b]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _refuse_dead_inputs(found: Experiments) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import FrequencyResponseData
+from workbench.heavy_types import Dataset, FrequencyResponseData
 from workbench.identification.experiments.alike import read_alike
 from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record
@@ -277,7 +277,7 @@ def _of_records(
             raise InputError(f"{path}: {error}") from None
     rate = sample_rate or float(np.mean(rates))
     driven = _excitations(paths, record) if record.excitation is not None else None
-    reports = _reports(paths, records, driven, rate, record)
+    reports = _reports(paths, read, driven, rate, record)
     estimates: Sequence[ResponseEstimate]
     if driven is None:
         estimates, said = record_responses(records, rate, most)
@@ -306,17 +306,17 @@ def _excitations(paths: Sequence[Path], record: RecordNames) -> list[np.ndarray]
 
 def _reports(
     paths: Sequence[Path],
-    records: Sequence[tuple[np.ndarray, np.ndarray]],
+    read: Sequence[Dataset],
     driven: Sequence[np.ndarray] | None,
     rate: float,
     record: RecordNames,
 ) -> list[RecordReport]:
     """The report of each record; raises InputError for one that must not be used."""
     found = []
-    for k, (path, (u, y)) in enumerate(zip(paths, records, strict=True)):
+    for k, (path, data) in enumerate(zip(paths, read, strict=True)):
         r = None if driven is None else driven[k]
         try:
-            report = record_report(u, y, r=r, dt=1.0 / rate).assuming(record.assume)
+            report = record_report(data, None, r=r, dt=1.0 / rate).assuming(record.assume)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         report.need_usable(str(path))
