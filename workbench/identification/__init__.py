@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         local_polynomial,
     )
     from workbench.identification.responses.local_rational import local_rational
+    from workbench.identification.responses.local_response import local_response
     from workbench.identification.responses.periodic import (
         PeriodicResponse,
         ResponseEstimate,
@@ -147,6 +148,7 @@ __all__ = [
     "line_distortion",
     "local_polynomial",
     "local_rational",
+    "local_response",
     "odd_lines",
     "output_error",
     "periodic_local_polynomial",
