@@ -22,6 +22,7 @@ from workbench.identification import (
     impulse_response,
     local_polynomial,
     local_rational,
+    local_response,
     record_report,
     spectral_response,
 )
@@ -63,6 +64,7 @@ def simulated(u, y, assume=()):
 
 ROADS = {
     "local polynomials": lambda u, y, **a: local_polynomial(u[:, None], y[:, None], **a),
+    "local models": lambda u, y, **a: local_response(u[:, None], y[:, None], 1.0, **a),
     "local rational functions": lambda u, y, **a: local_rational(u[:, None], y[:, None], **a),
     "averaged spectra": lambda u, y, **a: spectral_response(u, y, 1.0, 60, **a),
     "a state-space fit": lambda u, y, **a: StateSpaceFit(u, y, orders=[1], **a),

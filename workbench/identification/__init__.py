@@ -72,6 +72,7 @@ if TYPE_CHECKING:
         local_polynomial,
     )
     from workbench.identification.responses.local_rational import local_rational
+    from workbench.identification.responses.local_response import local_response
     from workbench.identification.responses.of_excitation import DrivenResponse, driven_response
     from workbench.identification.responses.periodic import (
         PeriodicResponse,
@@ -156,6 +157,7 @@ __all__ = [
     "line_distortion",
     "local_polynomial",
     "local_rational",
+    "local_response",
     "odd_lines",
     "output_error",
     "periodic_local_polynomial",

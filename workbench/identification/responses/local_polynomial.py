@@ -181,11 +181,6 @@ def fitted_in_bands(
     return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
 
 
-def line_frequencies(samples: int) -> RealArray:
-    """Frequencies [cycles/sample] of all lines of a record at which `local_polynomial` works."""
-    return np.arange(1, (samples + 1) // 2) / samples
-
-
 def spectrum(x: RealArray) -> ComplexArray:
     """Transform (lines, channels) of a record without its mean, scaled by 1/sqrt(N)."""
     found = np.empty((len(x) // 2 + 1, x.shape[1]), complex)

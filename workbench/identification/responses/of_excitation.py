@@ -22,11 +22,9 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.record_tests.periods import period
-from workbench.identification.responses.local_polynomial import (
-    line_frequencies,
-    polynomials_in_bands,
-)
-from workbench.identification.responses.of_records import excited, thinned
+from workbench.identification.responses.local_polynomial import polynomials_in_bands
+from workbench.identification.responses.local_response import thinned
+from workbench.identification.responses.of_records import excited
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.identification.responses.periodic_local import periodic_local_polynomial
 from workbench.identification.responses.ratios import (
@@ -247,8 +245,7 @@ def _of_bands(
     length = min(len(u) for u, _, _ in records)
     if length < FEWEST_SAMPLES:
         raise InputError(f"{length} samples; {FEWEST_SAMPLES} are needed: take a longer record")
-    frequency = line_frequencies(length)
-    at = thinned(np.arange(1, frequency.size + 1), most, frequency)
+    at = thinned(np.arange(1, (length + 1) // 2), most)
     degrees = 2.0 * (LINES - 2 * (DEGREE + 1))
     found = []
     for u, y, r in records:

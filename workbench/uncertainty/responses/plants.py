@@ -236,7 +236,7 @@ class Responses:
 
         Of a record, name the ``input``, the ``output`` and the ``time`` (or give the sampling
         frequency); the response and its variance are then estimated, from whole periods where the
-        input is periodic and by local polynomials where it is not. Of a frequency response, name
+        input has many, else by local models (`local_response`). Of a frequency response, name
         the ``frequency`` and the ``response`` (or its two parts, or magnitude and phase). What was
         found out stands in ``read``; files in other units than the first are converted to its own.
         The response of a record leads from samples to samples: it contains the delay of the
