@@ -53,7 +53,9 @@ def clipped_sensor(rng):
     level = rng.uniform(0.4, 1.5)
     kind = str(rng.choice(["binary", "white", "set points"]))
     return good_record(
-        rng, excitation=kind, sensor=lambda y: np.clip(y, *(y.mean() + level * y.std() * np.array([-1, 1])))
+        rng,
+        excitation=kind,
+        sensor=lambda y: np.clip(y, *(y.mean() + level * y.std() * np.array([-1, 1]))),
     )
 
 
