@@ -192,7 +192,7 @@ class Experiments:
 
 def as_experiments(
     u: Any,
-    y: Any,
+    y: Any = None,
     sample_time: float | None = None,
     samples: SamplesAlong | None = None,
     *,
@@ -206,7 +206,7 @@ def as_experiments(
         Inputs and outputs: arrays (N,), (N, channels) or (channels, N), DataArrays with a
         dimension "time", tables of pandas whose columns are channels; or lists with one of them
         for each experiment. A Dataset with variables u and y, as `read_record` returns it, is
-        given as u alone, with y None.
+        given as u alone, and so is a list of them.
     sample_time
         Sampling time [s]. None: that of the labels, or 1.
     samples
@@ -270,6 +270,8 @@ def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
         raise InputError("the experiments are already one object; give its u and y")
     several = [isinstance(each, list | tuple) and _holds_arrays(each) for each in (u, y)]
     if y is None and several[0]:
+        if not len(u):
+            raise InputError("u is an empty list; give a Dataset for each experiment")
         return [(each, None) for each in u]
     if several[0] != several[1]:
         raise InputError(

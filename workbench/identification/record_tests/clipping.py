@@ -1,7 +1,7 @@
 """Clipping: an output that stays at an end of its converter's range while it heads beyond.
 
 A signal that settles at its largest value, or has few levels, is not clipped. So either its values
-never repeat elsewhere, or a short regression, fitted inside the range, must say that it would go on.
+never repeat elsewhere, or a short regression, fitted inside the range, must say that it goes on.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def clipping(record: Record) -> Tested:
                 found.append(
                     Finding(
                         "clipped",
-                        f"{name!r} is cut off at its {end} value {value:.6g}, in {share:.2%} of the "
-                        "samples",
+                        f"{name!r} is cut off at its {end} value {value:.6g}, in {share:.2%} "
+                        "of the samples",
                         f"output {name!r}, wherever it is {value:.6g}",
                         share,
                         "share of the samples that are cut off",

@@ -68,7 +68,7 @@ def own_shares(u: RealArray) -> tuple[RealArray, list[list[int]], list[bool]]:
     spread[spread == 0] = 1.0
     scaled = (u - u.mean(axis=0)) / spread
     # The triangular factor keeps digits that squares of the inputs would lose.
-    triangle = np.linalg.qr(scaled / np.sqrt(len(u)), mode="r")
+    triangle = np.asarray(np.linalg.qr(scaled / np.sqrt(len(u)), mode="r"))
     nu = u.shape[1]
     share, partners, coarse = np.ones(nu), [], []
     for j in range(nu):

@@ -2,7 +2,7 @@
 
 A slow start is no delay. The step response of n equal lags reaches in a time d about 2^-n of what
 it reaches in 2 d, while d is short against the lags. So d counts as delay when less than `STARTED`
-of that is there, for certain. Records are averaged over ever longer blocks until the delay is found.
+of that is there, for certain. Records are averaged over ever longer blocks until it is found.
 """
 
 from __future__ import annotations

@@ -103,12 +103,13 @@ def _far_outside(column: RealArray, record: Record) -> BoolArray:
     """Where a channel (N,) takes one value, the least or the largest, far outside of the others."""
     mask = np.zeros(len(column), dtype=bool)
     ends = np.nanmin(column), np.nanmax(column)
-    at_end = [column == end for end in ends]
-    between = np.isfinite(column) & ~at_end[0] & ~at_end[1]
+    at_end: list[BoolArray] = [np.asarray(column == end) for end in ends]
+    known: BoolArray = np.isfinite(column)
+    between = known & ~at_end[0] & ~at_end[1]
     for k, end in enumerate(ends):
         here = at_end[k]
         # The other end may be a flag itself, so that the range is tried without it first.
-        for rest in (between, np.isfinite(column) & ~here):
+        for rest in (between, known & ~here):
             if here.sum() < 2 or not rest.any():
                 continue
             low, high = float(column[rest].min()), float(column[rest].max())

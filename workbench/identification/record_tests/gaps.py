@@ -33,7 +33,8 @@ def gaps(record: Record) -> Tested:
             found.append(
                 Finding(
                     "gaps",
-                    f"{count} of {len(y)} samples of {name!r} are missing, up to {longest} in a row",
+                    f"{count} of {len(y)} samples of {name!r} are missing, up to {longest} in a "
+                    "row",
                     f"output {name!r}, the longest gap from sample {at} on",
                     count / len(y),
                     "share of the samples that are missing",

@@ -3,8 +3,8 @@
 The record is averaged over blocks first, so that few hundred lags reach over any time. Sums over
 samples come from FFTs and are corrected at the ends, so that the fit is that of least squares.
 
-Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 9.3 (the covariance of least
-squares under coloured noise).
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 9.3 (the covariance of
+least squares under coloured noise).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def filled(y: RealArray) -> RealArray:
 
 
 def busiest(record: Record, most: int = MOST_SAMPLES) -> slice:
-    """The part, within the longest experiment, of at most so many samples where inputs move most."""
+    """The part of the longest experiment, of at most so many samples, where inputs move most."""
     longest = max(record.pieces(), key=lambda piece: piece.stop - piece.start)
     if longest.stop - longest.start <= most:
         return longest
@@ -98,7 +98,8 @@ def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
     # Degrees of freedom that the lags took from the noise.
     free = rows / max(rows - nu * lags, 1)
     middle = _noise_part(u[lags - 1 :], left, lags) * free
-    covariance = inverse @ middle @ inverse
+    # What the inputs leave open is as uncertain as an answer of the output's own size.
+    covariance = inverse @ middle @ inverse + RIDGE * rows * inverse
     scale = y_size / np.repeat(u_size, lags)
     return Impulse(
         response * y_size / u_size[:, None],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench.arrays import BoolArray, IntegerArray, RealArray
 
 LOOKED_AT = 100_000
 """Samples, evenly taken from the whole record, from which the spread of a channel is found."""
@@ -61,7 +61,7 @@ def told_samples(samples: Sequence[int] | IntegerArray) -> str:
     return f"{word} {named}" + (", ..." if len(samples) > NAMED else "")
 
 
-def runs(held: RealArray) -> tuple[IntegerArray, IntegerArray]:
+def runs(held: BoolArray) -> tuple[IntegerArray, IntegerArray]:
     """First sample and length of each run of True in a mask (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
     return edges[::2], edges[1::2] - edges[::2]

@@ -1,7 +1,7 @@
 """Nonlinear distortion: an output that answers a periodic input at lines which the input lacks.
 
-Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed., 2012,
-section 4.3.
+Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+2012, section 4.3.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import f
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, IntegerArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import filled
@@ -94,12 +94,12 @@ def _lines(signal: RealArray, samples: int) -> ComplexArray:
 
 
 def _distortion(
-    Y: ComplexArray, sizes: RealArray, excited: RealArray, silent: RealArray, step: float
+    Y: ComplexArray, sizes: RealArray, excited: IntegerArray, silent: IntegerArray, step: float
 ) -> tuple[float, bool]:
     """Size at silent lines over that at excited ones, and whether only distortion can make it."""
     mean = Y.mean(axis=0)
 
-    def size(values: ComplexArray) -> float:
+    def size(values: Array) -> float:
         return float(np.sqrt(np.sum(np.abs(values) ** 2)))
 
     there, answer = size(mean[silent]), size(mean[excited])

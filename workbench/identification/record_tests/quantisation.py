@@ -15,6 +15,8 @@ from workbench.identification.record_tests.record import Record
 
 COARSE = 0.1
 """Rounding error of a converter, over the standard deviation of the output, that is too large."""
+FEWEST_CHANGES = 20
+"""Changes of the output from which on its values are known to be those of a converter."""
 
 
 def quantisation(record: Record) -> Tested:
@@ -28,7 +30,7 @@ def quantisation(record: Record) -> Tested:
             continue
         share = step / np.sqrt(12) / size
         told.append(f"{name!r} has steps of {step:.4g}, {size / step:.3g} in its deviation")
-        if share > COARSE:
+        if share > COARSE and np.count_nonzero(np.diff(y)) >= FEWEST_CHANGES:
             found.append(
                 Finding(
                     "coarse steps",

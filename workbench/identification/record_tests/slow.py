@@ -92,9 +92,8 @@ def slow_parts(record: Record) -> tuple[Slow | None, ...]:
         response = first_impulses(record)[0][i]
         soon = explained(record)[longest, i]
         first = 0 if response is None else -(-response.response.shape[1] // size)
-        found.append(
-            _slow_part(*(blocks(each, size) for each in (u, filled(y), soon)), size, first)
-        )
+        averaged = [blocks(each, size) for each in (u, filled(y), soon)]
+        found.append(_slow_part(averaged[0], averaged[1], averaged[2], size, first))
     return tuple(found)
 
 
@@ -199,8 +198,8 @@ def duration(record: Record) -> Tested:
             found.append(
                 Finding(
                     "short record",
-                    f"the slowest mode of {name!r} has a time constant of {one.least * dt:.3g} s at "
-                    f"least, and the longest experiment lasts {samples * dt:.3g} s: it does not "
+                    f"the slowest mode of {name!r} has a time constant of {one.least * dt:.3g} s "
+                    f"at least, and the longest experiment lasts {samples * dt:.3g} s: it does not "
                     "settle, or integrates",
                     f"output {name!r}, whole record",
                     samples / one.least,

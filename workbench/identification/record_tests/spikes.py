@@ -27,7 +27,7 @@ BULK = (0.1, 0.03)
 """Shares of samples from whose sizes the tail is told."""
 EXPECTED = 0.05
 """Samples that the tail lets beyond the limit, in the whole record."""
-LEAST = 0.5
+LEAST = 1.0
 """Size of a spike at least, in standard deviations of the output: smaller ones do no harm."""
 STEPS = 4.0
 """Size of a spike at least, in steps of the converter."""
@@ -63,7 +63,8 @@ def spikes(record: Record) -> Tested:
             Finding(
                 "spikes",
                 f"{samples.size} samples of {name!r} leave it for an instant, by up to "
-                f"{away.max():.3g} where its standard deviation is {size:.3g}, and no input moved so",
+                f"{away.max():.3g} where its standard deviation is {size:.3g}, and no "
+                "input moved so",
                 f"output {name!r}, {told_samples(np.sort(largest))}",
                 float(away.max() / size),
                 "size of the largest spike, in standard deviations of the output",

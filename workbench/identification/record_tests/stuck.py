@@ -1,7 +1,7 @@
 """Stuck samples: an output that holds one value while its input moves, and then jumps.
 
-A converter with coarse steps holds values too, but leaves them by a step or two; a slow sensor holds
-every value equally long.
+A converter with coarse steps holds values too, but leaves them by a step or two; a slow sensor
+holds every value equally long.
 """
 
 from __future__ import annotations
