@@ -21,7 +21,7 @@ def coverage(loop, excitation, size, records, seed, samples=2000):
     held, refused = [], 0
     for k in range(records):
         try:
-            found = driven_response(u[:, k], y[:, k], r[:, k])
+            found = driven_response(u[:, k], y[:, k], r[:, k], 1.0)
         except InputError:
             refused += 1
             continue
@@ -87,7 +87,7 @@ def test_a_region_is_all_ratios_that_are_compatible():
 
 def test_a_periodic_excitation_takes_whole_periods():
     u, y, r, plant = records_of("lag", "periodic", 10.0, 2000, 1, np.random.default_rng(4))
-    found = driven_response(u[:, 0], y[:, 0], r[:, 0], dt=0.5)
+    found = driven_response(u[:, 0], y[:, 0], r[:, 0], 0.5)
     assert np.allclose((found.frequency * 0.5 * 256) % 1, 0)
     apart = found.response[:, 0, 0] / plant(np.exp(0.5j * found.omega)).ravel() - 1
     assert np.median(np.abs(apart)) < 0.5
@@ -96,7 +96,7 @@ def test_a_periodic_excitation_takes_whole_periods():
 def test_lines_that_the_excitation_does_not_reach_are_left_out():
     rng = np.random.default_rng(5)
     u, y, r, _ = records_of("lag", "steps", 3.0, 2000, 1, rng)
-    found = driven_response(u[:, 0], y[:, 0], r[:, 0])
+    found = driven_response(u[:, 0], y[:, 0], r[:, 0], 1.0)
     assert found.chosen < 0.9
     assert np.isfinite(found.radius(0.95)).all()
 
@@ -112,7 +112,7 @@ def test_noise_alone_is_seen_at_no_line():
 
 def test_several_outputs_each_have_their_region():
     u, y, r, _ = records_of("lag", "binary", 10.0, 2000, 1, np.random.default_rng(7))
-    found = driven_response(u[:, 0], np.column_stack([y, 2 * y]), r[:, 0])
+    found = driven_response(u[:, 0], np.column_stack([y, 2 * y]), r[:, 0], 1.0)
     np.testing.assert_allclose(found.response[:, 1], 2 * found.response[:, 0])
     np.testing.assert_allclose(found.radius(0.9)[:, 1], 2 * found.radius(0.9)[:, 0])
 
@@ -160,4 +160,4 @@ BAD = {
 def test_what_is_no_excitation_is_named(case, record):
     spoil, options, words = BAD[case]
     with pytest.raises(InputError, match=words):
-        driven_response(*spoil(*record), **options)
+        driven_response(*spoil(*record), **{"dt": 1.0} | options)

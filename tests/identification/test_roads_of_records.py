@@ -90,7 +90,7 @@ def test_who_knows_better_says_so(road, record, closed):
 
 def test_an_excitation_opens_the_road(record, closed):
     u, y, r = record
-    assert driven_response(u, y, r).report.usable
+    assert driven_response(u, y, r, 1.0).report.usable
     assert ClosedLoopFit(u, y, orders=[1], excitation=r).report.usable
     SampledRecord(u, y, 1.0, noise_free_input=r)
 

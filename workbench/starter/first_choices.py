@@ -5,7 +5,7 @@ They are where a designer starts, not where one ends; each says where its number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class FirstChoices:
     reasons: dict[str, str]
     columns: str = ""
     notes: tuple[str, ...] = ()
-    tested: tuple[str, ...] = ()
+    tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = np.nan
 
 

@@ -128,7 +128,7 @@ class ClosedLoopFit(StateSpaceFit):
                 "such as the set-point. Without it no method tells the plant from the controller: "
                 "open the loop, or add an excitation, and record anew"
             )
-        driven = plain.driven_by(self.excitation, self.samples)
+        driven = plain.driven_by(self.excitation, samples=self.samples)
         if len(driven.starts) > 1:
             raise InputError(
                 "one experiment without gaps in u and in the excitation is needed; cut the record"

@@ -86,5 +86,5 @@ def report_of_arrays(
     forbids to use the record.
     """
     report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
-    report.need_usable(name)
+    report.need_usable(name=name)
     return report

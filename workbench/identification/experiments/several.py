@@ -99,7 +99,7 @@ class Experiments:
         )  # fmt: skip
         return reported(record).assuming(self.assumed)
 
-    def driven_by(self, excitation: Any, samples: SamplesAlong | None = None) -> Experiments:
+    def driven_by(self, excitation: Any, *, samples: SamplesAlong | None = None) -> Experiments:
         """The record with what drove the loop from outside, as many samples as u and y have.
 
         Raises `InputError` for an excitation of another length, with gaps, or that never changes.

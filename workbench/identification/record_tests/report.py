@@ -62,7 +62,7 @@ class RecordReport:
     """
 
     tested: tuple[Tested, ...]
-    settled: Mapping[str, str] = field(default_factory=dict)
+    settled: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -101,7 +101,7 @@ class RecordReport:
                 raise UnknownNameError("assumption", name, known)
         return replace(self, settled={**self.settled, **reasons})
 
-    def need_usable(self, name: str = "the record") -> None:
+    def need_usable(self, *, name: str = "the record") -> None:
         """Raise `InputError` with what forbids the use of the record, if anything does."""
         if not self.usable:
             against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))

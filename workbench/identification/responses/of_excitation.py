@@ -48,6 +48,9 @@ FEWEST_SEEN = 2
 class DrivenResponse(ResponseEstimate):
     """A response (Y / R) / (U / R) at the lines at which the excitation R is seen in U.
 
+    Its `radius` is that of the disc about the estimate that holds Fieller's set. Of these discs, all
+    together, a share ``confidence`` holds the true response in the mean; some have no end.
+
     Parameters
     ----------
     joint
@@ -65,7 +68,7 @@ class DrivenResponse(ResponseEstimate):
     >>> r, v = np.random.default_rng(0).standard_normal((2, 1000))
     >>> u = control.forced_response(control.feedback(C, G), inputs=r - 0.1 * v).outputs
     >>> y = control.forced_response(G, inputs=u).outputs + 0.1 * v
-    >>> found = driven_response(u, y, r)
+    >>> found = driven_response(u, y, r, 1.0)
     >>> found.chosen, found.joint.shape == (found.omega.size, 1, 2, 2)
     (1.0, True)
     """
@@ -73,27 +76,23 @@ class DrivenResponse(ResponseEstimate):
     joint: ComplexArray
     chosen: float
 
-    def radius(self, confidence: float = 0.99) -> RealArray:
-        """Radius (F, outputs, 1) of the disc about the estimate that holds Fieller's set.
-
-        Of these discs, all together, a share ``confidence`` holds the true response in the mean;
-        some have no end.
-        """
+    def _radius(self, confidence: float) -> RealArray:
+        """Radius (F, outputs, 1) of the disc about the estimate that holds Fieller's set."""
         single = of_chosen(confidence, np.asarray(self.chosen))
         reach = ratio_reach(self.response[..., 0], self.joint, np.asarray(self.degrees), single)
         return reach[..., None]
 
-    def half_width(self, confidence: float = 0.99) -> RealArray:
+    def _half_width(self, confidence: float) -> RealArray:
         """As `radius`, which bounds the errors of the real and of the imaginary part."""
-        return self.radius(confidence)
+        return self._radius(confidence)
 
 
 def driven_response(
     u: ArrayLike,
     y: ArrayLike,
     excitation: ArrayLike,
+    dt: float,
     *,
-    dt: float = 1.0,
     most: int = 200,
     assume: str | Sequence[str] = (),
 ) -> DrivenResponse:
@@ -135,7 +134,7 @@ def driven_response(
     >>> r, v = np.random.default_rng(0).standard_normal((2, 1000))
     >>> u = control.forced_response(control.feedback(C, G), inputs=r - 0.1 * v).outputs
     >>> y = control.forced_response(G, inputs=u).outputs + 0.1 * v
-    >>> found = driven_response(u, y, r)
+    >>> found = driven_response(u, y, r, 1.0)
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
     >>> off = abs(found.response[:, 0, 0] - exact) / found.radius(0.95)[:, 0, 0]
     >>> bool((off < 1).mean() > 0.9)

@@ -319,7 +319,7 @@ def _reports(
             report = record_report(data, None, r=r, dt=1.0 / rate).assuming(record.assume)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-        report.need_usable(str(path))
+        report.need_usable(name=str(path))
         found.append(report)
     return found
 
