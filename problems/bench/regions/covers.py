@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from workbench import solve
-from workbench.arrays import RealArray
+from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import local_polynomial
 from workbench.identification.responses.of_records import record_responses
 from workbench.uncertainty import Responses, StadiumCover, contains
@@ -72,11 +72,13 @@ def _former(pairs: list[tuple[RealArray, RealArray]], shortest: int) -> RealArra
     return _shares(np.array(outside).T)
 
 
-def _shares(outside: RealArray) -> RealArray:
+def _shares(outside: BoolArray) -> RealArray:
+    """Share (BANDS,) of points (F, N) outside in each band."""
     return np.array([part.mean() for part in np.array_split(outside, BANDS)])
 
 
-def _truth(frequency_hz: RealArray) -> RealArray:
+def _truth(frequency_hz: RealArray) -> ComplexArray:
+    """True responses (F, N) of the heaters."""
     channels = [plant.channels[0] for plant in heaters()]
     parts = [c.response(frequency_hz * SECONDS) for c in channels if isinstance(c, Channel)]
     return np.stack(parts, axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import IdentificationWarning, local_response
-from workbench.identification.responses.local_response import thinned
+from workbench.identification.responses.local_response import spaced_in_log
 from workbench.identification.responses.of_records import told
 from workbench.identification.responses.periodic import ResponseEstimate
 
@@ -65,7 +65,7 @@ def places(case: Case, most: int) -> RealArray:
     """Frequencies [cycles/sample] that are asked for: lines, of periodic records excited ones."""
     period = case.samples // PERIODS if case.excitation == "multisine" else case.samples
     highest = case.plant.band[1] if case.excitation == "multisine" else 0.5
-    return thinned(np.arange(1.0, np.ceil(highest * period)), most) / period
+    return spaced_in_log(np.arange(1.0, np.ceil(highest * period)), most) / period
 
 
 def truth(case: Case, frequency: RealArray) -> ComplexArray:

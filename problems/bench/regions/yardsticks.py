@@ -74,18 +74,17 @@ def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> f
     above, below = channel.polynomials()
     late = int(channel.delay)
     n = len(below) - 1
-    delayed = np.concatenate([np.zeros(late), u[: len(u) - late]])
+    delayed = _shifted(u, late)
     start = np.eye(1, len(u))[0]
     through = {
         "u": lfilter([1.0], below, delayed),
         "y": lfilter(above, np.convolve(below, below), delayed),
         "start": lfilter([1.0], below, start),
     }
-    shift = lambda x, k: np.concatenate([np.zeros(k), x[: len(x) - k]])  # noqa: E731
     numerators = range(1, len(above))
-    slopes = [shift(through["u"], k) for k in numerators]
-    slopes += [-shift(through["y"], k) for k in range(1, n + 1)]
-    slopes += [shift(through["start"], k) for k in range(n)] + [np.ones(len(u))]
+    slopes = [_shifted(through["u"], k) for k in numerators]
+    slopes += [-_shifted(through["y"], k) for k in range(1, n + 1)]
+    slopes += [_shifted(through["start"], k) for k in range(n)] + [np.ones(len(u))]
     X = np.stack(slopes, axis=1)
     scale = np.linalg.norm(X, axis=0)
     inverse = np.linalg.pinv(X / scale)
@@ -98,3 +97,8 @@ def output_error_width(case: Case, u: RealArray, size: float, ours: Judged) -> f
     error = (gradient.T / scale[: len(gradient)]) @ inverse[: len(gradient)]
     radius = size * np.sqrt(np.sum(np.abs(error) ** 2, axis=1) * 2.996)
     return float(np.median((radius / np.abs(ours.truth[:, 0]))[ours.clear]))
+
+
+def _shifted(x: RealArray, count: int) -> RealArray:
+    """A signal so many samples later."""
+    return np.concatenate([np.zeros(count), x[: len(x) - count]])

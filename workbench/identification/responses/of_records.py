@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.responses.local_response import local_response, thinned
+from workbench.identification.responses.local_response import local_response, spaced_in_log
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
 SHORTEST_PERIOD = 16
@@ -64,7 +64,7 @@ def record_responses(
     length = min(len(u) for u, _ in pairs)
     if len(periods) == 1 and (samples := periods.pop()) is not None and length >= 2 * samples:
         return _periodic(pairs, samples, length // samples, sample_rate, most)
-    frequency = thinned(np.arange(1.0, (length + 1) // 2), most) * sample_rate / length
+    frequency = spaced_in_log(np.arange(1.0, (length + 1) // 2), most) * sample_rate / length
     return _arbitrary(pairs, frequency, sample_rate)
 
 
@@ -114,7 +114,7 @@ def _periodic(
             f"the inputs have {lines.size} excited lines in common; two are needed: excite all "
             "plants by the same signal"
         )
-    chosen = thinned(lines, most)
+    chosen = spaced_in_log(lines, most)
     frequency = chosen * rate / samples
     thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
     excitation = f"{lines.size} excited lines{thinning}"
@@ -162,7 +162,7 @@ def _arbitrary(
 
 
 def told(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which each region is smaller than the largest response of its channels."""
+    """Frequencies (F,) at which each region is smaller than its channel's largest response."""
     radius = estimate.radius(TOLD)
     finite = np.isfinite(radius)
     largest = np.where(finite, np.abs(estimate.response), 0.0).max(axis=0)
