@@ -11,6 +11,19 @@ import click
 from workbench.cli.group import main
 
 
+def share(text: str | None, option: str) -> float | None:
+    """A share that is written as 20% or 0.2; None where none is given."""
+    if text is None:
+        return None
+    number = text.strip()
+    try:
+        return float(number[:-1]) / 100 if number.endswith("%") else float(number)
+    except ValueError:
+        raise click.BadParameter(
+            f"{text!r} is no share: write 20% or 0.2", param_hint=option
+        ) from None
+
+
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
 @click.option("--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv.")
@@ -25,6 +38,18 @@ from workbench.cli.group import main
 @click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
 @click.option(
     "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
+)
+@click.option(
+    "--spread",
+    callback=lambda _, option, text: share(text, option.opts[0]),
+    metavar="SHARE",
+    help="Of plants about those with records: 20% of their responses; for one record.",
+)
+@click.option(
+    "--resonance-shift",
+    callback=lambda _, option, text: share(text, option.opts[0]),
+    metavar="SHARE",
+    help="Of their frequencies: 5%.",
 )
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""

@@ -42,6 +42,8 @@ def write_study(
     assume: str | Sequence[str] = (),
     period: float | None = None,
     delay: float = 1.0,
+    spread: float | None = None,
+    resonance_shift: float | None = None,
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
@@ -66,6 +68,9 @@ def write_study(
         Sampling time [s] of the controller's computer; None: that of the records.
     delay
         Delay [samples] of the controller's computer.
+    spread, resonance_shift
+        How far plants lie from those with records, as of `Responses.from_files`; of one record one
+        of them is needed.
 
     Returns
     -------
@@ -108,6 +113,7 @@ def write_study(
     u, y, t = record_columns(paths[0], input, output, time, sample_rate)
     look = first_look(paths, u, y, t, sample_rate)
     every = look.period if period is None else period
+    stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
     responses = Responses.from_files(
         paths,
         input=u,
@@ -117,9 +123,12 @@ def write_study(
         excitation=excitation,
         assume=assume,
         hold=True,
+        **stated,
     )
     responses = responses.within(0.0, UNDISTORTED / look.period)
-    notes = oddities(responses, [path.name for path in paths])
+    notes = tuple(filter(None, [responses.assumption])) + oddities(
+        responses, [name.partition(" [")[0] for name in responses.plants]
+    )
     notes += tuple(
         f"{name}: {finding}"
         for name, report in responses.reports.items()
@@ -144,6 +153,7 @@ def write_study(
         "time": t,
         "sample_rate": sample_rate,
         "named": named,
+        "stated": {name: share for name, share in stated.items() if share is not None},
         "period": every,
         "delay": delay,
         "chosen": chosen,

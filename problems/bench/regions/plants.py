@@ -52,6 +52,24 @@ class Channel:
                 total += (newer.conjugate() + older.conjugate() / z) / (z - factor.conjugate())
         return total * z ** -float(int(self.delay))
 
+    def polynomials(self) -> tuple[RealArray, RealArray]:
+        """Numerator and denominator in powers of 1/z, without the whole samples of the delay."""
+        below, parts = np.ones(1, complex), []
+        for mode, (factor, newer, older) in zip(self.modes, self._parts(), strict=True):
+            for conjugate in (False, True)[: 2 if mode.pole.imag else 1]:
+                f, a, b = (np.conj(x) if conjugate else x for x in (factor, newer, older))
+                parts.append((np.array([0.0, a, b]), np.array([1.0, -f])))
+        above = np.zeros(len(parts) + 2, complex)
+        for k, (top, _) in enumerate(parts):
+            for other, (_, bottom) in enumerate(parts):
+                if other != k:
+                    top = np.convolve(top, bottom)
+            above += top
+        for _, bottom in parts:
+            below = np.convolve(below, bottom)
+        last = len(above) if self.delay % 1.0 else len(above) - 1  # no older input: one term less
+        return above.real[:last], below.real
+
     def output(self, u: RealArray) -> RealArray:
         """Output of records (..., N) that start at rest."""
         total = np.zeros(u.shape)

@@ -16,6 +16,8 @@ Excitation = Callable[[np.random.Generator, int, Band], RealArray]
 """A signal (N,) of about unit size that excites a band [cycles/sample]."""
 BITS = 12
 """Bits of the converters of input and output."""
+PERIODS = 3
+"""Periods of a multisine in a record."""
 USED = 0.8
 """Share of a converter's range that a signal uses."""
 
@@ -45,13 +47,13 @@ def sweep(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
 
 
 def multisine(rng: np.random.Generator, samples: int, band: Band) -> RealArray:
-    """Three periods of sines of random phases, of equal size up to the end of the band."""
-    period = samples // 3
+    """A few periods of sines of random phases, of equal size up to the end of the band."""
+    period = samples // PERIODS
     lines = np.arange(1, int(band[1] * period))
     spectrum = np.zeros(period // 2 + 1, complex)
     spectrum[lines] = np.exp(2j * np.pi * rng.uniform(size=lines.size))
     one = np.fft.irfft(spectrum, period)
-    return np.tile(one / one.std(), 4)[:samples]
+    return np.tile(one / one.std(), PERIODS + 1)[:samples]
 
 
 def noise(rng: np.random.Generator, samples: int, band: Band) -> RealArray:

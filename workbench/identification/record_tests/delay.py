@@ -147,4 +147,4 @@ def delay(record: Record) -> Tested:
                     )
                 )
     testable = any(one.tested for one in several)
-    return Tested(assumption, "; ".join(told), testable, tuple(found))
+    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))

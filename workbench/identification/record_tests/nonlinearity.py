@@ -80,7 +80,7 @@ def nonlinearity(record: Record) -> Tested:
                 )
             )
     testable = not all(np.mean(y[1:] == y[:-1]) > HELD for y in clean.y.T)
-    return Tested(assumption, "; ".join(told), testable, tuple(found))
+    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
 
 
 def _lines(signal: RealArray, samples: int) -> ComplexArray:

@@ -211,7 +211,7 @@ def duration(record: Record) -> Tested:
     testable = any(one is not None for one in parts)
     if not testable:
         told = [f"{samples} samples are too few, or inputs move too seldom"]
-    return Tested(assumption, "; ".join(told), testable, tuple(found))
+    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
 
 
 def drift(record: Record) -> Tested:

@@ -34,7 +34,7 @@ LARGEST_LEVERAGE = 0.98
 
 
 @dataclass(frozen=True, eq=False)
-class Bands:
+class BandFits:
     """What bands about F lines tell of one output.
 
     ``response`` (F, nu), ``variance`` (F, nu) of its error by noise, ``free`` (F,), the lines of
@@ -61,7 +61,7 @@ def fitted_bands(
     chosen: RealArray,
     width: int,
     models: Sequence[tuple[int, int]],
-) -> list[Bands]:
+) -> list[BandFits]:
     """Fits of nested models about places (F,) in the spectra of a record of so many samples.
 
     Parameters
@@ -71,7 +71,7 @@ def fitted_bands(
     chosen
         Numbers of lines, or places between them.
     width
-        Lines of a band. Bands go on beyond both ends of the spectrum, where the lines are the
+        Lines of a band. BandFits go on beyond both ends of the spectrum, where the lines are the
         mirrored ones' conjugates, so that no line stands at the edge of its band.
     models
         Degrees of the numerators and of the denominator; each contains the one before, from whose
@@ -89,7 +89,7 @@ def fitted_bands(
     offset = 2.0 * (lines - chosen[:, None]) / width
     powers = offset[..., None] ** np.arange(max(max(model) for model in models) + 1)
     once = 1.0 + (np.diff(np.sort(place, axis=1), axis=1) > 0).sum(axis=1)
-    found: list[Bands] = []
+    found: list[BandFits] = []
     last: tuple[ComplexArray, ComplexArray] | None = None
     for degree, poles in models:
         above = (powers[..., : degree + 1, None] * columns[:, :, None]).reshape(*lines.shape, -1)
@@ -100,13 +100,13 @@ def fitted_bands(
         variance[_dark(above, degree, U)] = np.inf
         share = once / width
         found.append(
-            Bands(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
+            BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
         )
     return found
 
 
 def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
-    """Bands (F,) that an input excites at too few lines to tell numerators of this degree."""
+    """BandFits (F,) that an input excites at too few lines to tell numerators of this degree."""
     size = np.linalg.norm(above, axis=1).reshape(len(above), degree + 1, -1)
     few = (size <= UNEXCITED * size[:, :1]).any(axis=(1, 2))
     silent = size[:, 0, :-1] <= SILENT * np.linalg.norm(U[1:], axis=0)

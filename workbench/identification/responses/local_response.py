@@ -26,7 +26,7 @@ from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
-from workbench.identification.responses.bands import Bands, fitted_bands, unknowns
+from workbench.identification.responses.bands import BandFits, fitted_bands, unknowns
 from workbench.identification.responses.local_polynomial import spectrum
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import need_positive
@@ -125,7 +125,7 @@ def averaged_models(
             f"inputs: take a record of {2 * needed + 1} samples or more"
         )
     if frequency_hz is None:
-        places = np.asarray(thinned(np.arange(1.0, last + 1), MOST_LINES))
+        places = np.asarray(spaced_in_log(np.arange(1.0, last + 1), MOST_LINES))
     else:
         places = _places(frequency_hz, samples * dt, last)
     U, Y = spectrum(u), spectrum(y)
@@ -139,7 +139,7 @@ def averaged_models(
     return ResponseEstimate(places / (samples * dt), response, variance, DEGREES)
 
 
-def thinned(places: Places, most: int) -> Places:
+def spaced_in_log(places: Places, most: int) -> Places:
     """At most so many of the rising places, at equal steps of their logarithms where there are
     enough."""
     if places.size <= most:
@@ -173,18 +173,20 @@ def _places(frequency_hz: ArrayLike, duration: float, last: int) -> RealArray:
     return places
 
 
-def _candidates(U: ComplexArray, y: ComplexArray, samples: int, places: RealArray) -> list[Bands]:
+def _candidates(
+    U: ComplexArray, y: ComplexArray, samples: int, places: RealArray
+) -> list[BandFits]:
     """Fits of all kinds and widths for which the record has lines."""
     nu, last = U.shape[1], (samples - 1) // 2
     widths = [LINES_FOR_EACH * (nu + 1) * 2**k for k in range(DOUBLINGS)]
-    found: list[Bands] = []
+    found: list[BandFits] = []
     for width in [width for width in widths if width <= last] or [last]:
         models = [one for one in MODELS if unknowns(nu, *one) + SPARE_LINES <= width]
         found += _not_rejected(fitted_bands(U, y, samples, places, width, models))
     return found
 
 
-def _not_rejected(nested: list[Bands]) -> list[Bands]:
+def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
     """Nested fits of one band, of infinite variance where the residuals speak for a larger one."""
     found = []
     for k, small in enumerate(nested):
@@ -198,7 +200,7 @@ def _not_rejected(nested: list[Bands]) -> list[Bands]:
     return found
 
 
-def _average(bands: list[Bands]) -> tuple[ComplexArray, RealArray]:
+def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
     """Average (F, nu) of fits, and its variance, infinite where none tells anything."""
     variance = np.array([_as_of_one_size(one) for one in bands])
     told = np.isfinite(variance)
@@ -215,7 +217,7 @@ def _average(bands: list[Bands]) -> tuple[ComplexArray, RealArray]:
     return mean * np.sqrt(scale), np.where(known, total * scale, np.inf)
 
 
-def _as_of_one_size(band: Bands) -> RealArray:
+def _as_of_one_size(band: BandFits) -> RealArray:
     """Variances (F, nu) that give the radius at 95 % with the degrees of freedom of an average."""
     factor = stats.f.ppf(0.95, 2, 2 * band.free) / stats.f.ppf(0.95, 2, DEGREES)
     factor *= 1.0 + (MIRRORED - 1.0) * band.mirrored

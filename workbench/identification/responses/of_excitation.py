@@ -23,7 +23,7 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_polynomial import polynomials_in_bands
-from workbench.identification.responses.local_response import thinned
+from workbench.identification.responses.local_response import spaced_in_log
 from workbench.identification.responses.of_records import excited
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.identification.responses.periodic_local import periodic_local_polynomial
@@ -48,8 +48,8 @@ FEWEST_SEEN = 2
 class DrivenResponse(ResponseEstimate):
     """A response (Y / R) / (U / R) at the lines at which the excitation R is seen in U.
 
-    Its `radius` is that of the disc about the estimate that holds Fieller's set. Of these discs, all
-    together, a share ``confidence`` holds the true response in the mean; some have no end.
+    Its `radius` is that of the disc about the estimate that holds Fieller's set. Of these discs,
+    all together, a share ``confidence`` holds the true response in the mean; some have no end.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def _of_bands(
     length = min(len(u) for u, _, _ in records)
     if length < FEWEST_SAMPLES:
         raise InputError(f"{length} samples; {FEWEST_SAMPLES} are needed: take a longer record")
-    at = thinned(np.arange(1, (length + 1) // 2), most)
+    at = spaced_in_log(np.arange(1, (length + 1) // 2), most)
     degrees = 2.0 * (LINES - 2 * (DEGREE + 1))
     found = []
     for u, y, r in records:
@@ -269,7 +269,7 @@ def _of_periods(
             f"the excitations have {lines.size} lines in common; two are needed: excite all plants "
             "by the same signal"
         )
-    at = thinned(lines, most)
+    at = spaced_in_log(lines, most)
     found = []
     for u, y, r in records:
         both = np.column_stack([y, u])

@@ -15,7 +15,7 @@ from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
-from workbench.identification.responses.local_response import averaged_models, thinned
+from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
 EXCITED = 1e-3
@@ -59,7 +59,7 @@ def record_responses(
     length = min(len(u) for u, _ in pairs)
     if len(periods) == 1 and (samples := periods.pop()) is not None and length >= 2 * samples:
         return _periodic(pairs, samples, length // samples, sample_rate, most)
-    frequency = thinned(np.arange(1.0, (length + 1) // 2), most) * sample_rate / length
+    frequency = spaced_in_log(np.arange(1.0, (length + 1) // 2), most) * sample_rate / length
     return _arbitrary(pairs, frequency, sample_rate)
 
 
@@ -81,7 +81,7 @@ def _periodic(
             f"the inputs have {lines.size} excited lines in common; two are needed: excite all "
             "plants by the same signal"
         )
-    chosen = thinned(lines, most)
+    chosen = spaced_in_log(lines, most)
     frequency = chosen * rate / samples
     thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
     excitation = f"{lines.size} excited lines{thinning}"
@@ -104,38 +104,38 @@ def _arbitrary(
         averaged_models(u[:, None], y[:, None], 1.0 / rate, frequency_hz=frequency)
         for u, y in pairs
     ]
-    told = np.all([_told(one) for one in found], axis=0)
-    if told.sum() < 2:
+    known = np.all([told(one) for one in found], axis=0)
+    if known.sum() < 2:
         raise InputError(
-            f"the records tell of {told.sum()} common frequencies; two are needed: excite more "
+            f"the records tell of {known.sum()} common frequencies; two are needed: excite more "
             "lines, or average longer"
         )
     kept = [
         replace(
             one,
-            frequency=one.frequency[told],
-            response=one.response[told],
-            variance=one.variance[told],
+            frequency=one.frequency[known],
+            response=one.response[known],
+            variance=one.variance[known],
         )
         for one in found
     ]
-    said = f"local models of several widths, averaged, at {told.sum()} frequencies"
-    if told.all():
+    said = f"local models of several widths, averaged, at {known.sum()} frequencies"
+    if known.all():
         return kept, said
-    lost = frequency[~told]
+    lost = frequency[~known]
     return kept, (
         f"{said}; {lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record "
         "tells nothing: its input excites too few lines, or its noise is larger than any response"
     )
 
 
-def _told(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which a region is smaller than the largest response."""
-    radius = estimate.radius(TOLD)[:, 0, 0]
+def told(estimate: ResponseEstimate) -> BoolArray:
+    """Frequencies (F,) at which each region is smaller than its channel's largest response."""
+    radius = estimate.radius(TOLD)
     finite = np.isfinite(radius)
-    largest = np.abs(estimate.response[finite]).max(initial=0.0)
-    told: BoolArray = finite & (radius < largest)
-    return told
+    largest = np.where(finite, np.abs(estimate.response), 0.0).max(axis=0)
+    known: BoolArray = (finite & (radius < largest)).all(axis=(1, 2))
+    return known
 
 
 def _unsettled(Y: np.ndarray) -> bool:

@@ -28,11 +28,17 @@ from workbench.identification.responses.of_records import FEWEST_SAMPLES, record
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_places, need_whole
 from workbench.uncertainty.responses.ratios import Ratios
+from workbench.uncertainty.responses.spread import spread_about
 
 Channel = str | int | None
 """A channel by name or by number from 0; None where there is only one."""
 Arguments = dict[str, Any]
 """Arguments of `Responses` by name."""
+STATE_ONE = (
+    "give two or more, or state how far others lie from it: spread=0.2 for 20 % of its response, "
+    "resonance_shift=0.05 for 5 % of its frequencies (--spread 20%, --resonance-shift 5%)"
+)
+"""What to do about one plant."""
 SAME_RATE = 1e-4
 """Relative difference of sampling frequencies that counts as rounding of the instants."""
 SAME_FREQUENCY = 1e-9
@@ -125,12 +131,25 @@ def _on_one_grid(
 
 
 def from_estimates(
-    estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
+    estimates: Sequence[ResponseEstimate],
+    input: int,
+    output: int,
+    spread: float | None,
+    resonance_shift: float | None,
+    names: Mapping[str, Any],
 ) -> Arguments:
     """As `Responses.from_estimates`."""
-    if isinstance(estimates, ResponseEstimate):
-        raise InputError("one plant has no spread to cover: give a list of two estimates or more")
+    estimates = [estimates] if isinstance(estimates, ResponseEstimate) else estimates
     estimates = as_list(estimates, "estimates")
+    if len(estimates) < 2 and spread is None and resonance_shift is None:
+        raise InputError(f"one plant has no spread to cover: {STATE_ONE}")
+    return spread_about(_stacked(estimates, input, output, names), spread, resonance_shift)
+
+
+def _stacked(
+    estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
+) -> Arguments:
+    """One channel of estimates at the same frequencies."""
     need_places(input=input, output=output)
     for k, one in enumerate(estimates):
         if not isinstance(one, ResponseEstimate):
@@ -142,8 +161,8 @@ def from_estimates(
         ):
             if not 0 <= number < count:
                 raise InputError(f"there is no {kind} {number}; plant {k + 1} has {count}, from 0")
-    if len(estimates) < 2:
-        raise InputError("one plant has no spread to cover: two or more are needed")
+    if not estimates:
+        raise InputError("no estimates are given: one or more are needed")
     frequency = estimates[0].frequency
     for k, one in enumerate(estimates):
         same = one.frequency.shape == frequency.shape
@@ -188,6 +207,8 @@ def from_files(
     response: str | tuple[str, str] | None,
     most: int,
     hold: bool,
+    spread: float | None,
+    resonance_shift: float | None,
     names: Mapping[str, Any],
 ) -> Arguments:
     """As `Responses.from_files`."""
@@ -195,7 +216,14 @@ def from_files(
     named = {"plants": _plant_names(paths)} | dict(names)
     curve = (frequency, response)
     if record.asked and curve == (None, None):
-        return _of_records(paths, record, most, hold, named)
+        if len(paths) < 2 and spread is None and resonance_shift is None:
+            raise InputError(
+                f"{paths[0]} is the only file: one plant has no spread to cover; {STATE_ONE}"
+            )
+        read = _of_records(paths, record, most, hold, named)
+        return spread_about(read, spread, resonance_shift)
+    if spread is not None or resonance_shift is not None:
+        raise InputError("a spread is stated about plants of records: name input= and output=")
     if hold:
         raise InputError("hold belongs to records: name input=, output= and time=, or leave it out")
     if None not in curve and record.nothing:
@@ -241,8 +269,6 @@ def _of_records(
     paths: Sequence[Path], record: RecordNames, most: int, hold: bool, names: Mapping[str, Any]
 ) -> Arguments:
     """Responses estimated from a record in each file."""
-    if len(paths) < 2:
-        raise InputError(f"{paths[0]} is the only file: one plant has no spread to cover")
     need_whole(most, "most")
     if most < 2:
         raise InputError(f"most is {most}; two frequencies or more are needed")
@@ -292,9 +318,9 @@ def _of_records(
     told: Arguments = {"unit": unit, "read": "; ".join([read[0].attrs["read"], *alike, said])}
     told["reports"] = dict(zip(names["plants"], reports, strict=False))
     if not hold:
-        return from_estimates(estimates, 0, 0, told | dict(names))
+        return _stacked(estimates, 0, 0, told | dict(names))
     told["read"] += "; the hold of the input is taken out"
-    return _unheld(from_estimates(estimates, 0, 0, told | dict(names)), rate)
+    return _unheld(_stacked(estimates, 0, 0, told | dict(names)), rate)
 
 
 def _excitations(paths: Sequence[Path], record: RecordNames) -> list[np.ndarray]:

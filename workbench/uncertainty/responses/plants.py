@@ -206,14 +206,36 @@ class Responses:
 
     @classmethod
     def from_estimates(
-        cls, estimates: Sequence[ResponseEstimate], input: int = 0, output: int = 0, **names: Any
+        cls,
+        estimates: Sequence[ResponseEstimate],
+        input: int = 0,
+        output: int = 0,
+        *,
+        spread: float | None = None,
+        resonance_shift: float | None = None,
+        **names: Any,
     ) -> Responses:
         """Responses that were estimated, with their variances, all at the same frequencies.
 
         ``input`` and ``output`` are numbers of the channel, from 0; ``names`` as in `from_frd`.
-        Raises InputError as `Responses`, and for different frequencies.
+        One estimate alone needs a ``spread`` or a ``resonance_shift``, as of `from_files`. Raises
+        InputError as `Responses`, and for different frequencies.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from workbench.identification import ResponseEstimate
+        >>> from workbench.uncertainty import Responses
+        >>> frequency = np.array([1.0, 2.0])
+        >>> response = np.array([2.0, 1.0 - 1j])[:, None, None]
+        >>> rig = ResponseEstimate(frequency, response, np.full((2, 1, 1), 1e-4), 40.0)
+        >>> found = Responses.from_estimates(rig, spread=0.2)
+        >>> found.assumption
+        'stated, not measured: the plants of which one was measured have responses within 20 % ...'
         """
-        return cls(**measured.from_estimates(estimates, input, output, names))
+        return cls(
+            **measured.from_estimates(estimates, input, output, spread, resonance_shift, names)
+        )
 
     @classmethod
     def from_files(
@@ -230,6 +252,8 @@ class Responses:
         assume: str | Sequence[str] = (),
         most: int = 200,
         hold: bool = False,
+        spread: float | None = None,
+        resonance_shift: float | None = None,
         **names: Any,
     ) -> Responses:
         """Responses of plants from files, one for each plant; its name is the plant's.
@@ -259,6 +283,11 @@ class Responses:
         hold
             Whether the input was held from sample to sample, and the response is that of the plant
             without this hold; above some 0.6 of half the sampling frequency it is distorted.
+        spread
+            Where it is stated, not measured, how far plants lie from those with records, one alone
+            if need be: relative radius of a disc about each response, 0.2 for 20 %.
+        resonance_shift
+            Largest relative shift of their frequencies, resonances among them; stated, too.
         names
             ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
@@ -269,7 +298,11 @@ class Responses:
             belong to neither a record nor a response; or a finding forbids to use a record.
         """
         record = measured.RecordNames(input, output, time, sample_rate, excitation, assume)
-        return cls(**measured.from_files(files, record, frequency, response, most, hold, names))
+        return cls(
+            **measured.from_files(
+                files, record, frequency, response, most, hold, spread, resonance_shift, names
+            )
+        )
 
     def __repr__(self) -> str:
         names = self.plants if len(self.plants) <= 4 else (*self.plants[:2], "...", self.plants[-1])
