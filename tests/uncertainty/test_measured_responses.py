@@ -108,21 +108,24 @@ def test_drive_10_stands_behind_drive_9(tmp_path):
 @pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "arbitrary"])
 def test_regions_hold_the_truth_as_often_as_they_say(periodic):
     inside = []
-    for seed in range(20):
+    for seed in range(20 if periodic else 5):
         estimates, _ = record_responses(recorded(seed, periodic=periodic), RATE, 40)
         found = Responses.from_estimates(estimates)
         away = np.abs(found.values - truth(found.frequency))
-        # Local polynomials do not follow the resonance exactly: look beside it.
-        chosen = np.abs(found.frequency - 20) > 12
-        inside.append((away <= region_radius(found, 0.9))[chosen].mean())
-    assert np.mean(inside) == pytest.approx(0.9, abs=0.03)
+        inside.append(away <= region_radius(found, 0.9))
+    shares = np.mean(inside, axis=(0, 2))
+    if periodic:
+        assert shares.mean() == pytest.approx(0.9, abs=0.03)
+    else:  # what smoothing may hide is counted beside the noise: at least as often as is said
+        assert shares.mean() > 0.9
+        assert shares[np.abs(found.frequency - 20) < 12].min() > 0.8
 
 
 def test_an_arbitrary_record_is_said_to_be_one():
     estimates, said = record_responses(recorded(periodic=False), RATE, 50)
     assert estimates[0].frequency.size <= 50
     lines = estimates[0].frequency.size
-    assert f"no common period; local polynomials at {lines} lines of 3000 samples" in said
+    assert said == f"local models of several widths, averaged, at {lines} frequencies"
     assert all(isinstance(one, ResponseEstimate) for one in estimates)
 
 

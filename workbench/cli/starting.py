@@ -11,6 +11,19 @@ import click
 from workbench.cli.group import main
 
 
+def share(text: str | None, option: str) -> float | None:
+    """A share that is written as 20% or 0.2; None where none is given."""
+    if text is None:
+        return None
+    number = text.strip()
+    try:
+        return float(number[:-1]) / 100 if number.endswith("%") else float(number)
+    except ValueError:
+        raise click.BadParameter(
+            f"{text!r} is no share: write 20% or 0.2", param_hint=option
+        ) from None
+
+
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
 @click.option("--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv.")
@@ -18,9 +31,25 @@ from workbench.cli.group import main
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
 @click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
+@click.option("--excitation", metavar="NAME", help="Column of what drove a closed loop [none].")
+@click.option(
+    "--assume", metavar="NAME", multiple=True, help="Vouch for an assumption: 'open loop'."
+)
 @click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
 @click.option(
     "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
+)
+@click.option(
+    "--spread",
+    callback=lambda _, option, text: share(text, option.opts[0]),
+    metavar="SHARE",
+    help="Of plants about those with records: 20% of their responses; for one record.",
+)
+@click.option(
+    "--resonance-shift",
+    callback=lambda _, option, text: share(text, option.opts[0]),
+    metavar="SHARE",
+    help="Of their frequencies: 5%.",
 )
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
@@ -45,6 +74,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
+    for sentence in chosen.tested:
+        click.echo(f"assumed  {sentence}")
     if not chosen.peak < 1:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "

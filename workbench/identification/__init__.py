@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         saturation,
     )
     from workbench.identification.experiments.records import read_record
+    from workbench.identification.experiments.reports import record_report
     from workbench.identification.experiments.several import Experiments, as_experiments
     from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
     from workbench.identification.files.variables import read_variables
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
     from workbench.identification.rational_models.sign_perturbed import SignPerturbedRegion
     from workbench.identification.rational_models.storage import RationalModels
     from workbench.identification.rational_models.uncertainty import ModelUncertainty
+    from workbench.identification.record_tests.finding import Finding, Tested
+    from workbench.identification.record_tests.report import RecordReport
     from workbench.identification.recursive.armax import RecursiveARMAX
     from workbench.identification.recursive.arx import RecursiveARX
     from workbench.identification.responses.assumptions import Assumptions
@@ -69,6 +72,8 @@ if TYPE_CHECKING:
         local_polynomial,
     )
     from workbench.identification.responses.local_rational import local_rational
+    from workbench.identification.responses.local_response import local_response
+    from workbench.identification.responses.of_excitation import DrivenResponse, driven_response
     from workbench.identification.responses.periodic import (
         PeriodicResponse,
         ResponseEstimate,
@@ -100,8 +105,10 @@ __all__ = [
     "CommonPoleModel",
     "CrestFactor",
     "DesignedSpectrum",
+    "DrivenResponse",
     "ExperimentDesign",
     "Experiments",
+    "Finding",
     "FittedParameter",
     "IdentificationWarning",
     "InnovationsModel",
@@ -121,6 +128,7 @@ __all__ = [
     "RationalModelEstimate",
     "RationalModelFit",
     "RationalModels",
+    "RecordReport",
     "RecursiveARMAX",
     "RecursiveARX",
     "ResponseEstimate",
@@ -129,6 +137,7 @@ __all__ = [
     "SpectralResponse",
     "StateSpaceFit",
     "SteppedSine",
+    "Tested",
     "TransferFunctionEstimate",
     "arx",
     "as_experiments",
@@ -136,6 +145,7 @@ __all__ = [
     "best_linear_approximation",
     "closed_loop_covariance",
     "closed_loop_deviations",
+    "driven_response",
     "filtered_least_squares",
     "fit_parameters",
     "fit_rational_model",
@@ -147,6 +157,7 @@ __all__ = [
     "line_distortion",
     "local_polynomial",
     "local_rational",
+    "local_response",
     "odd_lines",
     "output_error",
     "periodic_local_polynomial",
@@ -155,6 +166,7 @@ __all__ = [
     "read_record",
     "read_response",
     "read_variables",
+    "record_report",
     "refined_instruments",
     "response_deviations",
     "saturation",

@@ -5,7 +5,7 @@ They are where a designer starts, not where one ends; each says where its number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,7 +58,8 @@ class FirstChoices:
     ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
     nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
-    records; ``notes``: what is odd about them. ``peak``: certified peak of mu of a first
+    records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
+    of it gave. ``peak``: certified peak of mu of a first
     controller, below 1 where it keeps the weights; NaN before one was tried.
 
     Examples
@@ -82,6 +83,7 @@ class FirstChoices:
     reasons: dict[str, str]
     columns: str = ""
     notes: tuple[str, ...] = ()
+    tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = np.nan
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import InputError
+from workbench.identification.record_tests.report import as_names
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
@@ -37,8 +38,12 @@ def write_study(
     output: str | None = None,
     time: str | None = None,
     sample_rate: float | None = None,
+    excitation: str | None = None,
+    assume: str | Sequence[str] = (),
     period: float | None = None,
     delay: float = 1.0,
+    spread: float | None = None,
+    resonance_shift: float | None = None,
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
@@ -55,10 +60,17 @@ def write_study(
         Names of columns; None: found by their names and values.
     sample_rate
         Sampling frequency [Hz] of records without a column of time.
+    excitation
+        Name of the column of what was added to closed loops from outside, such as the set-point.
+    assume
+        Assumptions on the records that you vouch for against their reports, such as "open loop".
     period
         Sampling time [s] of the controller's computer; None: that of the records.
     delay
         Delay [samples] of the controller's computer.
+    spread, resonance_shift
+        How far plants lie from those with records, as of `Responses.from_files`; of one record one
+        of them is needed.
 
     Returns
     -------
@@ -101,17 +113,36 @@ def write_study(
     u, y, t = record_columns(paths[0], input, output, time, sample_rate)
     look = first_look(paths, u, y, t, sample_rate)
     every = look.period if period is None else period
+    stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
     responses = Responses.from_files(
-        paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
+        paths,
+        input=u,
+        output=y,
+        time=t,
+        sample_rate=sample_rate,
+        excitation=excitation,
+        assume=assume,
+        hold=True,
+        **stated,
     )
     responses = responses.within(0.0, UNDISTORTED / look.period)
-    notes = oddities(responses, [path.name for path in paths])
+    notes = tuple(filter(None, [responses.assumption])) + oddities(
+        responses, [name.partition(" [")[0] for name in responses.plants]
+    )
+    notes += tuple(
+        f"{name}: {finding}"
+        for name, report in responses.reports.items()
+        for finding in report.findings
+    )
     try:
         chosen = first_choices(responses, every, delay)
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
-    chosen = replace(chosen, columns=look.columns, notes=notes)
+    chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
+    named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
+    if assume:
+        named["assume"] = as_names(assume)
     package = plant.lower().replace("-", "_")
     told: dict[str, Any] = {
         "plant": plant,
@@ -121,6 +152,8 @@ def write_study(
         "output": y,
         "time": t,
         "sample_rate": sample_rate,
+        "named": named,
+        "stated": {name: share for name, share in stated.items() if share is not None},
         "period": every,
         "delay": delay,
         "chosen": chosen,
@@ -139,7 +172,9 @@ def write_study(
         def lower(most: float) -> FirstChoices:
             other = first_choices(responses, every, delay, most)
             reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
-            return replace(other, columns=chosen.columns, notes=notes, reasons=reasons)
+            return replace(
+                other, columns=chosen.columns, notes=notes, tested=chosen.tested, reasons=reasons
+            )
 
         chosen = kept_weights(made / "problems" / package / "design.py", chosen, lower)
         _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})

@@ -18,6 +18,7 @@ from workbench.systems.interconnection import (
     names_of,
     state_space,
     sum_of,
+    tested_of,
     unique,
 )
 
@@ -112,4 +113,10 @@ def generalised_plant(
     M[states:, states:] += left[:, split:]
     system = state_space(M, states, common_dt(parts), externals, unique(results))
     structure = Structure(deltas) if deltas else None
-    return GeneralisedPlant(system, structure, len(names_of(control)), len(names_of(measurement)))
+    return GeneralisedPlant(
+        system,
+        structure,
+        len(names_of(control)),
+        len(names_of(measurement)),
+        tested=tested_of(blocks),
+    )

@@ -8,7 +8,7 @@ one from systems with named signals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Any
 
@@ -40,8 +40,9 @@ class GeneralisedPlant:
 
     The first inputs and outputs belong to Delta, as many as `structure` has rows and columns. The
     last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
-    exogenous, and the outputs between are performance. Raises InputError where the system has too
-    few inputs or outputs, and for a wrong type of system, structure or number.
+    exogenous, and the outputs between are performance. ``tested`` says what was tested of the
+    records that its parts were identified from. Raises InputError where the system has too few
+    inputs or outputs, and for a wrong type of system, structure or number.
 
     Examples
     --------
@@ -59,6 +60,7 @@ class GeneralisedPlant:
     structure: Structure | None
     controls: int
     measurements: int
+    tested: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         import control
@@ -145,7 +147,7 @@ class GeneralisedPlant:
 
     def unstructured(self) -> GeneralisedPlant:
         """The plant with the perturbation channels counted as exogenous and performance."""
-        return GeneralisedPlant(self.system, None, self.controls, self.measurements)
+        return replace(self, structure=None)
 
     def weighted(
         self, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
@@ -177,7 +179,7 @@ class GeneralisedPlant:
             * diagonal(columns, exogenous, system.ninputs)
         )
         named = control.ss(product, inputs=system.input_labels, outputs=system.output_labels)
-        return GeneralisedPlant(named, self.structure, self.controls, self.measurements)
+        return replace(self, system=named)
 
     def _part(
         self, outputs: Sequence[int], inputs: Sequence[int], structure: Structure | None
@@ -196,7 +198,7 @@ class GeneralisedPlant:
             inputs=[system.input_labels[i] for i in inputs],
             outputs=[system.output_labels[i] for i in outputs],
         )
-        return GeneralisedPlant(part, structure, self.controls, self.measurements)
+        return replace(self, system=part, structure=structure)
 
     def close(self, K: Any) -> StateSpace:
         """The closed loop N = F_l(P, K) with u = K y.

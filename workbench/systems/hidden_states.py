@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
@@ -87,7 +89,7 @@ def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
     system = plant.system
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
     reduced = realisation((A, B, C, given.D), given.dt, **labels)
-    return GeneralisedPlant(reduced, plant.structure, plant.controls, plant.measurements)
+    return replace(plant, system=reduced)
 
 
 def without_hidden_states(system: StateSpace) -> StateSpace:

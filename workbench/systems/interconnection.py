@@ -91,6 +91,13 @@ def sum_of(name: str, terms: str) -> NamedRealisation:
     return NamedRealisation(np.array(signs), 0, None, tuple(term for _, term in found), (name,))
 
 
+def tested_of(blocks: Sequence[Any]) -> tuple[str, ...]:
+    """What was tested of the records that uncertain blocks were identified from, each once."""
+    parts = [part_of(one[0] if isinstance(one, tuple) else one, "a block") for one in blocks]
+    told = [words for part in parts if isinstance(part, UncertainPart) for words in part.tested]
+    return tuple(dict.fromkeys(told))
+
+
 def named_parts(
     blocks: Sequence[Any], perturbation: Sequence[tuple[Block, Names, Names]]
 ) -> tuple[list[NamedRealisation], list[tuple[Block, tuple[str, ...], tuple[str, ...]]]]:

@@ -32,6 +32,11 @@ class UncertainPart(ABC):
         """The nominal system, without the perturbation."""
 
     @property
+    def tested(self) -> tuple[str, ...]:
+        """What was tested of the records that it was identified from, for certificates."""
+        return ()
+
+    @property
     def known_by_name(self) -> tuple[str, ...]:
         """Names of perturbations that are the same ones wherever a name occurs."""
         return ()

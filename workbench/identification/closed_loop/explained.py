@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
-from workbench.identification.innovations.impulse_responses import impulse_response
+from workbench.identification.innovations.impulse_responses import impulse_model
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.validation import nrmse_fit
 
@@ -34,7 +34,7 @@ def explained_part(record: Experiments, period: int | None) -> Experiments | Non
     if period is not None:
         return mean_period(record, period)
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
-    model = impulse_response(Experiments(r, joint))
+    model = impulse_model(Experiments(r, joint))
     return None if model is None else _with(record, model.free_run(r, joint, model.order))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -121,22 +121,19 @@ class ClosedLoopFit(StateSpaceFit):
     @cached_property
     def record(self) -> Experiments:
         """The record, with its excitation."""
-        plain = as_experiments(self.u, self.y, self.sample_time, self.samples)
+        plain = as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
         if self.excitation is None:
             raise InputError(
-                "excitation is missing: give what was added to the loop from outside, or take a "
-                "StateSpaceFit with direct=False, whose noise model must then be right"
+                "excitation is missing: give what was added to the loop from outside and recorded, "
+                "such as the set-point. Without it no method tells the plant from the controller: "
+                "open the loop, or add an excitation, and record anew"
             )
-        driven = as_experiments(self.excitation, self.y, self.sample_time, self.samples)
-        if still := driven.still_inputs():
-            raise InputError(
-                f"excitation: channel {still[0]} never changes: give what was added from outside"
-            )
-        if len(plain.starts) > 1 or len(driven.starts) > 1 or len(driven) != len(plain):
+        driven = plain.driven_by(self.excitation, samples=self.samples)
+        if len(driven.starts) > 1:
             raise InputError(
                 "one experiment without gaps in u and in the excitation is needed; cut the record"
             )
-        return replace(plain, excitation=np.asarray(driven.u))
+        return driven
 
     @cached_property
     def _explained(self) -> dict[int, tuple[Experiments, Experiments | None]]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.errors import InputError
+from workbench.identification.record_tests.clipping import held_share
 
 
 class IdentificationWarning(UserWarning):
@@ -123,19 +124,5 @@ def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> 
             raise InputError(f"limits must rise, not {limits}")
         return np.mean((values <= low) | (values >= high), axis=-1)
     rows = values.reshape(-1, values.shape[-1])
-    shares = [_held_share(row) + _held_share(-row) for row in rows]
+    shares = [held_share(row) + held_share(-row) for row in rows]
     return np.reshape(shares, values.shape[:-1])
-
-
-def _held_share(signal: np.ndarray) -> float:
-    """Share of samples at the largest value, 0 unless the signal was cut off there."""
-    top = signal.max()
-    at_top = signal == top
-    steps = np.abs(np.diff(signal))
-    if not steps.any():
-        return 0.0
-    step = steps[steps > 0].min()
-    # Where two samples are at the top, extrapolate the line through the two samples before them.
-    arrival = np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 1
-    heading = 2 * signal[arrival] - signal[arrival - 1] > top + step
-    return float(at_top.mean()) if heading.any() else 0.0

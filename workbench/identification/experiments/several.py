@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,8 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.signals import Signals, as_signals
+from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.report import RecordReport, as_names, reported
 from workbench.input_checks import need_positive
 
 SamplesAlong = Literal["rows", "columns"]
@@ -38,6 +41,10 @@ class Experiments:
         Names and units of the channels.
     excitation
         What drove a closed loop from outside (N, nr), where that was recorded.
+    assumed
+        Assumptions that the user vouches for, whatever the report of the record says of them.
+    times
+        Instants (N,) [s] that were stamped on the samples, for the report; None: none were.
 
     Examples
     --------
@@ -57,6 +64,8 @@ class Experiments:
     input_units: tuple[str, ...] = field(default=(), kw_only=True)
     output_units: tuple[str, ...] = field(default=(), kw_only=True)
     excitation: RealArray | None = field(default=None, kw_only=True)
+    assumed: tuple[str, ...] = field(default=(), kw_only=True)
+    times: RealArray | None = field(default=None, kw_only=True, repr=False)
 
     def __len__(self) -> int:
         return len(self.u)
@@ -72,6 +81,46 @@ class Experiments:
         """Number of samples that are missing in the outputs."""
         return int(np.isnan(self.y).sum())
 
+    @cached_property
+    def report(self) -> RecordReport:
+        """What was tested of the record and what was found, made once, for no order in particular.
+
+        Inputs may act within the same sample.
+        """
+        return self.reported()
+
+    def reported(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
+        """Report for a model of an order (None: not known), with or without a direct term."""
+        inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
+        outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
+        record = Record(
+            self.u, self.y, self.excitation, self.starts, self.sample_time,
+            inputs, outputs, direct, order, self.times,
+        )  # fmt: skip
+        return reported(record).assuming(self.assumed)
+
+    def driven_by(self, excitation: Any, *, samples: SamplesAlong | None = None) -> Experiments:
+        """The record with what drove the loop from outside, as many samples as u and y have.
+
+        Raises `InputError` for an excitation of another length, with gaps, or that never changes.
+        """
+        pieces = [y for _, y in self.pieces()]
+        y = pieces if isinstance(excitation, list) and _holds_arrays(excitation) else self.y
+        try:
+            driven = as_experiments(excitation, y, self.sample_time, samples)
+        except InputError as error:
+            raise InputError(f"excitation, in the place of u: {error}") from None
+        if still := driven.still_inputs():
+            raise InputError(
+                f"excitation: channel {still[0]} never changes: give what was added from outside"
+            )
+        if len(driven) != len(self):
+            raise InputError(
+                f"excitation: {len(driven)} samples go with {len(self)} of u and y; cut the "
+                "record to a stretch without gaps"
+            )
+        return replace(self, excitation=driven.u)
+
     def pieces(self) -> Iterator[tuple[RealArray, RealArray]]:
         """Inputs and outputs of each experiment."""
         for first, end in zip(self.starts, (*self.starts[1:], len(self.u)), strict=True):
@@ -82,7 +131,12 @@ class Experiments:
         inside = tuple(start - first for start in self.starts if first < start < end)
         driven = None if self.excitation is None else self.excitation[first:end]
         return replace(
-            self, u=self.u[first:end], y=self.y[first:end], starts=(0, *inside), excitation=driven
+            self,
+            u=self.u[first:end],
+            y=self.y[first:end],
+            starts=(0, *inside),
+            excitation=driven,
+            times=None if self.times is None else self.times[first:end],
         )
 
     def delayed(self, delays: Sequence[int]) -> Experiments:
@@ -111,6 +165,7 @@ class Experiments:
             y=np.vstack([y[longest:] for _, y in parts]),
             starts=tuple(int(start) for start in starts),
             excitation=None,
+            times=None,
         )
 
     def from_rest(self, samples: int) -> Experiments:
@@ -124,9 +179,8 @@ class Experiments:
             us.append(np.vstack([np.zeros((samples, u.shape[1])), u]))
             ys.append(np.vstack([np.tile(level, (samples, 1)), y]))
         starts = np.cumsum([0, *(len(u) for u in us)])[:-1]
-        return replace(
-            self, u=np.vstack(us), y=np.vstack(ys), starts=tuple(int(start) for start in starts)
-        )
+        rows = tuple(int(start) for start in starts)
+        return replace(self, u=np.vstack(us), y=np.vstack(ys), starts=rows, times=None)
 
     def still_inputs(self) -> list[int]:
         """Inputs that never change within any experiment."""
@@ -137,7 +191,12 @@ class Experiments:
 
 
 def as_experiments(
-    u: Any, y: Any, sample_time: float | None = None, samples: SamplesAlong | None = None
+    u: Any,
+    y: Any = None,
+    sample_time: float | None = None,
+    samples: SamplesAlong | None = None,
+    *,
+    assume: str | Sequence[str] = (),
 ) -> Experiments:
     """Experiments from arrays, labelled arrays, tables, or lists of them.
 
@@ -147,12 +206,14 @@ def as_experiments(
         Inputs and outputs: arrays (N,), (N, channels) or (channels, N), DataArrays with a
         dimension "time", tables of pandas whose columns are channels; or lists with one of them
         for each experiment. A Dataset with variables u and y, as `read_record` returns it, is
-        given as u alone, with y None.
+        given as u alone, and so is a list of them.
     sample_time
         Sampling time [s]. None: that of the labels, or 1.
     samples
         Where samples lie in plain arrays: "rows" (N, channels) or "columns". None: along the axis
         that u and y share.
+    assume
+        Assumptions that you vouch for against the `report`, such as "open loop".
 
     Raises
     ------
@@ -181,19 +242,22 @@ def as_experiments(
         raise InputError(
             f"the experiments are sampled every {sorted(known)} s; resample them to one time"
         )
-    cut = [piece for one in signals for piece in _cut_at_missing_inputs(one)]
+    cut = [(one, part) for one in signals for part in _known_inputs(one.u)]
     if not cut:
         raise InputError("no sample has all inputs; fill the gaps of u or leave a channel out")
-    starts = np.cumsum([0, *(len(u) for u, _ in cut)])[:-1]
+    starts = np.cumsum([0, *(part.stop - part.start for _, part in cut)])[:-1]
+    times = [one.times[part] for one, part in cut if one.times is not None]
     found = Experiments(
-        np.vstack([u for u, _ in cut]),
-        np.vstack([y for _, y in cut]),
+        np.vstack([one.u[part] for one, part in cut]),
+        np.vstack([one.y[part] for one, part in cut]),
         tuple(int(start) for start in starts),
         sample_time=float(sample_time or next(iter(known), 1.0)),
         inputs=first.inputs,
         outputs=first.outputs,
         input_units=first.input_units,
         output_units=first.output_units,
+        assumed=as_names(assume),
+        times=np.concatenate(times) if len(times) == len(cut) else None,
     )
     _refuse_dead_inputs(found)
     _refuse_dead_outputs(found)
@@ -206,6 +270,8 @@ def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
         raise InputError("the experiments are already one object; give its u and y")
     several = [isinstance(each, list | tuple) and _holds_arrays(each) for each in (u, y)]
     if y is None and several[0]:
+        if not len(u):
+            raise InputError("u is an empty list; give a Dataset for each experiment")
         return [(each, None) for each in u]
     if several[0] != several[1]:
         raise InputError(
@@ -242,11 +308,11 @@ def _refuse_other_channels(first: Signals, other: Signals, number: int) -> None:
             )
 
 
-def _cut_at_missing_inputs(one: Signals) -> list[tuple[RealArray, RealArray]]:
+def _known_inputs(u: RealArray) -> list[slice]:
     """Stretches of an experiment in which every input is known."""
-    known = np.isfinite(one.u).all(axis=1)
+    known = np.isfinite(u).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    return [(one.u[a:b], one.y[a:b]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _refuse_dead_inputs(found: Experiments) -> None:

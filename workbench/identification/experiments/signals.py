@@ -24,7 +24,7 @@ from workbench.identification.experiments.instants import (
 class Signals:
     """Inputs (N, nu) and outputs (N, ny) of an experiment, with names, units and sampling time.
 
-    ``sample_time`` [s] is None where nothing tells it.
+    ``sample_time`` [s] and ``times`` (N,) [s] are None where nothing tells them.
     """
 
     u: RealArray
@@ -34,6 +34,7 @@ class Signals:
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
     sample_time: float | None
+    times: RealArray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +87,10 @@ def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
         )
     if len(labels_of) == 2:
         need_same_start(labels_of["u"], labels_of["y"], steps[0] if steps else 1.0)
+    stamped = [each.seconds for each in labels_of.values() if each.kind != ROWS]
     return Signals(
         turned["u"], turned["y"], labels["u"], labels["y"], units["u"], units["y"],
-        steps[0] if steps else None,
+        steps[0] if steps else None, stamped[0] if stamped else None,
     )  # fmt: skip
 
 

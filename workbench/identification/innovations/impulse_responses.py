@@ -50,6 +50,7 @@ def impulse_response(
 
     Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
     scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
+    Raises `InputError` where a finding of the record's report forbids to use it.
 
     Examples
     --------
@@ -62,6 +63,14 @@ def impulse_response(
     >>> float((model.C @ model.B)[0, 0].round(2))  # the first sample of the response
     0.5
     """
+    record.reported(direct=direct).need_usable()
+    return impulse_model(record, direct=direct, delay=delay)
+
+
+def impulse_model(
+    record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
+) -> InnovationsModel | None:
+    """As `impulse_response`, of a record that may be used."""
     late = record.delayed(delay)
     found = _posterior(late, direct)
     if found is None:

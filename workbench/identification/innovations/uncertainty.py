@@ -6,28 +6,37 @@ parameters, and Gauss's approximation for what is computed from them).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, ComplexArray, RealArray
+from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
 from workbench.identification.innovations.gain_surface import GainSurface
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
+from workbench.input_checks import as_array, need_kind
 
 HESSIAN_ROUNDING = 1e-11
-"""Curvature, relative to the largest, below which a direction only changes the basis of states."""
+"""Curvature, relative to the largest, below which the record tells nothing of a direction."""
+OPEN = 1e-3
+"""Change along such a direction, over the deviation by all others, that is no rounding.
+
+One that only changes the basis of states changes no pole and no response."""
+KNOWN_ROUNDING = 1e-7
+"""The same over the value itself: what is known exactly has no deviation."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelDeviations:
     """Poles (n,) and static gains (ny, nu), with standard deviations of moduli and of gains.
 
-    A static gain of an integrator is infinite, and its standard deviation is too.
+    A static gain of an integrator is infinite, and its standard deviation is too. So is that of
+    what the record leaves open, such as the gains of two equal inputs.
     """
 
     poles: ComplexArray
@@ -48,16 +57,15 @@ def model_deviations(
     """
     if known is not None:
         model = known.exact(model) or model
-    criterion, theta, root = _estimates(model, record, direct, known)
+    estimates = _estimates(model, record, direct, known)
+    criterion, theta = estimates.criterion, estimates.theta
     poles = np.linalg.eigvals(model.A).astype(complex)
-    spread = np.array([_moved(criterion, theta, step) for step in root.T])
-    pole_deviations = np.sqrt((spread**2).sum(axis=0))
+    pole_deviations = estimates.deviations(lambda step: _moved(criterion, theta, step), poles)
     gains = static_gain(model)
     if np.isfinite(gains).all():
-        shifted = np.array(
-            [_slope(lambda t: static_gain(criterion.model(t)), theta, step) for step in root.T]
+        gain_deviations = estimates.deviations(
+            lambda step: _slope(lambda t: static_gain(criterion.model(t)), theta, step), gains
         )
-        gain_deviations = np.sqrt((shifted**2).sum(axis=0))
     else:
         gain_deviations = np.full(gains.shape, np.inf)
     return ModelDeviations(poles, pole_deviations, gains, gain_deviations)
@@ -70,7 +78,13 @@ def response_deviations(
 
     They are those of the curvature of the prediction errors, so they hold where these are white:
     the model must have the order of the plant and of the noise. ``direct`` says whether D is free.
+    What the record leaves open, such as the responses to two equal inputs, has an infinite one.
     For models of `impulse_response` take `impulse_response_deviations`.
+
+    Raises
+    ------
+    InputError
+        Model, record or frequencies are none, or the channels of model and record differ.
 
     Examples
     --------
@@ -85,11 +99,12 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    changes = _response_changes(model, record, frequency, direct, None)
-    total = np.zeros((np.size(frequency), *model.D.shape))
-    for change in changes:
-        total += np.abs(change) ** 2
-    return np.sqrt(total)
+    frequency = _checked(model, record, frequency)
+    estimates = _estimates(model, record, direct, None)
+    return estimates.deviations(
+        lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
+        model.response(frequency),
+    )
 
 
 def magnitude_deviations(
@@ -103,8 +118,15 @@ def magnitude_deviations(
 
     Poles and gains that are ``known`` do not vary.
     """
-    changes = _response_changes(model, record, frequency, direct, known)
-    return of_magnitudes(changes, model.response(frequency))
+    estimates = _estimates(model, record, direct, known)
+    response = model.response(frequency)
+    unit = _unit(response)
+
+    def along(step: RealArray) -> RealArray:
+        change = response_along(estimates.criterion, estimates.theta, step, frequency)
+        return np.asarray((change * unit.conj()).real)
+
+    return estimates.deviations(along, response)
 
 
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
@@ -112,30 +134,63 @@ def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray
 
     Each change (F, ny, nu) is one by a standard deviation.
     """
-    unit = response / np.maximum(np.abs(response), np.finfo(float).tiny)
+    unit = _unit(response)
     total = np.zeros(unit.shape)
     for change in changes:
         total = total + (change * unit.conj()).real ** 2
     return np.sqrt(total)
 
 
-def _response_changes(
-    model: InnovationsModel,
-    record: Experiments,
-    frequency: ArrayLike,
-    direct: bool,
-    known: Knowledge | None,
-) -> Iterator[ComplexArray]:
-    """Changes (F, ny, nu) of the response by one standard deviation of each parameter."""
-    criterion, theta, root = _estimates(model, record, direct, known)
-    for step in root.T:
-        yield response_along(criterion, theta, step, frequency)
+def _unit(response: Array) -> Array:
+    """A response over its magnitude."""
+    return np.asarray(response / np.maximum(np.abs(response), np.finfo(float).tiny))
+
+
+def _checked(model: InnovationsModel, record: Experiments, frequency: ArrayLike) -> RealArray:
+    """Frequencies (F,) as numbers; raises `InputError` for what is none, no model or no record."""
+    need_kind(model, InnovationsModel, "model")
+    need_kind(record, Experiments, "record")
+    shape = (record.y.shape[1], record.u.shape[1])
+    if model.D.shape != shape:
+        raise InputError(
+            f"the model has {model.D.shape[0]} outputs and {model.D.shape[1]} inputs, and the "
+            f"record {shape[0]} and {shape[1]}"
+        )
+    values = np.atleast_1d(as_array(frequency, "frequency"))
+    if values.ndim > 1 or not np.isfinite(values).all():
+        raise InputError("frequency must be finite numbers (F,) [cycles/sample]")
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimates:
+    """Estimated parameters of a criterion, and how well it tells them.
+
+    Each column of ``root`` is a change by one standard deviation. What changes along the columns of
+    ``untold`` the record does not see.
+    """
+
+    criterion: Criterion
+    theta: RealArray
+    root: RealArray
+    untold: RealArray
+
+    def deviations(self, along: Callable[[RealArray], RealArray], values: Array) -> RealArray:
+        """Standard deviations of values that change so ``along`` a step of the parameters.
+
+        They are infinite where these change along what the record does not see.
+        """
+        total = np.sqrt(np.sum([along(step) ** 2 for step in self.root.T], axis=0))
+        rounding = OPEN * total + KNOWN_ROUNDING * np.abs(values)
+        for step in self.untold.T:
+            total = np.where(np.abs(along(step)) > rounding, np.inf, total)
+        return np.asarray(total)
 
 
 def _estimates(
     model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
-) -> tuple[Criterion, RealArray, RealArray]:
-    """Criterion, parameters, and a root of their covariance by the criterion's curvature."""
+) -> _Estimates:
+    """Criterion, parameters, and what its curvature tells of them."""
     if known is None:
         entries: BoolArray | None = _of_structure(model)
     else:
@@ -149,7 +204,8 @@ def _estimates(
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
         along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    return criterion, theta, along @ root_of_inverse(along.T @ hessian @ along)
+    told, untold = _curved(along.T @ hessian @ along)
+    return _Estimates(criterion, theta, along @ told, along @ untold)
 
 
 def _of_structure(model: InnovationsModel) -> BoolArray:
@@ -200,11 +256,20 @@ def static_gain(model: InnovationsModel) -> RealArray:
 
 def root_of_inverse(hessian: RealArray) -> RealArray:
     """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
+    return _curved(hessian)[0]
+
+
+def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
+    """A root of the inverse of a Hessian, where it has curvature, and directions where it has none.
+
+    The latter have the length of a standard deviation of the parameters, one by one.
+    """
     scale = np.sqrt(np.diag(hessian))
     scale[scale == 0] = 1.0
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = values > HESSIAN_ROUNDING * values[-1]
-    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
+    vectors = vectors / scale[:, None]
+    return vectors[:, kept] / np.sqrt(values[kept]), vectors[:, ~kept]
 
 
 def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealArray) -> Array:

@@ -7,14 +7,16 @@ for exact derivatives.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record
+from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.parameters.complex_pair import ComplexPair
+from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.periodic import ResponseEstimate
 
 ParameterValues = Mapping[str, Any]
@@ -59,6 +61,8 @@ class MeasuredResponse:
         Degrees of freedom of the variance if it is an estimate: 2 (M - 1) for M periods.
     name
         Name in messages and figures.
+    report
+        Report of the record that it was estimated from, where one was made.
 
     Examples
     --------
@@ -81,6 +85,7 @@ class MeasuredResponse:
     variance: Any = None
     degrees: float = np.inf
     name: str = "response"
+    report: RecordReport | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         frequency = as_record(self.frequency, f"frequency of {self.name}")
@@ -112,7 +117,9 @@ class MeasuredResponse:
         arrays = estimate.response, estimate.variance
         if estimate.response.shape[1:] == (1, 1):
             arrays = estimate.response[:, 0, 0], estimate.variance[:, 0, 0]
-        return cls(model, estimate.frequency, *arrays, estimate.degrees, name)
+        return cls(
+            model, estimate.frequency, *arrays, estimate.degrees, name, report=estimate.report
+        )
 
     @property
     def weighted(self) -> bool:
@@ -191,6 +198,14 @@ class MeasuredRecord:
         `MeasuredResponse`.
     name
         Name in messages and figures.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
+
+    Raises
+    ------
+    InputError
+        Records of different lengths, values that are not finite, or a finding that forbids to use
+        the record, such as feedback from y to u: a simulation takes u as free of the noise.
 
     Examples
     --------
@@ -220,6 +235,8 @@ class MeasuredRecord:
     y: Any
     variance: Any = None
     name: str = "record"
+    assume: str | Sequence[str] = field(default=(), kw_only=True)
+    report: RecordReport = field(init=False)
 
     def __post_init__(self) -> None:
         u = np.atleast_2d(as_record(self.u, f"u of {self.name}"))
@@ -227,6 +244,7 @@ class MeasuredRecord:
         if u.shape[1] != y.shape[1]:
             raise InputError(f"{self.name}: u has {u.shape[1]} samples, y has {y.shape[1]}")
         _set(self, u=u, y=y, variance=_variance(self.variance, y.shape[:1], self.name))
+        _set(self, report=report_of_arrays(u.T, y.T, self.assume, name=self.name))
 
     @property
     def degrees(self) -> float:

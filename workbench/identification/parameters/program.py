@@ -23,6 +23,7 @@ from workbench.identification.parameters.least_squares import (
     LeastSquares,
 )
 from workbench.identification.parameters.measured import Measured
+from workbench.identification.record_tests.report import together
 from workbench.program import Program
 from workbench.second_opinion import SEED
 from workbench.solution import solve
@@ -115,6 +116,10 @@ class ParameterFit(LeastSquares, Program):
         )
         found = [stationary, identifiable, self._definite(values)]
         return [bounds, *quantified(THESE_DATA, found)]
+
+    def facts(self, answer: Any) -> Sequence[str]:
+        reports = {one.name: getattr(one, "report", None) for one in self.data}
+        return together({name: found for name, found in reports.items() if found is not None})
 
     def second_opinion(self, answer: Any) -> Sequence[Check]:
         values = self._values(answer)

@@ -8,14 +8,14 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.criterion import Criterion
-from workbench.identification.innovations.impulse_responses import impulse_response
+from workbench.identification.innovations.impulse_responses import impulse_model
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.prediction_error import (
     CIRCLE_ROUNDING,
     refinable,
     refine,
 )
-from workbench.identification.polynomials.regressions import arx
+from workbench.identification.polynomials.regressions import arx_model
 from workbench.identification.polynomials.regularised_arx import regularised_arx
 from workbench.identification.polynomials.sparse_arx import sparse_arx
 from workbench.identification.polynomials.structures import PolynomialKind, polynomial_start
@@ -130,7 +130,7 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
     """Fitting functions for ARX models of an order; ``apart`` as of `arx`."""
     return _checked(
         program,
-        lambda record, order: arx(
+        lambda record, order: arx_model(
             record, order, direct=program.direct, delay=program.delays, apart=apart
         ),
     )
@@ -152,9 +152,7 @@ def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
 
     def fit(record: Experiments, order: int) -> InnovationsModel | None:
         if id(record) not in found:
-            found[id(record)] = impulse_response(
-                record, direct=program.direct, delay=program.delays
-            )
+            found[id(record)] = impulse_model(record, direct=program.direct, delay=program.delays)
         return found[id(record)]
 
     return _checked(program, fit)

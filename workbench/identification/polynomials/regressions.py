@@ -41,6 +41,11 @@ def arx(
     apart
         Whether each output depends on its own past alone and on inputs: A_1 to A_n are diagonal.
 
+    Raises
+    ------
+    InputError
+        A finding of the record's report forbids to use it; `as_experiments` takes ``assume``.
+
     Examples
     --------
     >>> import control
@@ -52,6 +57,19 @@ def arx(
     >>> float(model.A[0, 0].round(4)), model.order
     (0.5, 1)
     """
+    record.reported(direct=direct, order=order).need_usable()
+    return arx_model(record, order, direct=direct, delay=delay, apart=apart)
+
+
+def arx_model(
+    record: Experiments,
+    order: int,
+    *,
+    direct: bool = True,
+    delay: Sequence[int] = (),
+    apart: bool = False,
+) -> InnovationsModel | None:
+    """As `arx`, of a record that may be used."""
     late = record.delayed(delay)
     nu, ny = late.u.shape[1], late.y.shape[1]
     m = nu + ny

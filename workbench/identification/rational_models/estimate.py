@@ -157,6 +157,7 @@ def fit_rational_model(
         delay,
         delay_bounds,
         estimate.degrees,
+        report=estimate.report,
     )
     solution = solve(program, method, options)
     if solution.certificate is None or not solution.certificate.valid:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -31,6 +31,7 @@ from workbench.identification.rational_models.storage import (
 from workbench.identification.rational_models.structure import ModelStructure
 from workbench.identification.rational_models.uncertainty import ModelUncertainty
 from workbench.identification.rational_models.weighted import WeightedResponse
+from workbench.identification.record_tests.report import RecordReport
 from workbench.input_checks import as_array, need_positive
 from workbench.program import Program
 from workbench.second_opinion import SEED
@@ -79,6 +80,8 @@ class RationalModelFit(Program):
     degrees
         Real degrees of freedom of the covariance, 2 (M - 1) from M periods; infinite where it is
         known.
+    report
+        Report of the record that the response was estimated from, where one was made.
 
     Raises
     ------
@@ -111,6 +114,7 @@ class RationalModelFit(Program):
     delay: Any = 0.0
     delay_bounds: tuple[float, float] | None = None
     degrees: float = np.inf
+    report: RecordReport | None = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "levenberg-marquardt"
     methods_in: ClassVar[tuple[str, ...]] = ("workbench.identification.rational_models.methods",)
@@ -347,13 +351,14 @@ class RationalModelFit(Program):
         return found
 
     def facts(self, answer: RationalModels) -> Sequence[str]:
-        tests = self.tests(answer.model)
+        tests, told = self.tests(answer.model), self.report.sentences if self.report else ()
         if tests.accepted:
-            return [f"order {answer.model.order} is accepted by its cost and its residuals"]
+            return [f"order {answer.model.order} is accepted by its cost and its residuals", *told]
         return [
             f"no order is accepted: at order {answer.model.order} the cost is "
             f"{tests.cost / tests.expected:.4g} times the expected one, so that bands by the "
-            "variance alone are too narrow"
+            "variance alone are too narrow",
+            *told,
         ]
 
     def tables(self, answer: RationalModels) -> dict[str, str]:

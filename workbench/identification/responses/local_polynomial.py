@@ -11,7 +11,7 @@ and FRF models for multivariable systems", Mechanical Systems and Signal Process
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning, checked_record
+from workbench.identification.experiments.reports import report_of_arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +83,12 @@ def local_polynomial(
     lines: int | None = None,
     *,
     at: ArrayLike | None = None,
+    assume: str | Sequence[str] = (),
 ) -> LocalPolynomial:
     """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
 
-    Beside the record, its spectra and the result it takes a memory that does not grow with N.
+    The loop must be open: of a plant in a closed loop take `driven_response`. Beside the record,
+    its spectra and the result it takes a memory that does not grow with N.
 
     Parameters
     ----------
@@ -96,12 +99,14 @@ def local_polynomial(
         variance but blur resonances.
     at
         Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
 
     Raises
     ------
     InputError
-        The same as for `checked_record`; too few lines in the band for its unknowns, or in the
-        record for the band; or numbers that are not such lines.
+        The same as for `checked_record`; a finding forbids to use the record; too few lines in the
+        band for its unknowns, or in the record for the band; or numbers that are not such lines.
 
     Warns
     -----
@@ -121,6 +126,19 @@ def local_polynomial(
     True
     """
     u, y = checked_record(u, y)
+    report_of_arrays(u, y, assume)
+    return polynomials_in_bands(u, y, degree, lines, at=at)
+
+
+def polynomials_in_bands(
+    u: RealArray,
+    y: RealArray,
+    degree: int = 2,
+    lines: int | None = None,
+    *,
+    at: ArrayLike | None = None,
+) -> LocalPolynomial:
+    """As `local_polynomial`, of a record that was checked."""
     unknowns = (degree + 1) * (u.shape[1] + 1)
     width = unknowns + SPARE_LINES if lines is None else lines
     return fitted_in_bands(u, y, degree, unknowns, width, at, _at_lines)
@@ -161,11 +179,6 @@ def fitted_in_bands(
         part = slice(start, start + LINES_AT_ONCE)
         response[part], covariance[part], noise[part] = fit(U, Y, chosen[part], degree, width)
     return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
-
-
-def line_frequencies(samples: int) -> RealArray:
-    """Frequencies [cycles/sample] of all lines of a record at which `local_polynomial` works."""
-    return np.arange(1, (samples + 1) // 2) / samples
 
 
 def spectrum(x: RealArray) -> ComplexArray:

@@ -11,11 +11,14 @@ rational model, 16th IFAC Symposium on System Identification, 2012.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray
 from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.responses.local_polynomial import (
     LocalPolynomial,
     dark_bands,
@@ -33,6 +36,7 @@ def local_rational(
     lines: int | None = None,
     *,
     at: ArrayLike | None = None,
+    assume: str | Sequence[str] = (),
 ) -> LocalPolynomial:
     """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
 
@@ -44,6 +48,8 @@ def local_rational(
         Number of lines of a band; by default twelve more than the unknowns.
     at
         Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
 
     Raises
     ------
@@ -68,6 +74,7 @@ def local_rational(
     True
     """
     u, y = checked_record(u, y)
+    report_of_arrays(u, y, assume)
     unknowns = (degree + 1) * (u.shape[1] + 1) + degree
     width = unknowns + SPARE_LINES if lines is None else lines
     return fitted_in_bands(u, y, degree, unknowns, width, at, _in_bands)

@@ -1,40 +1,37 @@
 """Responses of several plants from their records, each with its variance, on common frequencies.
 
-Where the inputs are periodic, whole periods are averaged (`from_periods`); other records are
-estimated by local polynomials. What was found out of the records is said.
+Where the inputs have many periods, whole periods are averaged (`from_periods`); other records are
+estimated by local models (`local_response`). What was found out of the records is said.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import IntegerArray, RealArray
+from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.responses.local_polynomial import (
-    line_frequencies,
-    local_polynomial,
-)
+from workbench.identification.record_tests.periods import period
+from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
-SHORTEST_PERIOD = 16
-"""Samples of the shortest period that is looked for."""
-FORGOTTEN = 0.5
-"""Correlation below which the input has left its first state: a period is longer."""
-PERIODIC = 0.99
-"""Correlation of the input with itself, a period later, from which it counts as periodic."""
 EXCITED = 1e-3
 """Amplitude of an excited line, relative to the largest."""
 EXCITED_OVER_NOISE = 5.0
 """Amplitude of an excited line over the standard deviation of its mean."""
 SETTLED = 2.0
 """Distance of the first period from the later ones, over their own, up to which it is settled."""
-LOCAL_DEGREE, LOCAL_LINES = 2, 14
-"""Degree of local polynomials, and lines of their bands."""
-FEWEST_SAMPLES = 2 * LOCAL_LINES + 1
-"""Samples of the shortest record that has so many lines beside its mean."""
+MANY_PERIODS = 6
+"""Periods whose scatter alone tells the noise well enough."""
+DENSE = 2
+"""Distance of neighbouring excited lines up to which bands of lines tell what lies between."""
+TOLD = 0.95
+"""Confidence of the regions by which frequencies are left out."""
+FEWEST_SAMPLES = 29
+"""Samples of the shortest record from which a response is estimated."""
 
 
 def record_responses(
@@ -52,8 +49,8 @@ def record_responses(
     Raises
     ------
     InputError
-        As `checked_record`, `from_periods` and `local_polynomial`; or the records have no excited
-        lines in common.
+        As `checked_record`, `from_periods` and `local_response`; or the records have no excited
+        lines in common, or tell of no common frequency.
     """
     pairs = [
         tuple(part[:, 0] for part in checked_record(u[:, None], y[:, None])) for u, y in records
@@ -62,35 +59,8 @@ def record_responses(
     length = min(len(u) for u, _ in pairs)
     if len(periods) == 1 and (samples := periods.pop()) is not None and length >= 2 * samples:
         return _periodic(pairs, samples, length // samples, sample_rate, most)
-    return _arbitrary(pairs, length, sample_rate, most)
-
-
-def period(u: RealArray) -> int | None:
-    """Samples of a record's period, of which it holds two at least; None where it has none."""
-    u = u - u.mean()
-    n, longest = len(u), len(u) // 2
-    if longest < SHORTEST_PERIOD:
-        return None
-    spectrum = np.fft.rfft(u, 2 * n)
-    product = np.fft.irfft(np.abs(spectrum) ** 2)[: longest + 1]
-    energy = np.concatenate([[0.0], np.cumsum(u**2)])
-    lags = np.arange(longest + 1)
-    size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
-    like = product / np.maximum(size, np.finfo(float).tiny)
-    left = np.flatnonzero(like < FORGOTTEN)
-    if not left.size:
-        return None
-    start = max(int(left[0]), SHORTEST_PERIOD)
-    best = like[start:].max(initial=-1.0)
-    if best < PERIODIC:
-        return None
-    # Every multiple of the period is as good: take the first one that is as near as the best.
-    near = np.flatnonzero(like[start:] >= 1.0 - 2.0 * (1.0 - best) - 1e-9)
-    first = start + int(near[0])
-    last = first
-    while last + 1 <= longest and like[last + 1] > like[last]:
-        last += 1
-    return last
+    frequency = spaced_in_log(np.arange(1.0, (length + 1) // 2), most) * sample_rate / length
+    return _arbitrary(pairs, frequency, sample_rate)
 
 
 def _periodic(
@@ -111,34 +81,61 @@ def _periodic(
             f"the inputs have {lines.size} excited lines in common; two are needed: excite all "
             "plants by the same signal"
         )
-    chosen = _thinned(lines, most)
+    chosen = spaced_in_log(lines, most)
     frequency = chosen * rate / samples
-    found: list[ResponseEstimate] = [
-        from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra
-    ]
+    thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
+    excitation = f"{lines.size} excited lines{thinning}"
+    if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
+        found, said = _arbitrary(pairs, frequency, rate)
+        return found, f"{count} periods of {samples} samples; {excitation}; {said}"
+    found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
     dropped = ", the first left out as not settled" if unsettled else ""
-    thinned = f", {chosen.size} taken" if chosen.size < lines.size else ""
-    said = f"{count} periods of {samples} samples{dropped}; {lines.size} excited lines{thinned}"
-    return found, said
+    return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
 
 
 def _arbitrary(
-    pairs: Sequence[tuple[RealArray, ...]], length: int, rate: float, most: int
+    pairs: Sequence[tuple[RealArray, ...]], frequency: RealArray, rate: float
 ) -> tuple[list[ResponseEstimate], str]:
-    """Responses by local polynomials, from records cut to one length."""
-    found: list[ResponseEstimate] = []
-    frequency = line_frequencies(length)
-    at = _thinned(np.arange(1, frequency.size + 1), most, frequency)
-    freedom = 2.0 * (LOCAL_LINES - 2 * (LOCAL_DEGREE + 1))
-    for u, y in pairs:
-        record = u[-length:, None], y[-length:, None]
-        local = local_polynomial(*record, LOCAL_DEGREE, LOCAL_LINES, at=at)
-        found.append(
-            ResponseEstimate(local.frequency * rate, local.response, local.variance, freedom)
+    """Responses by local models, each from its whole record, at common frequencies (F,) [Hz].
+
+    A frequency of which a record tells nothing is left out.
+    """
+    found = [
+        averaged_models(u[:, None], y[:, None], 1.0 / rate, frequency_hz=frequency)
+        for u, y in pairs
+    ]
+    known = np.all([told(one) for one in found], axis=0)
+    if known.sum() < 2:
+        raise InputError(
+            f"the records tell of {known.sum()} common frequencies; two are needed: excite more "
+            "lines, or average longer"
         )
-    cut = ", cut to one length" if len({len(u) for u, _ in pairs}) > 1 else ""
-    lines = found[0].frequency.size
-    return found, f"no common period; local polynomials at {lines} lines of {length} samples{cut}"
+    kept = [
+        replace(
+            one,
+            frequency=one.frequency[known],
+            response=one.response[known],
+            variance=one.variance[known],
+        )
+        for one in found
+    ]
+    said = f"local models of several widths, averaged, at {known.sum()} frequencies"
+    if known.all():
+        return kept, said
+    lost = frequency[~known]
+    return kept, (
+        f"{said}; {lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record "
+        "tells nothing: its input excites too few lines, or its noise is larger than any response"
+    )
+
+
+def told(estimate: ResponseEstimate) -> BoolArray:
+    """Frequencies (F,) at which each region is smaller than its channel's largest response."""
+    radius = estimate.radius(TOLD)
+    finite = np.isfinite(radius)
+    largest = np.where(finite, np.abs(estimate.response), 0.0).max(axis=0)
+    known: BoolArray = (finite & (radius < largest)).all(axis=(1, 2))
+    return known
 
 
 def _unsettled(Y: np.ndarray) -> bool:
@@ -158,14 +155,3 @@ def excited(U: np.ndarray) -> IntegerArray:
     spread = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0
     mean[0] = mean[-1] = 0.0
     return np.flatnonzero((mean > EXCITED * mean.max()) & (mean > EXCITED_OVER_NOISE * spread))
-
-
-def _thinned(lines: IntegerArray, most: int, place: RealArray | None = None) -> IntegerArray:
-    """At most so many of the lines, at equal steps of log frequency where there are enough."""
-    if lines.size <= most:
-        return lines
-    log = np.log(lines if place is None else place)
-    wanted = np.linspace(log[0], log[-1], most)
-    nearest = np.clip(np.searchsorted(log, wanted), 1, len(log) - 1)
-    nearest -= wanted - log[nearest - 1] < log[nearest] - wanted
-    return lines[np.unique(nearest)]

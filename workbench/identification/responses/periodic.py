@@ -13,7 +13,7 @@ the disc and 1.6 times as wide as the interval of one part.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ from workbench import figures
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.record_tests.report import RecordReport
 from workbench.identification.responses.assumptions import Assumptions, assess
 
 
@@ -40,6 +41,8 @@ class ResponseEstimate:
         E|error|^2 of each entry of the response, in the same shape.
     degrees
         Number of real degrees of freedom of the variance.
+    report
+        Report of the record, where one was made.
 
     Examples
     --------
@@ -56,6 +59,7 @@ class ResponseEstimate:
     response: np.ndarray
     variance: np.ndarray
     degrees: float
+    report: RecordReport | None = field(default=None, kw_only=True, repr=False)
 
     def __repr__(self) -> str:
         size = np.abs(self.response)
@@ -97,11 +101,22 @@ class ResponseEstimate:
 
         ``confidence`` is the probability that it does.
         """
-        return np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
+        return self._radius(confidence)
+
+    def _radius(self, confidence: float) -> np.ndarray:
+        """As `radius`; estimates whose errors are not simply complex normal have their own."""
+        radius: np.ndarray = np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
+        return radius
 
     def half_width(self, confidence: float = 0.99) -> np.ndarray:
         """Half-width of the confidence interval of the real part, and of the imaginary part."""
-        return stats.t.ppf((1 + confidence) / 2, self.degrees) * np.sqrt(self.variance / 2)
+        return self._half_width(confidence)
+
+    def _half_width(self, confidence: float) -> np.ndarray:
+        """As `half_width`, with an own one like `_radius`."""
+        deviations = stats.t.ppf((1 + confidence) / 2, self.degrees)
+        half_width: np.ndarray = deviations * np.sqrt(self.variance / 2)
+        return half_width
 
     def to_dataset(self) -> Dataset:
         """Labelled dataset of the response, its variance and its radius at 99 % confidence."""

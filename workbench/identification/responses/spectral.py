@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record, require_alive
+from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import need_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +47,20 @@ class SpectralResponse(ResponseEstimate):
 
 
 def spectral_response(
-    u: ArrayLike, y: ArrayLike, sample_rate: float, segment: int
+    u: ArrayLike,
+    y: ArrayLike,
+    sample_rate: float,
+    segment: int,
+    *,
+    assume: str | Sequence[str] = (),
 ) -> SpectralResponse:
     """Spectral estimate G = S_yu S_uu^-1 (equation 4.3) by Welch's averages, with its variance.
 
     The segments overlap by half and have Hann windows. At each line the estimate is a linear
     regression over the segments, and its residuals give the variance. Overlapping segments count as
     a smaller number of independent ones (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The
-    inputs are assumed to have no noise and no feedback from the output's noise. Resonances narrower
+    inputs are assumed to have no noise and no feedback from the output's noise: of a plant in a
+    closed loop take `driven_response`. Resonances narrower
     than a few sample_rate / segment are flattened, which the variance does not include: compare
     with a longer segment.
 
@@ -65,6 +74,8 @@ def spectral_response(
         Sampling frequency [Hz].
     segment
         Number of samples in a segment.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
 
     Returns
     -------
@@ -74,8 +85,8 @@ def spectral_response(
     Raises
     ------
     InputError
-        NaN, a dead channel, different lengths, too few segments for the inputs, or inputs that are
-        linearly dependent at some frequency.
+        NaN, a dead channel, different lengths, a finding that forbids to use the record, too few
+        segments for the inputs, or inputs that are linearly dependent at some frequency.
 
     Examples
     --------
@@ -94,6 +105,8 @@ def spectral_response(
     require_alive(outputs, "y")
     if inputs.shape[1] != outputs.shape[1]:
         raise InputError(f"u has {inputs.shape[1]} samples, y has {outputs.shape[1]}")
+    need_positive(sample_rate, "sample_rate")
+    report = report_of_arrays(inputs.T, outputs.T, assume, 1.0 / sample_rate)
     if segment < 8:
         raise InputError(f"a segment needs 8 samples or more, not {segment}")
     hop = segment // 2
@@ -131,6 +144,7 @@ def spectral_response(
         noise=2 * noise / (sample_rate * np.sum(window**2)),
         coherence=1 - unexplained / power,
         segments=segments,
+        report=report,
     )
 
 

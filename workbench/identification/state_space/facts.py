@@ -35,7 +35,7 @@ def facts_of(
 
     ``tasks`` are what predictor and simulator are chosen for.
     """
-    record, words = program.record, []
+    record, words = program.record, list(program.report.sentences)
     if len(record.starts) > 1:
         words.append(f"{len(record.starts)} experiments, each with an initial state of its own")
     if record.missing:

@@ -113,11 +113,15 @@ class StateSpaceFit(RecordedQuestion, Program):
     physical
         Models from physics by name, each a `PhysicalModel`: further candidates of the methods
         "best" and "averaged". They predict what they simulate.
+    assume
+        Assumptions on the record that you vouch for against its report, such as "open loop"; the
+        certificate says so. See `record_report`.
 
     Raises
     ------
     InputError
-        No record was given, or it is broken; or it is too short for the washout or the orders; or
+        No record was given, or it is broken, or a finding of its report forbids to estimate from it
+        (`record_report`); or it is too short for the washout or the orders; or
         the bandwidth is not below half the sampling frequency; or known poles are unpaired, more
         than an order, or where ``poles`` forbids them; or gains have another shape, or are given
         with a known pole at 1.

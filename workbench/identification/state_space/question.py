@@ -23,7 +23,11 @@ from workbench.identification.experiments.several import (
 from workbench.identification.innovations.knowledge import Knowledge
 from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
-from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.identification.record_tests.report import RecordReport
+from workbench.identification.responses.local_polynomial import (
+    LocalPolynomial,
+    polynomials_in_bands,
+)
 from workbench.identification.state_space.delays import checked_delays, estimated_delays
 from workbench.identification.state_space.folds import (
     VALIDATION_SHARE,
@@ -78,6 +82,7 @@ class RecordedQuestion:
     poles: Poles = field(default="marginal", kw_only=True)
     known_poles: Sequence[complex] = field(default=(), kw_only=True)
     static_gain: ArrayLike | None = field(default=None, kw_only=True)
+    assume: str | Sequence[str] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         record = self.record
@@ -106,6 +111,7 @@ class RecordedQuestion:
             )
         self._refuse_unjudged()
         settle(self, "orders", self._limits.settled(self.orders))
+        self.report.need_usable()
 
     def _refuse_unjudged(self) -> None:
         """Raise `InputError` where hardly a sample of an output is left to estimate or to judge."""
@@ -137,7 +143,12 @@ class RecordedQuestion:
     @cached_property
     def record(self) -> Experiments:
         """All experiments, one after the other."""
-        return as_experiments(self.u, self.y, self.sample_time, self.samples)
+        return as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
+
+    @cached_property
+    def report(self) -> RecordReport:
+        """What was tested of the record, for models of the largest order asked for."""
+        return self.record.reported(direct=self.direct, order=max(self.orders or (1,)))
 
     @property
     def estimated(self) -> int:
@@ -263,7 +274,7 @@ class RecordedQuestion:
         if last > MOST_LINES:
             at = np.unique(np.linspace(1, last, MOST_LINES).round().astype(int))
         try:
-            return local_polynomial(self.used.u, self.used.y, at=at)
+            return polynomials_in_bands(self.used.u, self.used.y, at=at)
         except InputError:
             return None
 

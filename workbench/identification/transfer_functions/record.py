@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record, require_alive
+from workbench.identification.experiments.reports import report_of_arrays
 from workbench.identification.transfer_functions.filters import Hold
 
 
@@ -26,11 +28,14 @@ class SampledRecord:
     noise_free_input
         Input (N,) without the noise that feedback brings into it, for the instruments, such as the
         part of u that an excitation of the loop explains. None: u, which is right in open loop.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
 
     Raises
     ------
     InputError
-        Records of different lengths, values that are not finite, or a channel that never changes.
+        Records of different lengths, values that are not finite, a channel that never changes, or a
+        finding that forbids to use the record.
 
     Examples
     --------
@@ -45,6 +50,7 @@ class SampledRecord:
     sample_rate: float
     hold: Hold = "zero-order"
     noise_free_input: RealArray | None = None
+    assume: str | Sequence[str] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.sample_rate > 0:
@@ -59,6 +65,13 @@ class SampledRecord:
                     raise InputError(f"{name} has shape {signal.shape}; as many samples as y has")
                 require_alive(signal, name)
                 object.__setattr__(self, name, signal)
+        report_of_arrays(
+            self.u[:, None],
+            self.y[:, None],
+            self.assume,
+            1.0 / self.sample_rate,
+            r=None if self.noise_free_input is None else self.noise_free_input[:, None],
+        )
 
     @property
     def clean_input(self) -> RealArray:

@@ -272,7 +272,7 @@ class HinfSynthesis(ControllerSynthesis):
                 f"norm {answer.norm:.4g} reached; no controller of any order was found below "
                 f"{answer.least:.4g}: distance {answer.norm / answer.least - 1:.1%}"
             )
-        return said
+        return [*said, *self.plant.tested]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
         whole = self._whole(answer)

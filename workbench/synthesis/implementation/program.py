@@ -405,7 +405,7 @@ class Implementation(Program):
                 f"mu of the sampled loop is not below 1 but {answer.peak.upper:.4g}: it is not "
                 "proven stable for every plant of the set"
             )
-        return told
+        return [*told, *getattr(self.plant, "tested", ())]
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:
         rows = answer.margins

@@ -253,7 +253,7 @@ class ControlCover:
         else:
             W_c = reaching(W_c, omega, radius)
         W_c = reaching_known(self.responses, nominal, W_c, W_r, "multiplicative")
-        return UncertaintyModel(nominal, W_c, W_r)
+        return UncertaintyModel(nominal, W_c, W_r, tested=self.responses.tested)
 
     def _complete(self, parts: dict[Name, Rational], context: Context) -> dict[Name, Rational]:
         """The parts with a circular weight; one that is missing is fitted to its radii."""

@@ -172,7 +172,7 @@ class MuSynthesis(Program):
                 "family or an order, for the least norm that a controller of that form reaches"
             )
         system = plant.system
-        plant = visible(GeneralisedPlant(system, structure, plant.controls, plant.measurements))
+        plant = visible(replace(plant, structure=structure))
         if not (plant.performance and plant.exogenous):
             raise InputError(
                 f"the plant has {plant.exogenous} exogenous inputs and {plant.performance} "
@@ -220,9 +220,8 @@ class MuSynthesis(Program):
     def plane(self) -> MuSynthesis:
         """The same synthesis in continuous time, by s = (2 / T) (z - 1) / (z + 1)."""
         given = self.plant
-        plant = GeneralisedPlant(
-            bilinear_continuous(given.system), self.structure, given.controls, given.measurements
-        )
+        system = bilinear_continuous(given.system)
+        plant = replace(given, system=system, structure=self.structure)
         start = None if self.start is None else bilinear_continuous(self.start)
         return replace(self, plant=plant, start=start)
 
@@ -368,7 +367,7 @@ class MuSynthesis(Program):
                 f"mu is not below 1 but {answer.upper:.4g}: what was asked for is not met for "
                 "every plant of the set"
             )
-        return told
+        return [*told, *self.plant.tested]
 
     def _settings(self, K: StateSpace) -> list[str]:
         """The numbers by which people know a member of the family, in one line, if it has any."""

@@ -368,6 +368,9 @@ class UncertaintyCover(Program):
 
     # --- results ----------------------------------------------------------------------------------
 
+    def facts(self, answer: CoverSteps) -> Sequence[str]:
+        return self.responses.tested
+
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second, shares = answer.model, answer.second, self.responses.shares
         width, length = model.sizes(self.responses.omega)
@@ -402,7 +405,9 @@ class UncertaintyCover(Program):
         from workbench.uncertainty.covers.storage import rational, shape
 
         parts = [rational(data, name) for name in ("nominal", "W_c", "W_r")]
-        model = UncertaintyModel(parts[0], parts[1], parts[2], self.form, self.responses.dt)
+        model = UncertaintyModel(
+            parts[0], parts[1], parts[2], self.form, self.responses.dt, tested=self.responses.tested
+        )
         first: Circle | Stadium = shape(data, "first")
         if self.shape == "circle":
             first = Circle(first.center, first.radius)

@@ -82,6 +82,9 @@ def _steps(
     W_r: Rational | None,
     W_c: Rational,
 ) -> CoverSteps:
-    model = UncertaintyModel(nominal, W_c, W_r, program.form, dt=program.responses.dt)
+    responses = program.responses
+    model = UncertaintyModel(
+        nominal, W_c, W_r, program.form, dt=responses.dt, tested=responses.tested
+    )
     second = program.second_set(program.away(nominal, program.points))
     return CoverSteps(model, first, second, third)

@@ -9,7 +9,7 @@ fill a circle or, with W_r, a stadium.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -52,6 +52,8 @@ class UncertaintyModel(Algebraic):
         ``"multiplicative"`` or ``"additive"``.
     dt
         Sampling time [s]; 0: continuous time; None: that of the nominal.
+    tested
+        What was tested of the records that it was identified from, for certificates.
     """
 
     nominal: Any  # all three are Rational after construction
@@ -59,6 +61,7 @@ class UncertaintyModel(Algebraic):
     W_r: Any = None
     form: Form = "multiplicative"
     dt: Any = None  # a float after construction
+    tested: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         need_choice(self.form, Form, "form")

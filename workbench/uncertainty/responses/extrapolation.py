@@ -78,6 +78,7 @@ def widened(responses: Responses, content: float) -> Responses:
             f"distribution; then a further plant lies inside with probability {content:g}"
         ),
         known=[*responses.known, *[None] * POLYGON_CORNERS] if responses.known else None,
+        reports=responses.reports,
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,23 +15,60 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import FrequencyResponseData
+from workbench.heavy_types import Dataset, FrequencyResponseData
 from workbench.identification.experiments.alike import read_alike
 from workbench.identification.experiments.measured_responses import read_response
 from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.records import read_record
+from workbench.identification.experiments.reports import record_report
 from workbench.identification.files.variables import need_path
+from workbench.identification.record_tests.report import RecordReport
+from workbench.identification.responses.of_excitation import DrivenResponse, driven_responses
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_places, need_whole
+from workbench.uncertainty.responses.ratios import Ratios
+from workbench.uncertainty.responses.spread import spread_about
 
 Channel = str | int | None
 """A channel by name or by number from 0; None where there is only one."""
 Arguments = dict[str, Any]
 """Arguments of `Responses` by name."""
+STATE_ONE = (
+    "give two or more, or state how far others lie from it: spread=0.2 for 20 % of its response, "
+    "resonance_shift=0.05 for 5 % of its frequencies (--spread 20%, --resonance-shift 5%)"
+)
+"""What to do about one plant."""
 SAME_RATE = 1e-4
 """Relative difference of sampling frequencies that counts as rounding of the instants."""
 SAME_FREQUENCY = 1e-9
 """Relative difference of frequencies that counts as rounding."""
+
+
+@dataclass(frozen=True)
+class RecordNames:
+    """What the columns of records are called, and what the user says of them.
+
+    See `Responses.from_files`.
+    """
+
+    input: str | None
+    output: str | None
+    time: str | None
+    sample_rate: float | None
+    excitation: str | None
+    assume: str | Sequence[str]
+
+    @property
+    def asked(self) -> bool:
+        """Whether input and output are named."""
+        return self.input is not None and self.output is not None
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing is named, as of a frequency response."""
+        named = self.input, self.output, self.time, self.sample_rate, self.excitation
+        return all(each is None for each in named) and not self.assume
 
 
 def from_frd(
@@ -93,12 +131,25 @@ def _on_one_grid(
 
 
 def from_estimates(
-    estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
+    estimates: Sequence[ResponseEstimate],
+    input: int,
+    output: int,
+    spread: float | None,
+    resonance_shift: float | None,
+    names: Mapping[str, Any],
 ) -> Arguments:
     """As `Responses.from_estimates`."""
-    if isinstance(estimates, ResponseEstimate):
-        raise InputError("one plant has no spread to cover: give a list of two estimates or more")
+    estimates = [estimates] if isinstance(estimates, ResponseEstimate) else estimates
     estimates = as_list(estimates, "estimates")
+    if len(estimates) < 2 and spread is None and resonance_shift is None:
+        raise InputError(f"one plant has no spread to cover: {STATE_ONE}")
+    return spread_about(_stacked(estimates, input, output, names), spread, resonance_shift)
+
+
+def _stacked(
+    estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
+) -> Arguments:
+    """One channel of estimates at the same frequencies."""
     need_places(input=input, output=output)
     for k, one in enumerate(estimates):
         if not isinstance(one, ResponseEstimate):
@@ -110,8 +161,8 @@ def from_estimates(
         ):
             if not 0 <= number < count:
                 raise InputError(f"there is no {kind} {number}; plant {k + 1} has {count}, from 0")
-    if len(estimates) < 2:
-        raise InputError("one plant has no spread to cover: two or more are needed")
+    if not estimates:
+        raise InputError("no estimates are given: one or more are needed")
     frequency = estimates[0].frequency
     for k, one in enumerate(estimates):
         same = one.frequency.shape == frequency.shape
@@ -120,35 +171,62 @@ def from_estimates(
                 f"plant {k + 1} was estimated at other frequencies than plant 1; estimate all at "
                 "the same"
             )
+    called = names.get("plants") or map(str, range(1, len(estimates) + 1))
+    reports = {
+        name: one.report
+        for name, one in zip(called, estimates, strict=False)
+        if one.report is not None
+    }
     return {
+        "reports": reports,
         "values": np.stack([one.response[:, output, input] for one in estimates], axis=1),
         "frequency": frequency,
         "variance": np.stack([one.variance[:, output, input] for one in estimates], axis=1),
         "degrees": [one.degrees for one in estimates],
+        "ratios": _ratios(estimates, output),
     } | dict(names)
+
+
+def _ratios(estimates: Sequence[ResponseEstimate], output: int) -> Ratios | None:
+    """Joint covariances, where every estimate is one of a closed loop; None where none is."""
+    driven = [one for one in estimates if isinstance(one, DrivenResponse)]
+    if not driven:
+        return None
+    if len(driven) < len(estimates):
+        raise InputError(
+            f"{len(driven)} of {len(estimates)} estimates are of driven loops; estimate all alike"
+        )
+    joint = np.stack([one.joint[:, output] for one in driven], axis=1)
+    return Ratios(joint, np.array([one.chosen for one in driven]))
 
 
 def from_files(
     files: str | PathLike[str] | Sequence[str | PathLike[str]],
-    input: str | None,
-    output: str | None,
-    time: str | None,
-    sample_rate: float | None,
+    record: RecordNames,
     frequency: str | None,
     response: str | tuple[str, str] | None,
     most: int,
     hold: bool,
+    spread: float | None,
+    resonance_shift: float | None,
     names: Mapping[str, Any],
 ) -> Arguments:
     """As `Responses.from_files`."""
     paths = found_files(files)
     named = {"plants": _plant_names(paths)} | dict(names)
-    record, curve = (input, output), (frequency, response)
-    if None not in record and curve == (None, None):
-        return _of_records(paths, input, output, time, sample_rate, most, hold, named)
+    curve = (frequency, response)
+    if record.asked and curve == (None, None):
+        if len(paths) < 2 and spread is None and resonance_shift is None:
+            raise InputError(
+                f"{paths[0]} is the only file: one plant has no spread to cover; {STATE_ONE}"
+            )
+        read = _of_records(paths, record, most, hold, named)
+        return spread_about(read, spread, resonance_shift)
+    if spread is not None or resonance_shift is not None:
+        raise InputError("a spread is stated about plants of records: name input= and output=")
     if hold:
         raise InputError("hold belongs to records: name input=, output= and time=, or leave it out")
-    if None not in curve and record == (None, None) and time is None and sample_rate is None:
+    if None not in curve and record.nothing:
         return _of_curves(paths, frequency, response, named)
     raise InputError(
         "of a record name input=, output= and time= (or give sample_rate=); of a frequency "
@@ -188,22 +266,14 @@ def _plant_names(paths: Sequence[Path]) -> list[str]:
 
 
 def _of_records(
-    paths: Sequence[Path],
-    input: str | None,
-    output: str | None,
-    time: str | None,
-    sample_rate: float | None,
-    most: int,
-    hold: bool,
-    names: Mapping[str, Any],
+    paths: Sequence[Path], record: RecordNames, most: int, hold: bool, names: Mapping[str, Any]
 ) -> Arguments:
     """Responses estimated from a record in each file."""
-    if len(paths) < 2:
-        raise InputError(f"{paths[0]} is the only file: one plant has no spread to cover")
     need_whole(most, "most")
     if most < 2:
         raise InputError(f"most is {most}; two frequencies or more are needed")
-    read, alike = read_alike(paths, str(input), str(output), sample_rate, time)
+    input, output, sample_rate = str(record.input), str(record.output), record.sample_rate
+    read, alike = read_alike(paths, input, output, sample_rate, record.time)
     rates = [
         1.0 / float(np.diff(data["time"].values[[0, -1]])[0] / (data.sizes["time"] - 1))
         for data in read
@@ -232,13 +302,52 @@ def _of_records(
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     rate = sample_rate or float(np.mean(rates))
-    estimates, said = record_responses(records, rate, most)
+    driven = _excitations(paths, record) if record.excitation is not None else None
+    reports = _reports(paths, read, driven, rate, record)
+    estimates: Sequence[ResponseEstimate]
+    if driven is None:
+        estimates, said = record_responses(records, rate, most)
+    else:
+        each = zip(records, driven, strict=True)
+        triples = [(u[:, None], y[:, None], r) for (u, y), r in each]
+        try:
+            estimates, said = driven_responses(triples, rate, most)
+        except InputError as error:
+            raise InputError(f"excitation {record.excitation!r}: {error}") from None
     unit = _ratio(*(str(read[0][name].attrs["units"]) for name in ("y", "u")))
-    told = {"unit": unit, "read": "; ".join([read[0].attrs["read"], *alike, said])}
+    told: Arguments = {"unit": unit, "read": "; ".join([read[0].attrs["read"], *alike, said])}
+    told["reports"] = dict(zip(names["plants"], reports, strict=False))
     if not hold:
-        return from_estimates(estimates, 0, 0, told | dict(names))
+        return _stacked(estimates, 0, 0, told | dict(names))
     told["read"] += "; the hold of the input is taken out"
-    return _unheld(from_estimates(estimates, 0, 0, told | dict(names)), rate)
+    return _unheld(_stacked(estimates, 0, 0, told | dict(names)), rate)
+
+
+def _excitations(paths: Sequence[Path], record: RecordNames) -> list[np.ndarray]:
+    """What drove each loop from outside (N, 1); its unit does not matter."""
+    name, output = [str(record.excitation)], [str(record.output)]
+    read = [read_record(path, name, output, record.sample_rate, record.time) for path in paths]
+    return [data["u"].values.T for data in read]
+
+
+def _reports(
+    paths: Sequence[Path],
+    read: Sequence[Dataset],
+    driven: Sequence[np.ndarray] | None,
+    rate: float,
+    record: RecordNames,
+) -> list[RecordReport]:
+    """The report of each record; raises InputError for one that must not be used."""
+    found = []
+    for k, (path, data) in enumerate(zip(paths, read, strict=True)):
+        r = None if driven is None else driven[k]
+        try:
+            report = record_report(data, None, r=r, dt=1.0 / rate).assuming(record.assume)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        report.need_usable(name=str(path))
+        found.append(report)
+    return found
 
 
 def _unheld(found: Arguments, rate: float) -> Arguments:
@@ -246,6 +355,8 @@ def _unheld(found: Arguments, rate: float) -> Arguments:
     turn = np.asarray(found["frequency"]) / rate
     held = (np.sinc(turn) * np.exp(-1j * np.pi * turn))[:, None]
     parts = {"values": found["values"] / held, "variance": found["variance"] / np.abs(held) ** 2}
+    if (ratios := found.get("ratios")) is not None:
+        parts["ratios"] = ratios.scaled(1 / held[:, 0])
     return found | parts
 
 

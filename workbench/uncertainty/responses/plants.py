@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
@@ -16,6 +16,7 @@ from workbench.certify.stable_system import angular_frequency, bilinear_frequenc
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
+from workbench.identification.record_tests.report import RecordReport, together
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_numbers
 from workbench.systems.frequency_grid import starting_grid
@@ -28,6 +29,7 @@ from workbench.uncertainty.responses.checked import (
     variances,
 )
 from workbench.uncertainty.responses.measured import Channel
+from workbench.uncertainty.responses.ratios import Ratios
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -66,6 +68,12 @@ class Responses:
     confidence
         The values are corners of confidence regions, of this probability each; see
         `workbench.uncertainty.responses.regions`.
+    ratios
+        Joint covariances, where the responses are ratios of two estimates, as those of plants in
+        closed loops are; None: they are not.
+    reports
+        Reports of the records that the responses were estimated from, by name. What they say stands
+        in the certificates of covers.
 
     Raises
     ------
@@ -86,6 +94,8 @@ class Responses:
     degrees: RealArray
     read: str
     confidence: float | None
+    ratios: Ratios | None
+    reports: Mapping[str, RecordReport]
 
     def __init__(
         self,
@@ -103,6 +113,8 @@ class Responses:
         degrees: Any = math.inf,
         read: str = "",
         confidence: float | None = None,
+        ratios: Ratios | None = None,
+        reports: Mapping[str, RecordReport] | None = None,
     ) -> None:
         omega = as_omega(omega, frequency)
         need_below_nyquist(omega, dt)
@@ -143,6 +155,8 @@ class Responses:
             "assumption": assumption,
             "read": read,
             "confidence": confidence,
+            "ratios": ratios,
+            "reports": dict(reports or {}),
         }
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -192,14 +206,36 @@ class Responses:
 
     @classmethod
     def from_estimates(
-        cls, estimates: Sequence[ResponseEstimate], input: int = 0, output: int = 0, **names: Any
+        cls,
+        estimates: Sequence[ResponseEstimate],
+        input: int = 0,
+        output: int = 0,
+        *,
+        spread: float | None = None,
+        resonance_shift: float | None = None,
+        **names: Any,
     ) -> Responses:
         """Responses that were estimated, with their variances, all at the same frequencies.
 
         ``input`` and ``output`` are numbers of the channel, from 0; ``names`` as in `from_frd`.
-        Raises InputError as `Responses`, and for different frequencies.
+        One estimate alone needs a ``spread`` or a ``resonance_shift``, as of `from_files`. Raises
+        InputError as `Responses`, and for different frequencies.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from workbench.identification import ResponseEstimate
+        >>> from workbench.uncertainty import Responses
+        >>> frequency = np.array([1.0, 2.0])
+        >>> response = np.array([2.0, 1.0 - 1j])[:, None, None]
+        >>> rig = ResponseEstimate(frequency, response, np.full((2, 1, 1), 1e-4), 40.0)
+        >>> found = Responses.from_estimates(rig, spread=0.2)
+        >>> found.assumption
+        'stated, not measured: the plants of which one was measured have responses within 20 % ...'
         """
-        return cls(**measured.from_estimates(estimates, input, output, names))
+        return cls(
+            **measured.from_estimates(estimates, input, output, spread, resonance_shift, names)
+        )
 
     @classmethod
     def from_files(
@@ -212,41 +248,59 @@ class Responses:
         sample_rate: float | None = None,
         frequency: str | None = None,
         response: str | tuple[str, str] | None = None,
+        excitation: str | None = None,
+        assume: str | Sequence[str] = (),
         most: int = 200,
         hold: bool = False,
+        spread: float | None = None,
+        resonance_shift: float | None = None,
         **names: Any,
     ) -> Responses:
         """Responses of plants from files, one for each plant; its name is the plant's.
 
         Of a record, name the ``input``, the ``output`` and the ``time`` (or give the sampling
         frequency); the response and its variance are then estimated, from whole periods where the
-        input is periodic and by local polynomials where it is not. Of a frequency response, name
+        input has many, else by local models (`local_response`). Of a frequency response, name
         the ``frequency`` and the ``response`` (or its two parts, or magnitude and phase). What was
         found out stands in ``read``; files in other units than the first are converted to its own.
         The response of a record leads from samples to samples: it contains the delay of the
         converters and, unless ``hold`` says that it is to be taken out, the hold.
 
+        Each record is tested (`record_report`; the ``reports``), and one of a closed loop is
+        refused unless its ``excitation`` is named: the response is then that of `driven_response`.
+
         Parameters
         ----------
         files
             A pattern such as ``"drive*.csv"``, or paths; read as by `read_record`.
+        excitation
+            Name of what was added to a closed loop from outside, such as the set-point.
+        assume
+            Assumptions on the records that you vouch for against their reports, such as
+            "open loop"; certificates say so.
         most
             Largest number of frequencies that are taken of a record.
         hold
             Whether the input was held from sample to sample, and the response is that of the plant
             without this hold; above some 0.6 of half the sampling frequency it is distorted.
+        spread
+            Where it is stated, not measured, how far plants lie from those with records, one alone
+            if need be: relative radius of a disc about each response, 0.2 for 20 %.
+        resonance_shift
+            Largest relative shift of their frequencies, resonances among them; stated, too.
         names
             ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
         Raises
         ------
         InputError
-            As `Responses`, `read_record` and `read_response`; no file fits the pattern; or the
-            names belong to neither a record nor a response.
+            As `Responses`, `read_record` and `read_response`; no file fits the pattern; the names
+            belong to neither a record nor a response; or a finding forbids to use a record.
         """
+        record = measured.RecordNames(input, output, time, sample_rate, excitation, assume)
         return cls(
             **measured.from_files(
-                files, input, output, time, sample_rate, frequency, response, most, hold, names
+                files, record, frequency, response, most, hold, spread, resonance_shift, names
             )
         )
 
@@ -273,6 +327,11 @@ class Responses:
         """The plants that are known at every frequency, by name."""
         pairs = zip(self.plants, self.known, strict=False)
         return {name: plant for name, plant in pairs if plant is not None}
+
+    @property
+    def tested(self) -> tuple[str, ...]:
+        """What was tested of the records, with what result, and what could not be."""
+        return together(self.reports)
 
     @property
     def over(self) -> str:
@@ -312,7 +371,7 @@ class Responses:
         """The same plants at ``most`` of the frequencies at most, with the first and the last."""
         if self.omega.size <= most:
             return self
-        return self._at(np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int)))
+        return self.at(np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int)))
 
     def within(self, low: float, high: float) -> Responses:
         """The same plants at the frequencies from `low` to `high` [Hz].
@@ -326,9 +385,9 @@ class Responses:
                 f"{chosen.size} frequencies lie from {low:g} to {high:g} Hz; two are needed of "
                 f"those from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz"
             )
-        return self._at(chosen)
+        return self.at(chosen)
 
-    def _at(self, chosen: np.ndarray) -> Responses:
+    def at(self, chosen: np.ndarray) -> Responses:
         """The same plants at some of the frequencies, by number."""
         return replace(
             self,
@@ -336,6 +395,7 @@ class Responses:
             values=self.values[chosen],
             present=self.present[chosen],
             variance=None if self.variance is None else self.variance[chosen],
+            ratios=None if self.ratios is None else self.ratios.at(chosen),
         )
 
     def refined(self) -> Responses:

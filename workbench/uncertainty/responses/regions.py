@@ -40,6 +40,7 @@ def with_regions(responses: Responses, confidence: float) -> Responses:
             "the responses have no variance: take Responses.from_files of records, "
             "Responses.from_estimates, or give variance="
         )
+    responses = _with_ends(responses, confidence)
     radius = region_radius(responses, confidence)
     _warn_of_noise(responses, radius)
     turn = np.exp(2j * np.pi * np.arange(REGION_CORNERS) / REGION_CORNERS)
@@ -60,9 +61,27 @@ def with_regions(responses: Responses, confidence: float) -> Responses:
         assumption="; ".join(filter(None, [responses.assumption, said])),
         known=(),
         variance=None,
+        ratios=None,
         degrees=np.full(count[1], np.inf),
         confidence=confidence,
     )
+
+
+def _with_ends(responses: Responses, confidence: float) -> Responses:
+    """The responses at the frequencies at which each region has an end; warns of the others."""
+    endless = (responses.present & ~np.isfinite(region_radius(responses, confidence))).any(axis=1)
+    if not endless.any():
+        return responses
+    at = responses.frequency[endless]
+    told = (
+        f"at {endless.sum()} of {endless.size} frequencies, from {at[0]:.6g} to {at[-1]:.6g} Hz, a "
+        f"{100 * confidence:g} % region has no end, since the excitation is hardly seen in the "
+        "input"
+    )
+    if endless.size - endless.sum() < 2:
+        raise InputError(f"{told}: excite more, measure longer, or ask for a lower confidence")
+    warnings.warn(f"{told}; they are left out", IdentificationWarning, stacklevel=5)
+    return responses.at(np.flatnonzero(~endless))
 
 
 def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
@@ -81,7 +100,12 @@ def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
 
 
 def region_radius(responses: Responses, confidence: float) -> RealArray:
-    """Radii (F, N) of the discs that hold the true responses with this probability, each."""
+    """Radii (F, N) of the discs that hold the true responses with this probability, each.
+
+    Those of ratios may be infinite.
+    """
+    if responses.ratios is not None:
+        return responses.ratios.radius(responses.values, responses.degrees, confidence)
     variance = (
         np.zeros(responses.values.shape) if responses.variance is None else responses.variance
     )

@@ -23,7 +23,7 @@ B. A. Francis, W. M. Wonham, The internal model principle of control theory, Aut
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def absorbed(plant: GeneralisedPlant) -> Absorbed:
         outputs=list(plant.system.output_labels),
     )
     return Absorbed(
-        GeneralisedPlant(system, plant.structure, plant.controls, plant.measurements),
+        replace(plant, system=system),
         tuple(_system(copy, given.dt) for copy in copies if copy is not None),
         tuple(_place(pole, given.dt) for pole in poles),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -175,7 +176,7 @@ def _named(plant: GeneralisedPlant, larger: Matrices, noises: int, costs: int) -
         inputs=[*inputs[:w], *entering, *inputs[w:]],
         outputs=[*outputs[:z], *leaving, *outputs[z:]],
     )
-    return GeneralisedPlant(named, plant.structure, plant.controls, plant.measurements)
+    return replace(plant, system=named)
 
 
 def _additions(

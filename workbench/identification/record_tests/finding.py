@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Finding:
     strength: float
     measure: str
     remedy: str
-    forbids: bool = False
+    forbids: bool = field(default=False, kw_only=True)
 
     def __str__(self) -> str:
         return f"{self.kind}: {self.message} ({self.where}): {self.remedy}"
@@ -58,8 +58,8 @@ class Tested:
 
     assumption: str
     result: str
-    testable: bool = True
-    findings: tuple[Finding, ...] = ()
+    testable: bool = field(default=True, kw_only=True)
+    findings: tuple[Finding, ...] = field(default=(), kw_only=True)
 
     def __str__(self) -> str:
         return f"{self.assumption}: {'tested' if self.testable else 'not testable'}; {self.result}"

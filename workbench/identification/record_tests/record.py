@@ -2,10 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import TypeVar
 
 from workbench.arrays import RealArray
+
+T = TypeVar("T")
+
+
+def once(function: Callable[[Record], T]) -> Callable[[Record], T]:
+    """A function of a record that is computed once for each record: several tests need it."""
+
+    @wraps(function)
+    def kept(record: Record) -> T:
+        name = f"{function.__module__}.{function.__qualname__}"
+        if name not in record.__dict__:
+            record.__dict__[name] = function(record)
+        found: T = record.__dict__[name]
+        return found
+
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +47,8 @@ class Record:
         delays by a sample at least, so that what of u answers to y at once is the controller's.
     order
         Order of the model that is asked of the record, None: not known yet.
+    times
+        Instants (N,) [s] that were stamped on the samples; None: none were, or they are even.
     """
 
     u: RealArray
@@ -40,8 +60,13 @@ class Record:
     outputs: tuple[str, ...]
     direct: bool = True
     order: int | None = None
+    times: RealArray | None = None
 
     def pieces(self) -> Iterator[slice]:
         """Samples of each experiment."""
         for first, end in zip(self.starts, (*self.starts[1:], len(self.u)), strict=True):
             yield slice(first, end)
+
+    def replaced(self, u: RealArray, y: RealArray) -> Record:
+        """The record with other samples of u and y."""
+        return replace(self, u=u, y=y)

@@ -1,0 +1,140 @@
+"""What is counted of the regions of one case: do they hold the truth, and how wide are they?"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench.identification import IdentificationWarning, local_response
+from workbench.identification.responses.local_response import spaced_in_log
+from workbench.identification.responses.of_records import told
+from workbench.identification.responses.periodic import ResponseEstimate
+
+from .design import Case
+from .plants import Channel
+from .records import BITS, EXCITATIONS, PERIODS, USED, quantised, record
+
+THIRDS = 3
+"""Parts of a case's band."""
+REALISATIONS, RUN_OUT = 300, 400
+"""Records, and samples after them, from which a best linear approximation is computed."""
+Estimator = Callable[[RealArray, RealArray, RealArray], ResponseEstimate]
+"""Of u (N, nu), y (N, 1) and frequencies (F,) [cycles/sample]: an estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Regions of R records at F frequencies [cycles/sample], for nu inputs.
+
+    ``held`` (R, F, nu): the truth lies inside; ``radius`` (R, F, nu); ``told`` (R, F): not left
+    out; ``truth`` (F, nu); ``clear`` (F,): some input's part of the output exceeds the noise.
+    """
+
+    frequency: RealArray
+    held: BoolArray
+    radius: RealArray
+    told: BoolArray
+    truth: ComplexArray
+    clear: BoolArray
+
+    def thirds(self) -> list[tuple[float, float]]:
+        """Of each third of the band the coverage, and the upper end of its 99 % interval.
+
+        What was left out counts as a miss where the truth is clear, else not at all. Records are
+        independent of each other, the frequencies of one are not.
+        """
+        found = []
+        for part in np.array_split(np.flatnonzero(self.clear), THIRDS):
+            shares = (self.held & self.told[..., None])[:, part].mean(axis=(1, 2))
+            deviation = shares.std(ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else 0.0
+            found.append((float(shares.mean()), float(shares.mean() + 2.576 * deviation)))
+        return found
+
+    @property
+    def width(self) -> float:
+        """Median radius over the size of the response."""
+        relative = self.radius / np.abs(self.truth)
+        return float(np.median(np.where(self.told[..., None], relative, np.inf)[:, self.clear]))
+
+
+def places(case: Case, most: int) -> RealArray:
+    """Frequencies [cycles/sample] that are asked for: lines, of periodic records excited ones."""
+    period = case.samples // PERIODS if case.excitation == "multisine" else case.samples
+    highest = case.plant.band[1] if case.excitation == "multisine" else 0.5
+    return spaced_in_log(np.arange(1.0, np.ceil(highest * period)), most) / period
+
+
+def truth(case: Case, frequency: RealArray) -> ComplexArray:
+    """True response (F, nu); of a nonlinear plant its best linear approximation to the input."""
+    channels = case.plant.channels
+    if all(isinstance(channel, Channel) for channel in channels):
+        return np.stack([c.response(frequency) for c in channels if isinstance(c, Channel)], axis=1)
+    rngs = [np.random.default_rng([0, k]) for k in range(REALISATIONS)]
+    make = EXCITATIONS[case.excitation]
+    u = quantised(np.array([make(rng, case.samples, case.plant.band) for rng in rngs]))
+    u = np.concatenate([u, np.zeros((len(u), RUN_OUT))], axis=1)  # from rest to rest
+    turn = np.exp(-2j * np.pi * np.outer(np.arange(u.shape[1]), frequency))
+    U, Y = u @ turn, channels[0].output(u) @ turn
+    found: ComplexArray = (np.sum(Y * U.conj(), axis=0) / np.sum(np.abs(U) ** 2, axis=0))[:, None]
+    return found
+
+
+def records(case: Case, count: int, seed: int) -> tuple[RealArray, RealArray, RealArray]:
+    """Records (count, ...) of a case, as `record`."""
+    rngs = [np.random.default_rng([seed, k]) for k in range(count)]
+    return record(case.plant, case.excitation, case.samples, case.decibels, rngs, case.colour)
+
+
+def judged(case: Case, made: tuple[RealArray, RealArray, RealArray], most: int) -> Judged:
+    """What `local_response` says of records of a case."""
+    frequency = places(case, most)
+    return judged_with(_ours, case, made, frequency, truth(case, frequency))
+
+
+def _ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
+    return local_response(u, y, 1.0, frequency_hz=frequency)
+
+
+def judged_with(
+    estimator: Estimator,
+    case: Case,
+    made: tuple[RealArray, RealArray, RealArray],
+    frequency: RealArray,
+    exact: ComplexArray,
+) -> Judged:
+    """What an estimator says of the same records, against the truth (F, nu)."""
+    held, radius, kept = [], [], []
+    for u, y in zip(made[0], made[1], strict=True):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IdentificationWarning)
+            found = estimator(u.T, y[:, None], frequency)
+        reach = np.where(np.isfinite(found.variance), found.radius(0.95), np.inf)[:, 0]
+        away = np.abs(found.response[:, 0] - exact)
+        held.append(away <= reach)
+        radius.append(reach)
+        kept.append(told(found))
+    parts = np.array(held), np.array(radius), np.array(kept)
+    return Judged(frequency, *parts, exact, _clear(case, made, frequency, exact))
+
+
+def _clear(
+    case: Case,
+    made: tuple[RealArray, RealArray, RealArray],
+    frequency: RealArray,
+    exact: ComplexArray,
+) -> BoolArray:
+    """Frequencies (F,) at which an input's part of the output exceeds the noise, in the mean."""
+    u, y, size = made
+    centred = u - u.mean(axis=-1, keepdims=True)
+    turn = np.exp(-2j * np.pi * np.outer(np.arange(case.samples), frequency))
+    U = centred[: 2 * THIRDS**2] @ turn / np.sqrt(case.samples)
+    power = np.mean(np.abs(U.swapaxes(1, 2) * exact) ** 2, axis=0).max(axis=1)
+    z = np.exp(2j * np.pi * frequency)
+    shape = (1 - case.colour**2) / np.abs(1 - case.colour / z) ** 2
+    step = np.mean(2 * np.abs(y).max(axis=-1) / (USED * 2**BITS))
+    clear: BoolArray = power >= np.mean(size**2) * shape + step**2 / 12
+    return clear

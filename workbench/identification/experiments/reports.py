@@ -1,0 +1,90 @@
+"""The report of a record: what is assumed of it, what the tests gave, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.several import Experiments, as_experiments
+from workbench.identification.record_tests.report import RecordReport
+
+
+def record_report(
+    u: Any,
+    y: Any,
+    *,
+    r: Any = None,
+    dt: float | None = None,
+    direct: bool = True,
+    order: int | None = None,
+) -> RecordReport:
+    """Report of a record: which assumptions hold, which could not be tested, and what to do.
+
+    Every function that estimates something from a record makes this report first and refuses what
+    a finding forbids. Assumed are, among others: an open loop (the input does not depend on the
+    noise of the output), an input that excites what is asked for, and samples as the sensor gave
+    them, at even instants.
+
+    Parameters
+    ----------
+    u, y
+        Inputs and outputs, as `as_experiments` takes them: arrays (N,) or (N, channels), labelled
+        arrays, tables, or lists with one of them for each experiment; or a Dataset as u, y None.
+    r
+        What drove a closed loop from outside, such as a set-point, (N,) or (N, channels); None: not
+        recorded. With it a loop may be closed, and methods that use it are right.
+    dt
+        Sampling time [s]; None: that of the labels, or 1.
+    direct
+        Whether y may answer to u within the same sample. False where the plant, or its converters,
+        delay by a sample at least.
+    order
+        Order of the model that is asked of the record; None: not known yet.
+
+    Returns
+    -------
+    RecordReport
+        Its ``findings`` say what, where, how strong, what to do, and whether they forbid the use of
+        the record; its ``sentences`` what was tested.
+
+    Raises
+    ------
+    InputError
+        As `as_experiments`; or the excitation r is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import record_report
+    >>> u = np.random.default_rng(0).standard_normal(500)
+    >>> report = record_report(u, np.convolve(u, [0.5, 0.3])[:500])
+    >>> [finding for finding in report.findings if finding.forbids]
+    []
+    """
+    if not isinstance(direct, bool):
+        raise InputError(f"direct is {direct!r}; it must be True or False")
+    record = as_experiments(u, y, dt)
+    if r is not None:
+        record = record.driven_by(r)
+    return record.reported(direct=direct, order=order)
+
+
+def report_of_arrays(
+    u: RealArray,
+    y: RealArray,
+    assume: str | Sequence[str],
+    dt: float = 1.0,
+    *,
+    r: RealArray | None = None,
+    name: str = "the record",
+) -> RecordReport:
+    """Report of finite arrays u (N, nu), y (N, ny), r (N, nr) of a record that is called so.
+
+    ``assume`` names assumptions that the user vouches for. Raises `InputError` where a finding
+    forbids to use the record.
+    """
+    report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
+    report.need_usable(name=name)
+    return report

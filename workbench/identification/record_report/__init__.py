@@ -1,1 +1,0 @@
-"""Is a record fit to be estimated from: each assumption tested, and what was found."""

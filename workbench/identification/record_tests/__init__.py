@@ -1,0 +1,1 @@
+"""Tests of a record before anything is estimated from it: assumptions, results, findings."""

@@ -1,0 +1,87 @@
+"""Inputs that move together: what each of them does alone cannot be told from the record.
+
+Source: D. Belsley, E. Kuh, R. Welsch, Regression Diagnostics, 1980, chapter 3 (the variance of a
+gain grows as one over the share of its input that the other inputs do not explain).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import unflagged
+from workbench.identification.record_tests.levels import resolution
+from workbench.identification.record_tests.record import Record
+
+TOGETHER = 1e-2
+"""Share of an input's variance that is its own, below which its gain is hard to tell."""
+INSEPARABLE = 1e-10
+"""Share below which it is the rounding of a number."""
+WEIGHTY = 1e-3
+"""Share of another input in an input, by which that one is named."""
+
+
+def apart(record: Record) -> Tested:
+    """Whether each input moves in a way of its own."""
+    assumption = "inputs move apart"
+    record = unflagged(record)
+    if record.u.shape[1] < 2:
+        return Tested(assumption, "there is one input")
+    share, partners, coarse = own_shares(record.u)
+    worst = int(np.argmin(share))
+    told = f"{share[worst]:.2g} of the variance of {record.inputs[worst]!r} is its own"
+    found, named = [], set()
+    for j in np.argsort(share):
+        group = frozenset([int(j), *partners[j]])
+        if share[j] >= TOGETHER or group in named:
+            continue
+        named.add(group)
+        names = " and ".join(repr(record.inputs[k]) for k in sorted(group))
+        found.append(
+            Finding(
+                "collinear inputs",
+                f"{names} move together: {share[j]:.1g} of the variance of {record.inputs[j]!r} is "
+                "not the others', so that their separate gains cannot be told"
+                if share[j] < INSEPARABLE or coarse[j]
+                else f"{names} move together: only {share[j]:.1g} of the variance of "
+                f"{record.inputs[j]!r} is its own, and the variance of its gain is "
+                f"{1 / share[j]:.2g} times as large",
+                f"inputs {names}, whole record",
+                float(share[j]),
+                "share of the input's variance that is its own",
+                "move the inputs one by one, or by signals of their own; or leave one out and read "
+                "the other's gain as that of both",
+                forbids=bool(share[j] < INSEPARABLE or coarse[j]),
+            )
+        )
+    return Tested(assumption, told, findings=tuple(found))
+
+
+def own_shares(u: RealArray) -> tuple[RealArray, list[list[int]], list[bool]]:
+    """Share (nu,) of the variance of inputs (N, nu) that no other input explains.
+
+    Then, for each input, the others that explain it, and whether what is its own lies within the
+    steps of its converter.
+    """
+    spread = u.std(axis=0)
+    spread[spread == 0] = 1.0
+    scaled = (u - u.mean(axis=0)) / spread
+    # The triangular factor keeps digits that squares of the inputs would lose.
+    triangle = np.asarray(np.linalg.qr(scaled / np.sqrt(len(u)), mode="r"))
+    nu = u.shape[1]
+    share, partners, coarse = np.ones(nu), [], []
+    for j in range(nu):
+        others = [k for k in range(nu) if k != j]
+        weight = np.linalg.lstsq(triangle[:, others], triangle[:, j], rcond=None)[0]
+        left = triangle[:, j] - triangle[:, others] @ weight
+        whole = float(triangle[:, j] @ triangle[:, j])
+        share[j] = float(left @ left) / whole if whole else 1.0
+        partners.append([k for k, w in zip(others, weight, strict=True) if abs(w) > WEIGHTY])
+        coarse.append(False)
+        if share[j] < TOGETHER:
+            own = np.abs(scaled[:, j] - scaled[:, others] @ weight)
+            steps = np.array([resolution(u[:, k]) for k in range(nu)]) / spread
+            allowed = steps[j] + np.abs(weight) @ steps[others]
+            coarse[j] = bool(steps[j] > 0 and own.max() <= allowed)
+    return share, partners, coarse

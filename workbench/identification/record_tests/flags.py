@@ -1,0 +1,176 @@
+"""Flags: one value far outside of all others that stands for "no value".
+
+Loggers write -9999, 32767 or 0 where they have nothing to write. A value that a signal really took
+comes with values between, or with the same move of the other channel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import BoolArray, IntegerArray, RealArray
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.levels import runs, thinned, told_samples
+from workbench.identification.record_tests.record import Record, once
+
+CUSTOMARY = (
+    0.0, 99.0, -99.0, 999.0, -999.0, 999.9, -999.9, 9999.0, -9999.0, 9999.9, -9999.9, 99999.0,
+    -99999.0, 32767.0, -32768.0, 65535.0, 2147483647.0, -2147483648.0, 1e20, 1e30, -1e30, 1e35,
+)  # fmt: skip
+"""Values that loggers write for "no value"."""
+FAR = 3.0
+"""Distance of a flag from the nearest other value, over the range of all others."""
+FEWEST_VALUES = 5
+"""Different values that all others must have: a signal of few levels tells nothing of its range."""
+CHANCE = 1e-3
+"""Probability that measured values repeat exactly by chance, below which they are a flag."""
+EVENTS = 50
+"""Occurrences, far from each other, at which the other channel is looked at."""
+LAGS = 400
+"""Samples around an occurrence in which another channel is expected to show the same move."""
+ANSWERED = 6.0
+"""Mean of another channel around the occurrences, in standard errors, that is no chance."""
+SHARED = 0.8
+"""Share of occurrences in the same rows of two channels from which on the row has no values."""
+
+
+@once
+def flagged(record: Record) -> tuple[BoolArray, BoolArray]:
+    """Masks of u (N, nu) and of y (N, ny) that are True at flags."""
+    suspected = [
+        np.column_stack([_far_outside(column, record) for column in table.T])
+        for table in (record.u, record.y)
+    ]
+    u_mask, y_mask = (np.zeros_like(mask) for mask in suspected)
+    for i in np.flatnonzero(suspected[1].any(axis=0)):
+        mask, column = suspected[1][:, i], record.y[:, i]
+        others = record.u.T, suspected[0].T
+        y_mask[:, i] = mask & _is_flag(mask, column, *others, after=False)
+    for j in np.flatnonzero(suspected[0].any(axis=0)):
+        mask, column = suspected[0][:, j], record.u[:, j]
+        others = record.y.T, suspected[1].T
+        u_mask[:, j] = mask & _is_flag(mask, column, *others, after=True)
+    return u_mask, y_mask
+
+
+@once
+def unflagged(record: Record) -> Record:
+    """The record without flags: of y they are missing, of u the value before them holds."""
+    u_mask, y_mask = flagged(record)
+    if not (u_mask.any() or y_mask.any()):
+        return record
+    u = record.u.copy()
+    for j in np.flatnonzero(u_mask.any(axis=0)):
+        kept = np.flatnonzero(~u_mask[:, j])
+        before = np.maximum(np.searchsorted(kept, np.arange(len(u)), side="right") - 1, 0)
+        u[:, j] = record.u[kept[before], j]
+    y = np.where(y_mask | u_mask.any(axis=1)[:, None], np.nan, record.y)
+    return record.replaced(u, y)
+
+
+def flags(record: Record) -> Tested:
+    """Whether values stand for "no value"."""
+    found = []
+    for kind, table, names, masks in (
+        ("input", record.u, record.inputs, flagged(record)[0]),
+        ("output", record.y, record.outputs, flagged(record)[1]),
+    ):
+        for j in np.flatnonzero(masks.any(axis=0)):
+            samples = np.flatnonzero(masks[:, j])
+            values = ", ".join(f"{value:g}" for value in np.unique(table[samples, j]))
+            remedy = (
+                "give these samples of the output as NaN"
+                if kind == "output"
+                else "cut the record there, or give these samples as NaN"
+            )
+            found.append(
+                Finding(
+                    "flags",
+                    f"{names[j]!r} is {values} in {samples.size} of {len(table)} samples, far "
+                    "outside of all its other values: that stands for a missing value",
+                    f"{kind} {names[j]!r}, {told_samples(samples)}",
+                    samples.size / len(table),
+                    "share of the samples",
+                    f"{remedy} (`read_variables` reads a file as it is)",
+                    forbids=True,
+                )
+            )
+    result = "some values are flags" if found else "no value repeats far outside of the others"
+    return Tested("every value was measured", result, findings=tuple(found))
+
+
+def _far_outside(column: RealArray, record: Record) -> BoolArray:
+    """Where a channel (N,) takes one value, the least or the largest, far outside of the others."""
+    mask = np.zeros(len(column), dtype=bool)
+    ends = np.nanmin(column), np.nanmax(column)
+    at_end: list[BoolArray] = [np.asarray(column == end) for end in ends]
+    known: BoolArray = np.isfinite(column)
+    between = known & ~at_end[0] & ~at_end[1]
+    for k, end in enumerate(ends):
+        here = at_end[k]
+        # The other end may be a flag itself, so that the range is tried without it first.
+        for rest in (between, known & ~here):
+            if here.sum() < 2 or not rest.any():
+                continue
+            low, high = float(column[rest].min()), float(column[rest].max())
+            gap = low - end if k == 0 else end - high
+            if not (gap > FAR * (high - low) > 0):
+                continue
+            values, counts = np.unique(thinned(column[rest]), return_counts=True)
+            if values.size < FEWEST_VALUES:
+                continue
+            alike = (counts.max() / counts.sum()) ** (int(here.sum()) - 1)
+            if float(end) in CUSTOMARY or alike < CHANCE:
+                mask |= here if end != 0 else _between_values(here, record)
+                break
+    return mask
+
+
+def _between_values(here: BoolArray, record: Record) -> BoolArray:
+    """A mask without what reaches to an end of an experiment: 0 before something is switched on."""
+    kept = here.copy()
+    for piece in record.pieces():
+        first, length = runs(here[piece])
+        for a, n in zip(first, length, strict=True):
+            if a == 0 or a + n == piece.stop - piece.start:
+                kept[piece.start + a : piece.start + a + n] = False
+    return kept
+
+
+def _is_flag(
+    mask: BoolArray, column: RealArray, others: RealArray, suspected: BoolArray, after: bool
+) -> bool:
+    """Whether the other channels (channels, N) do not show what a channel does at a mask.
+
+    They are looked at ``after`` it, or before. Rows in which all channels have flags are no answer.
+    """
+    value = float(column[mask][0]) if mask.any() else 0.0
+    for other, theirs in zip(others, suspected, strict=True):
+        if theirs.any() and (mask & theirs).sum() >= SHARED * max(mask.sum(), theirs.sum()):
+            if value == 0 or value not in CUSTOMARY:
+                return False
+        elif _moves_with(runs(mask)[0], other, after):
+            return False
+    return True
+
+
+def _moves_with(events: IntegerArray, other: RealArray, after: bool) -> bool:
+    """Whether a channel (N,) moves at events, after them or before, by more than chance."""
+    apart = max(1, len(other) // EVENTS)
+    events = events[np.unique(events // apart, return_index=True)[1]]
+    lags = np.arange(min(LAGS, len(other) // 10))
+    everywhere = np.linspace(0, len(other) - 1, 20 * EVENTS).astype(int)
+
+    def moved(at: IntegerArray) -> RealArray:
+        if after:
+            places = np.clip(at[:, None] + lags, 0, len(other) - 1)
+            return other[places] - other[np.maximum(at - 1, 0)][:, None]
+        return other[np.clip(at[:, None] - lags, 0, len(other) - 1)]
+
+    usual, here = moved(everywhere), moved(events)
+    known = np.isfinite(here).sum(axis=0)
+    count = np.maximum(np.isfinite(usual).sum(axis=0), 1)
+    middle = np.nansum(usual, axis=0) / count
+    size = np.sqrt(np.nansum((usual - middle) ** 2, axis=0) / count)
+    away = np.abs(np.nansum(here - middle, axis=0))
+    return bool((away > ANSWERED * size * np.sqrt(np.maximum(known, 1))).any())

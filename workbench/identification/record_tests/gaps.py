@@ -1,0 +1,109 @@
+"""Gaps and instants: samples that are missing, and stamps that are not even."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.levels import runs, told_samples
+from workbench.identification.record_tests.record import Record
+
+MANY = 0.02
+"""Share of missing samples that is worth a word."""
+UNEVEN = 0.1
+"""Largest distance of an instant from an even one, in steps, that does no harm."""
+ROUNDED = 0.51
+"""The same in units of the last digit of the stamps: rounding to it."""
+WHOLE = 0.02
+"""Distance of a step from a multiple of the usual one, in usual ones, that is rounding."""
+
+
+def gaps(record: Record) -> Tested:
+    """Whether outputs were measured at all samples."""
+    found, told = [], []
+    for name, y in zip(record.outputs, record.y.T, strict=True):
+        first, length = runs(np.isnan(y))
+        count = int(length.sum())
+        if not count:
+            continue
+        longest = int(length.max())
+        told.append(f"{count} samples of {name!r} are missing")
+        if count > MANY * len(y):
+            at = int(first[np.argmax(length)])
+            found.append(
+                Finding(
+                    "gaps",
+                    f"{count} of {len(y)} samples of {name!r} are missing, up to {longest} in a "
+                    "row",
+                    f"output {name!r}, the longest gap from sample {at} on",
+                    count / len(y),
+                    "share of the samples that are missing",
+                    "take a fit that bridges gaps, such as `StateSpaceFit`, or cut the record",
+                )
+            )
+    return Tested(
+        "outputs are complete", "; ".join(told) or "none is missing", findings=tuple(found)
+    )
+
+
+def instants(record: Record) -> Tested:
+    """Whether samples were taken at even instants."""
+    assumption = "samples are even"
+    if record.times is None:
+        return Tested(assumption, "no instants were given", testable=False)
+    found = []
+    worst, digit, missing = 0.0, 0.0, 0
+    places: list[int] = []
+    for piece in record.pieces():
+        times = record.times[piece] - record.times[piece.start]
+        steps = np.diff(times)
+        if not steps.size:
+            continue
+        usual = float(np.median(steps))
+        turns = np.round(steps / usual)
+        lost = (turns > 1) & (np.abs(steps - turns * usual) < max(WHOLE, UNEVEN) * usual)
+        missing += int((turns[lost] - 1).sum())
+        number = np.concatenate([[0.0], np.cumsum(np.where(lost, turns, 1.0))])
+        away = times - np.polynomial.polynomial.polyval(
+            number, np.polynomial.polynomial.polyfit(number, times, 1)
+        )
+        digit = max(digit, _last_digit(steps))
+        worst = max(worst, float(np.abs(away).max()) / usual)
+        places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]
+        if not lost.any() and np.abs(away).max() > UNEVEN * usual:
+            places.append(piece.start + int(np.argmax(np.abs(away))))
+    dt = record.sample_time
+    if missing:
+        found.append(
+            Finding(
+                "missing rows",
+                f"{missing} rows are missing between the stamps, which the samples then deny",
+                f"all channels, {told_samples(places)}",
+                missing / len(record.times),
+                "missing rows over those that are there",
+                "cut the record there into experiments, or put rows of NaN where they are missing",
+                forbids=True,
+            )
+        )
+    elif worst > UNEVEN and worst * dt > ROUNDED * digit:
+        found.append(
+            Finding(
+                "uneven samples",
+                f"samples lie up to {worst:.2g} steps from even instants",
+                f"all channels, {told_samples(places)}",
+                worst,
+                "largest distance from an even instant, in steps",
+                "resample the record to even instants, or cut it where the step changes",
+                forbids=True,
+            )
+        )
+    told = f"instants lie up to {worst:.2g} steps from even ones"
+    if worst > UNEVEN and not found:
+        told += f", by rounding to {digit:.3g} s: give the sample rate"
+    return Tested(assumption, told, findings=tuple(found))
+
+
+def _last_digit(steps: np.ndarray) -> float:
+    """The unit to which stamps were rounded, where a few different steps show it; else 0."""
+    different = np.unique(np.round(steps / np.median(steps), 6)) * np.median(steps)
+    return float(np.diff(different).min()) if 1 < different.size <= 4 else 0.0

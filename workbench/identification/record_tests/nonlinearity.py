@@ -1,0 +1,119 @@
+"""Nonlinear distortion: an output that answers a periodic input at lines which the input lacks.
+
+Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+2012, section 4.3.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import f
+
+from workbench.arrays import Array, ComplexArray, IntegerArray, RealArray
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import unflagged
+from workbench.identification.record_tests.impulse import filled
+from workbench.identification.record_tests.levels import resolution
+from workbench.identification.record_tests.periods import period
+from workbench.identification.record_tests.record import Record
+
+FEWEST_PERIODS = 3
+"""Periods that are needed: one to settle, and two to tell noise."""
+EXCITED = 1e-3
+"""Amplitude of an excited line, relative to the largest."""
+HARMONICS = 3
+"""Multiple of the highest excited line up to which distortion is looked for."""
+LEAST = 0.01
+"""Size of distortion relative to what is excited, from which on it does harm."""
+OVER_CHANGES = 3.0
+"""Size of distortion over the change between the periods, which noise and settling make."""
+OVER_STEPS = 2.0
+"""Size of distortion over the rounding errors of a converter."""
+OVER_INPUT = 10.0
+"""Size of distortion over what the largest gain makes of the input at the same lines."""
+HELD = 0.3
+"""Share of samples like the one before, from which on a sensor that holds them is no linear one."""
+CHANCE = 1e-6
+"""Probability of so much at lines where there is noise alone."""
+
+
+def nonlinearity(record: Record) -> Tested:
+    """Whether the plant is linear, as far as a periodic input tells."""
+    assumption = "the plant is linear"
+    clean = unflagged(record)
+    if len(record.starts) > 1:
+        return Tested(assumption, "several experiments", testable=False)
+    lengths = {period(u) for u in clean.u.T}
+    samples = lengths.pop() if len(lengths) == 1 else None
+    if samples is None or len(clean.u) < FEWEST_PERIODS * samples:
+        return Tested(assumption, "the inputs do not repeat three times", testable=False)
+    inputs = [_lines(u, samples) for u in clean.u.T]
+    sizes = np.sqrt(sum(np.mean(np.abs(U), axis=0) ** 2 for U in inputs))
+    excited = np.flatnonzero(sizes > EXCITED * sizes[1:].max())
+    excited = excited[excited > 0]
+    silent = np.setdiff1d(
+        np.arange(1, min(HARMONICS * int(excited.max()), samples // 2 - 1) + 1), excited
+    )
+    if not silent.size:
+        return Tested(assumption, "the inputs excite every line", testable=False)
+    found, told = [], []
+    for name, y in zip(record.outputs, clean.y.T, strict=True):
+        if np.mean(y[1:] == y[:-1]) > HELD:
+            told.append(f"{name!r} holds its values for several samples, which looks the same")
+            continue
+        share, certain = _distortion(
+            _lines(filled(y), samples), sizes, excited, silent, resolution(y)
+        )
+        told.append(f"distortion of {name!r} is {share:.2g} of its answer")
+        if certain:
+            found.append(
+                Finding(
+                    "distortion",
+                    f"{name!r} holds {share:.2g} of its answer at lines that the input does not "
+                    "excite, in every period alike: the plant is not linear, or a disturbance "
+                    "keeps the input's period",
+                    f"output {name!r}, {silent.size} silent lines",
+                    share,
+                    "size at silent lines over that at excited ones",
+                    "excite less, or count the distortion as uncertainty "
+                    "(`best_linear_approximation`)",
+                )
+            )
+    testable = not all(np.mean(y[1:] == y[:-1]) > HELD for y in clean.y.T)
+    return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
+
+
+def _lines(signal: RealArray, samples: int) -> ComplexArray:
+    """Amplitudes (periods, lines) of a signal (N,), without the first period and a slope."""
+    count = len(signal) // samples
+    periods = signal[len(signal) - count * samples :].reshape(count, samples)[1:]
+    levels = periods.mean(axis=1)
+    slope = float(np.polyfit(np.arange(count - 1), levels, 1)[0]) / samples
+    ramp = slope * (np.arange(samples) - samples / 2)
+    return np.fft.rfft(periods - levels[:, None] - ramp, axis=1)
+
+
+def _distortion(
+    Y: ComplexArray, sizes: RealArray, excited: IntegerArray, silent: IntegerArray, step: float
+) -> tuple[float, bool]:
+    """Size at silent lines over that at excited ones, and whether only distortion can make it."""
+    mean = Y.mean(axis=0)
+
+    def size(values: Array) -> float:
+        return float(np.sqrt(np.sum(np.abs(values) ** 2)))
+
+    there, answer = size(mean[silent]), size(mean[excited])
+    change = size(Y[-1, silent] - Y[0, silent])
+    gain = float(np.max(np.abs(mean[excited]) / sizes[excited]))
+    count = len(Y)
+    noise = float(np.sum(np.var(Y[:, silent], axis=0, ddof=1))) / count
+    ratio = there**2 / (noise + np.finfo(float).eps ** 2 * answer**2)
+    chance = float(f.sf(ratio, 2 * silent.size, 2 * silent.size * (count - 1)))
+    rounding = step / np.sqrt(12) * Y.shape[1] * np.sqrt(0.5)
+    limit = max(
+        LEAST * answer,
+        OVER_CHANGES * change,
+        OVER_STEPS * rounding,
+        OVER_INPUT * gain * size(sizes[silent]),
+    )
+    return there / max(answer, np.finfo(float).tiny), there > limit and chance < CHANCE

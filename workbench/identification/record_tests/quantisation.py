@@ -1,0 +1,45 @@
+"""Quantisation: outputs whose converter has so coarse steps that they are no noise any more.
+
+Source: B. Widrow, I. Kollar, Quantization Noise, 2008, chapter 4: rounding to steps q is like white
+noise of variance q^2/12 where the signal moves over many steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import unflagged
+from workbench.identification.record_tests.levels import resolution, thinned
+from workbench.identification.record_tests.record import Record
+
+COARSE = 0.1
+"""Rounding error of a converter, over the standard deviation of the output, that is too large."""
+FEWEST_CHANGES = 20
+"""Changes of the output from which on its values are known to be those of a converter."""
+
+
+def quantisation(record: Record) -> Tested:
+    """Whether converters resolve the outputs."""
+    clean = unflagged(record)
+    found, told = [], []
+    for name, y in zip(record.outputs, clean.y.T, strict=True):
+        step, size = resolution(y), float(np.std(thinned(y)))
+        if not step > 0:
+            told.append(f"{name!r} shows no steps")
+            continue
+        share = step / np.sqrt(12) / size
+        told.append(f"{name!r} has steps of {step:.4g}, {size / step:.3g} in its deviation")
+        if share > COARSE and np.count_nonzero(np.diff(y)) >= FEWEST_CHANGES:
+            found.append(
+                Finding(
+                    "coarse steps",
+                    f"{name!r} moves by {size / step:.2g} steps of its converter only; rounding to "
+                    f"them is {share:.0%} of its standard deviation, and is no noise",
+                    f"output {name!r}, whole record",
+                    float(share),
+                    "rounding error over the standard deviation of the output",
+                    "excite more, take a finer range, or average faster samples",
+                )
+            )
+    return Tested("converters resolve the outputs", "; ".join(told), findings=tuple(found))

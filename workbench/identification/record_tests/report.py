@@ -1,0 +1,156 @@
+"""The report of a record: every test, every finding, and what the user vouches for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.identification.record_tests.clipping import clipping
+from workbench.identification.record_tests.collinear import apart
+from workbench.identification.record_tests.delay import delay
+from workbench.identification.record_tests.excitation import excitation
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import flags
+from workbench.identification.record_tests.gaps import gaps, instants
+from workbench.identification.record_tests.nonlinearity import nonlinearity
+from workbench.identification.record_tests.quantisation import quantisation
+from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.slow import drift, duration
+from workbench.identification.record_tests.spikes import spikes
+from workbench.identification.record_tests.stuck import stuck
+from workbench.input_checks import as_list
+
+TESTS: tuple[Callable[[Record], Tested], ...] = (
+    flags,
+    excitation,
+    apart,
+    spikes,
+    clipping,
+    stuck,
+    quantisation,
+    gaps,
+    instants,
+    drift,
+    duration,
+    delay,
+    nonlinearity,
+)
+"""Each test takes a record and says what became of one assumption."""
+
+
+@dataclass(frozen=True, repr=False)
+class RecordReport:
+    """What was tested of a record, and what was found.
+
+    Parameters
+    ----------
+    tested
+        Each assumption and what its test gave.
+    settled
+        Assumptions that need no test, by name, and why: the user vouches for them, or what is
+        estimated does not rest on them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import record_report
+    >>> u = np.random.default_rng(0).standard_normal(500)
+    >>> report = record_report(u, np.convolve(u, [0.5, 0.3])[:500])
+    >>> report.usable
+    True
+    """
+
+    tested: tuple[Tested, ...]
+    settled: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, what forbids the use of the record first."""
+        found = [finding for one in self.tested for finding in one.findings]
+        return tuple(sorted(found, key=lambda finding: not finding.forbids))
+
+    @property
+    def usable(self) -> bool:
+        """Whether no finding forbids to estimate from the record; those against settled do not."""
+        return not self._forbidding
+
+    @property
+    def _forbidding(self) -> list[tuple[Tested, Finding]]:
+        """What forbids the use of the record, each with the assumption that it is against."""
+        return [
+            (one, finding)
+            for one in self.tested
+            if one.assumption not in self.settled
+            for finding in one.findings
+            if finding.forbids
+        ]
+
+    def assuming(self, assumptions: str | Sequence[str]) -> RecordReport:
+        """The report where the user vouches for these assumptions too.
+
+        Raises `UnknownNameError` for one that no test is of.
+        """
+        return self.settling(dict.fromkeys(as_names(assumptions), "assumed by the user"))
+
+    def settling(self, reasons: Mapping[str, str]) -> RecordReport:
+        """The report where these assumptions, by name, need no test for these reasons."""
+        known = [one.assumption for one in self.tested]
+        for name in reasons:
+            if name not in known:
+                raise UnknownNameError("assumption", name, known)
+        return replace(self, settled={**self.settled, **reasons})
+
+    def need_usable(self, *, name: str = "the record") -> None:
+        """Raise `InputError` with what forbids the use of the record, if anything does."""
+        if not self.usable:
+            against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))
+            told = "; ".join(str(finding) for _, finding in self._forbidding)
+            raise InputError(f"{name}: {told}. Who knows better says assume=[{against}]")
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Each assumption with what its test gave, for certificates."""
+        return tuple(self._sentence(one) for one in self.tested)
+
+    def _sentence(self, one: Tested) -> str:
+        why = self.settled.get(one.assumption)
+        if why is None:
+            return str(one)
+        against = "; ".join(finding.message for finding in one.findings if finding.forbids)
+        if against:
+            return f"{one.assumption}: {why}, against the finding: {against}"
+        how = "tested" if one.testable else "not testable"
+        return f"{one.assumption}: {why}; {how}; {one.result}"
+
+    def __repr__(self) -> str:
+        untested = [one.assumption for one in self.tested if not one.testable]
+        head = f"RecordReport: {len(self.tested) - len(untested)} assumptions tested"
+        lines = [head if self.findings else f"{head}, nothing found"]
+        lines += [f"  {'forbids  ' if one.forbids else ''}{one}" for one in self.findings]
+        return "\n".join([*lines, *(f"  not testable: {name}" for name in untested)])
+
+
+def together(reports: Mapping[str, RecordReport]) -> tuple[str, ...]:
+    """Each assumption with what its tests gave for several records; like results told once."""
+    names: dict[str, list[str]] = {}
+    for name, report in reports.items():
+        for sentence in report.sentences:
+            names.setdefault(sentence, []).append(name)
+    return tuple(
+        sentence if len(of) == len(reports) else f"{', '.join(of)}: {sentence}"
+        for sentence, of in sorted(names.items(), key=lambda pair: pair[0].partition(":")[0])
+    )
+
+
+def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of assumptions, given as one or several; raises `InputError` for what are none."""
+    given = [assumptions] if isinstance(assumptions, str) else as_list(assumptions, "assume")
+    if not all(isinstance(name, str) for name in given):
+        raise InputError(f"assume is {assumptions!r}; names of assumptions are needed")
+    return tuple(given)
+
+
+def reported(record: Record) -> RecordReport:
+    """The report of a record."""
+    return RecordReport(tuple(test(record) for test in TESTS))

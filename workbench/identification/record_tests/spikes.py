@@ -1,0 +1,109 @@
+"""Spikes: outputs that leave for a sample or two, without a cause in the inputs, and come back.
+
+What the inputs explain by an impulse response is taken off first, and then the median of five
+samples. Heavy tails are no spikes: the bulk of what is left tells its own tail.
+
+Source: R. Pearson, "Outliers in process modeling and identification", IEEE Transactions on Control
+Systems Technology 10(1), 2002 (the median filter).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import BoolArray, RealArray
+from workbench.identification.record_tests.delay import explained, first_impulses, known_past
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import unflagged
+from workbench.identification.record_tests.impulse import Impulse, filled
+from workbench.identification.record_tests.levels import (
+    resolution,
+    thinned,
+    told_samples,
+)
+from workbench.identification.record_tests.record import Record
+
+BULK = (0.1, 0.03)
+"""Shares of samples from whose sizes the tail is told."""
+EXPECTED = 0.05
+"""Samples that the tail lets beyond the limit, in the whole record."""
+LEAST = 1.0
+"""Size of a spike at least, in standard deviations of the output: smaller ones do no harm."""
+STEPS = 4.0
+"""Size of a spike at least, in steps of the converter."""
+RARE = 0.01
+"""Largest share of samples that can be spikes; what is more frequent belongs to the signal."""
+FEWEST = 100
+"""Samples of a record in which spikes are looked for."""
+
+
+def spikes(record: Record) -> Tested:
+    """Whether outputs hold single samples that no input and no noise explains."""
+    assumption = "outputs hold no spikes"
+    clean = unflagged(record)
+    if len(clean.y) < FEWEST:
+        return Tested(assumption, f"{len(clean.y)} samples are too few", testable=False)
+    found = []
+    for i, response in enumerate(first_impulses(record)[0]):
+        y, name = clean.y[:, i], record.outputs[i]
+        signals = filled(y), filled(y) - explained(record)[:, i]
+        own, left = (signal - median_of_five(signal) for signal in signals)
+        # A spike is one in the output itself and in what no input explains.
+        away = np.where(own * left > 0, np.minimum(np.abs(own), np.abs(left)), 0.0)
+        away[~np.isfinite(y) | ~known_past(clean, response)] = 0.0
+        away[_after_pulses(clean.u, response)] = 0.0
+        size = float(np.std(thinned(y)))
+        tail = min(tail_limit(np.abs(own)), tail_limit(np.abs(left)))
+        limit = max(tail, LEAST * size, STEPS * resolution(y))
+        samples = np.flatnonzero(away > limit)
+        if not 0 < samples.size <= RARE * len(y):
+            continue
+        largest = samples[np.argsort(-away[samples])]
+        found.append(
+            Finding(
+                "spikes",
+                f"{samples.size} samples of {name!r} leave it for an instant, by up to "
+                f"{away.max():.3g} where its standard deviation is {size:.3g}, and no "
+                "input moved so",
+                f"output {name!r}, {told_samples(np.sort(largest))}",
+                float(away.max() / size),
+                "size of the largest spike, in standard deviations of the output",
+                "look at these samples, and give those that were not measured right as NaN",
+            )
+        )
+    told = "some hold spikes" if found else "no sample stands out of its neighbours"
+    return Tested(assumption, told, findings=tuple(found))
+
+
+def _after_pulses(u: RealArray, response: Impulse | None) -> BoolArray:
+    """Where (N,) an output may answer to single pulses of the inputs, which hardly repeat."""
+    reach = 1 if response is None else response.response.shape[1]
+    answering = np.zeros(len(u), dtype=bool)
+    for column in u.T:
+        away = np.abs(column - median_of_five(column))
+        pulses = np.flatnonzero(away > tail_limit(away))
+        if pulses.size <= RARE * len(u):
+            answering[np.unique(np.minimum(pulses[:, None] + np.arange(reach), len(u) - 1))] = True
+    return answering
+
+
+def median_of_five(signal: RealArray) -> RealArray:
+    """The median of each sample (N,) and its two neighbours on both sides."""
+    a, b, c, d, e = (np.pad(signal, 2, "edge")[k : k + len(signal)] for k in range(5))
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    other_low, other_high = np.minimum(d, e), np.maximum(d, e)
+    # Neither the least nor the largest of four is their median, whatever the fifth is.
+    inner, outer = np.maximum(low, other_low), np.minimum(high, other_high)
+    return np.asarray(np.maximum(np.minimum(inner, outer), np.minimum(np.maximum(inner, outer), c)))
+
+
+def tail_limit(sizes: RealArray) -> float:
+    """Size beyond which a tail, as the bulk of sizes (N,) tells it, lets hardly any sample.
+
+    It is infinite where the bulk is 0 and tells nothing.
+    """
+    near, far = np.quantile(thinned(sizes), [1 - share for share in BULK])
+    if not near > 0:
+        return np.inf
+    heavy = np.log(far / near) / np.log(BULK[0] / BULK[1])
+    return float(far * (BULK[1] * len(sizes) / EXPECTED) ** heavy)

@@ -1,0 +1,87 @@
+"""Stuck samples: an output that holds one value while its input moves, and then jumps.
+
+A converter with coarse steps holds values too, but leaves them by a step or two; a slow sensor
+holds every value equally long.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import BoolArray, RealArray
+from workbench.identification.record_tests.delay import explained, first_impulses, known_past
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.flags import unflagged
+from workbench.identification.record_tests.levels import resolution, spread
+from workbench.identification.record_tests.record import Record
+
+LONGER = 10
+"""Length of a stuck run at least, over that of nearly all others."""
+SHORTEST, SHORTEST_OF_STEPS = 5, 20
+"""Samples of a stuck run at least, where no converter makes values equal, and where one does."""
+FEWEST_RUNS = 20
+"""Runs of an experiment from which their usual length is known."""
+JUMP = 4.0
+"""Steps of the converter by which a stuck output jumps at its end at least."""
+EXPECTED = 0.5
+"""Movement that the inputs make meanwhile, in spreads of the output, at least."""
+
+
+def stuck(record: Record) -> Tested:
+    """Whether outputs move where inputs move."""
+    clean = unflagged(record)
+    found = []
+    for i, name in enumerate(record.outputs):
+        y, response = clean.y[:, i], first_impulses(record)[0][i]
+        known = known_past(clean, response)
+        held = _stuck_runs(clean, y, explained(record)[:, i], known)
+        if not held:
+            continue
+        count = sum(n for _, n in held)
+        places = ", ".join(f"{a} to {a + n - 1}" for a, n in held[:3])
+        found.append(
+            Finding(
+                "stuck",
+                f"{name!r} holds one value for up to {max(n for _, n in held)} samples while the "
+                "inputs move",
+                f"output {name!r}, samples {places}{', ...' if len(held) > 3 else ''}",
+                count / len(y),
+                "share of the samples that are stuck",
+                "look at the sensor there, and give these samples as NaN",
+            )
+        )
+    told = "some are stuck" if found else "no output holds a value while inputs move"
+    return Tested("sensors follow", told, findings=tuple(found))
+
+
+def _stuck_runs(
+    record: Record, y: RealArray, made: RealArray, known: BoolArray
+) -> list[tuple[int, int]]:
+    """First sample and length of each run in which an output (N,) is stuck.
+
+    ``made`` is what the inputs make of it, where they are ``known`` for long enough.
+    """
+    ends, size, step = (np.nanmin(y), np.nanmax(y)), spread(y), resolution(y)
+    found = []
+    for piece in record.pieces():
+        part = y[piece]
+        first, length = _runs_of_equals(part)
+        if length.size < FEWEST_RUNS:
+            continue
+        usual = float(np.quantile(length, 0.99))
+        least = max(SHORTEST_OF_STEPS if step else SHORTEST, LONGER * (usual - 1))
+        for a, n in zip(*(each[length >= least] for each in (first, length)), strict=True):
+            run = slice(piece.start + a, piece.start + a + n)
+            if not known[run.start] or not np.isfinite(part[a]) or part[a] in ends:
+                continue
+            jump = abs(part[a + n] - part[a]) if a + n < len(part) else np.inf
+            if jump >= JUMP * step and np.ptp(made[run]) >= max(EXPECTED * size, JUMP * step):
+                found.append((run.start, int(n)))
+    return found
+
+
+def _runs_of_equals(part: RealArray) -> tuple[RealArray, RealArray]:
+    """First sample and length of each run of equal values; a single sample is a run of one."""
+    changes: BoolArray = part[1:] != part[:-1]
+    first = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    return first, np.diff(np.append(first, len(part)))

@@ -1,0 +1,246 @@
+"""Rational functions of the output error in narrow bands of lines, polynomials among them.
+
+About each line the response of each input and the transient are rational functions with one
+denominator, which both have in a linear plant; without poles they are polynomials. The denominator
+is sought by linear fits that the last one weights, then by Gauss-Newton steps of the output error,
+so that noise of the output does not pull it off.
+
+Sources: T. McKelvey and G. Guérin, Non-parametric frequency response estimation using a local
+rational model, 16th IFAC Symposium on System Identification, 2012; C. K. Sanathanan and J. Koerner,
+IEEE Trans. Automatic Control 8(1), 1963; the covariance that holds for noise of unequal size:
+J. G. MacKinnon and H. White, Journal of Econometrics 29(3), 1985.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench.identification.responses.local_polynomial import SILENT, UNEXCITED
+
+REWEIGHTED, STEPS = 3, 8
+"""Linear fits that are weighted by the last denominator, and Gauss-Newton steps after them."""
+SETTLED = 1e-4
+"""Share of the squared residuals below which a step changes nothing."""
+FIRST_DAMPING, DAMPING_FACTOR = 1e-3, 10.0
+"""Damping of the first step, of slopes of length 1, and what it changes by after each."""
+SINGULAR = 1e-13
+"""Damping at which equations of slopes of length 1 can be solved whatever they are."""
+LARGEST_LEVERAGE = 0.98
+"""Share of a line in its own fit from which its residual tells nothing of its noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class BandFits:
+    """What bands about F lines tell of one output.
+
+    ``response`` (F, nu), ``variance`` (F, nu) of its error by noise, ``free`` (F,), the lines of
+    each band beyond its unknowns, of which mirrored ones count once, ``left`` (F,), the sum of
+    squared residuals, and ``mirrored`` (F,), the share of lines that a band has twice.
+    """
+
+    response: ComplexArray
+    variance: RealArray
+    free: RealArray
+    left: RealArray
+    mirrored: RealArray
+
+
+def unknowns(inputs: int, degree: int, poles: int) -> int:
+    """Number of coefficients of a band."""
+    return (degree + 1) * (inputs + 1) + poles
+
+
+def fitted_bands(
+    U: ComplexArray,
+    y: ComplexArray,
+    samples: int,
+    chosen: RealArray,
+    width: int,
+    models: Sequence[tuple[int, int]],
+) -> list[BandFits]:
+    """Fits of nested models about places (F,) in the spectra of a record of so many samples.
+
+    Parameters
+    ----------
+    U, y
+        Spectra (L, nu) and (L,), from line 0 on. That line is not used: it is the mean.
+    chosen
+        Numbers of lines, or places between them.
+    width
+        Lines of a band. BandFits go on beyond both ends of the spectrum, where the lines are the
+        mirrored ones' conjugates, so that no line stands at the edge of its band.
+    models
+        Degrees of the numerators and of the denominator; each contains the one before, from whose
+        coefficients it begins where a linear fit is worse.
+    """
+    nu = U.shape[1]
+    lines = np.round(chosen[:, None]).astype(int) - width // 2 + np.arange(width)
+    lines += (lines >= 0) & (lines[:, :1] < 0)  # without line 0
+    around = lines % samples
+    place = np.minimum(around, samples - around)
+    mirrored = around > place
+    inputs = np.where(mirrored[..., None], U[place].conj(), U[place])
+    values = np.where(mirrored, y[place].conj(), y[place])
+    columns = np.concatenate([inputs, np.ones((*lines.shape, 1))], axis=2)
+    offset = 2.0 * (lines - chosen[:, None]) / width
+    powers = offset[..., None] ** np.arange(max(max(model) for model in models) + 1)
+    once = 1.0 + (np.diff(np.sort(place, axis=1), axis=1) > 0).sum(axis=1)
+    found: list[BandFits] = []
+    last: tuple[ComplexArray, ComplexArray] | None = None
+    for degree, poles in models:
+        above = (powers[..., : degree + 1, None] * columns[:, :, None]).reshape(*lines.shape, -1)
+        fit = _Fit(above, powers[..., 1 : poles + 1], values)
+        last, slopes, left = fit.solved(last)
+        free = width - unknowns(nu, degree, poles)
+        variance = _variance(slopes, left, nu, free)
+        variance[_dark(above, degree, U)] = np.inf
+        share = once / width
+        found.append(
+            BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
+        )
+    return found
+
+
+def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
+    """BandFits (F,) that an input excites at too few lines to tell numerators of this degree."""
+    size = np.linalg.norm(above, axis=1).reshape(len(above), degree + 1, -1)
+    few = (size <= UNEXCITED * size[:, :1]).any(axis=(1, 2))
+    silent = size[:, 0, :-1] <= SILENT * np.linalg.norm(U[1:], axis=0)
+    dark: BoolArray = few | silent.any(axis=1)
+    return dark
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Rational functions of bands: numerators' regressors (F, width, n), powers (F, width, poles)
+    of the denominator, and values (F, width)."""
+
+    above: ComplexArray
+    below: RealArray
+    values: ComplexArray
+
+    def solved(
+        self, smaller: tuple[ComplexArray, ComplexArray] | None
+    ) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray, ComplexArray]:
+        """Coefficients above (F, n) and below (F, poles), the model's slopes by both, residuals.
+
+        ``smaller`` are coefficients of a model that this one contains.
+        """
+        count = self.above.shape[2]
+        theta = np.zeros((len(self.values), count + self.below.shape[2]), complex)
+        for _ in range(REWEIGHTED if self.below.shape[2] else 1):
+            denominator = self._denominator(theta)
+            values = self.values / denominator
+            theta = _least_squares(self._slopes(denominator, values), values, SINGULAR)
+        if self.below.shape[2]:
+            theta = self._descended(theta if smaller is None else self._better(theta, smaller))
+        denominator, model = self._model(theta)
+        slopes = self._slopes(denominator, model / denominator)
+        return (theta[:, :count], theta[:, count:]), slopes, self.values - model
+
+    def _better(
+        self, theta: ComplexArray, smaller: tuple[ComplexArray, ComplexArray]
+    ) -> ComplexArray:
+        """Of each band the coefficients that leave less.
+
+        Poles beside lines, which follow the noise of one, trap the linear fits of large models.
+        """
+        sizes = self.above.shape[2], self.below.shape[2]
+        parts = [
+            np.pad(part, ((0, 0), (0, size - part.shape[1])))
+            for part, size in zip(smaller, sizes, strict=True)
+        ]
+        other = np.concatenate(parts, axis=1)
+        less = [_square(self.values - self._model(one)[1]) for one in (other, theta)]
+        found: ComplexArray = np.where((less[0] < less[1])[:, None], other, theta)
+        return found
+
+    def _descended(self, theta: ComplexArray) -> ComplexArray:
+        """Coefficients after damped Gauss-Newton steps."""
+        denominator, model = self._model(theta)
+        left = self.values - model
+        square = _square(left)
+        damping = np.full(len(theta), FIRST_DAMPING)
+        for _ in range(STEPS):
+            step = _least_squares(self._slopes(denominator, model / denominator), left, damping)
+            tried, at = self._model(theta + step)
+            after = _square(self.values - at)
+            lower = after < square
+            if not (after < (1.0 - SETTLED) * square).any():
+                break
+            theta = np.where(lower[:, None], theta + step, theta)
+            denominator = np.where(lower[:, None], tried, denominator)
+            model = np.where(lower[:, None], at, model)
+            left, square = self.values - model, np.where(lower, after, square)
+            damping *= np.where(lower, 1 / DAMPING_FACTOR, DAMPING_FACTOR)
+        return theta
+
+    def _denominator(self, theta: ComplexArray) -> ComplexArray:
+        """Denominators (F, width), kept off zero at the lines."""
+        found = 1.0 + (self.below @ theta[:, self.above.shape[2] :, None])[..., 0]
+        tiny = np.sqrt(np.finfo(float).eps)
+        result: ComplexArray = np.where(np.abs(found) < tiny, tiny, found)
+        return result
+
+    def _model(self, theta: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Denominators and models (F, width)."""
+        denominator = self._denominator(theta)
+        above = (self.above @ theta[:, : self.above.shape[2], None])[..., 0]
+        return denominator, above / denominator
+
+    def _slopes(self, denominator: ComplexArray, over: ComplexArray) -> ComplexArray:
+        """Slopes by the coefficients, of a model whose share with the denominator is ``over``."""
+        return np.concatenate(
+            [self.above / denominator[..., None], -self.below * over[..., None]], axis=2
+        )
+
+
+def _square(x: ComplexArray) -> RealArray:
+    found: RealArray = np.einsum("fw,fw->f", x, x.conj()).real
+    return found
+
+
+def _unit(slopes: ComplexArray) -> tuple[ComplexArray, RealArray]:
+    """Columns of length 1, and their lengths: inputs may differ by orders of magnitude."""
+    scale = np.linalg.norm(slopes, axis=1)
+    scale[scale == 0] = 1.0
+    return slopes / scale[:, None], scale
+
+
+def _least_squares(
+    slopes: ComplexArray, values: ComplexArray, damping: RealArray | float
+) -> ComplexArray:
+    """Coefficients (F, n) of damped least squares."""
+    unit, scale = _unit(slopes)
+    adjoint = unit.conj().swapaxes(1, 2)
+    normal = adjoint @ unit
+    diagonal = np.arange(normal.shape[1])
+    normal[:, diagonal, diagonal] += np.broadcast_to(damping, len(normal))[:, None] + SINGULAR
+    solved = np.linalg.solve(normal, adjoint @ values[..., None])[..., 0]
+    found: ComplexArray = np.asarray(solved / scale, dtype=complex)
+    return found
+
+
+def _variance(slopes: ComplexArray, left: ComplexArray, nu: int, free: int) -> RealArray:
+    """E|error|^2 (F, nu) of the first coefficients: the larger one of two estimates.
+
+    One takes the noise as of one size over the band, one as of its own at each line, so that it
+    counts slow noise, and distortions at excited lines alone.
+    """
+    unit, scale = _unit(slopes)
+    Q, R = np.linalg.qr(unit)
+    pivots = np.arange(R.shape[1])
+    weak = np.abs(R[:, pivots, pivots]).min(axis=1) < np.sqrt(SINGULAR)
+    R[weak] = np.eye(R.shape[1])
+    ahead = np.linalg.solve(R.conj().swapaxes(1, 2), np.eye(R.shape[1])[:, :nu])
+    power = np.abs(left) ** 2
+    alike = power.sum(axis=1)[:, None] / free * np.sum(np.abs(ahead) ** 2, axis=1)
+    leverage = np.minimum(np.sum(np.abs(Q) ** 2, axis=2), LARGEST_LEVERAGE)
+    own = np.einsum("fwi,fw->fi", np.abs(Q @ ahead) ** 2, power / (1.0 - leverage))
+    variance: RealArray = np.maximum(alike, own) / scale[:, :nu] ** 2
+    variance[weak] = np.inf
+    return variance

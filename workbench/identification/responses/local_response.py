@@ -1,0 +1,243 @@
+"""Response from one arbitrary record: local models of several kinds and widths, averaged.
+
+About each frequency the record is fitted by polynomials and by rational functions, in bands from
+narrow to wide. A fit is left out whose residuals a larger one of the same band explains. The bias
+of the others is what separates each from those of larger variance, beyond what noise explains; the
+smaller a fit's expected error, the more it counts in the average. The variance counts how far the
+fits lie apart, so that a region is wide where they disagree.
+
+Sources: A. Goldenshluger, O. Lepski, "Bandwidth selection in kernel density estimation: oracle
+inequalities and adaptive minimax optimality", Annals of Statistics 39(3), 2011 (bias by
+comparison); S. T. Buckland, K. P. Burnham, N. H. Augustin, "Model selection: an integral part of
+inference", Biometrics 53(2), 1997 (variance of an average of models).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.reports import report_of_arrays
+from workbench.identification.responses.bands import BandFits, fitted_bands, unknowns
+from workbench.identification.responses.local_polynomial import spectrum
+from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import need_positive
+
+MODELS = ((2, 0), (2, 1), (2, 2), (4, 4))
+"""Degrees of numerators and of denominators, each kind containing the one before."""
+LINES_FOR_EACH, DOUBLINGS = 10, 4
+"""Lines of the narrowest band for each input and for the transient; widths, each twice the last."""
+SPARE_LINES = 6
+"""Fewest lines of a band beyond the unknowns."""
+DEGREES = 40.0
+"""Degrees of freedom that the variance of an average is given with."""
+CHANCE = 1e-4
+"""Chance at which residuals of noise alone let a larger fit of the same band replace a smaller."""
+BIAS_WEIGHT = 0.5
+"""Weight of the squared bias of a fit beside its variance: it is itself an uncertain number."""
+SHARPNESS = 1.5
+"""Power of the inverse of the expected squared error with which a fit counts in the average."""
+MIRRORED = float(stats.chi2.ppf(0.95, 1) / stats.chi2.ppf(0.95, 2) * 2.0)
+"""Factor of the variance where a band lies about frequency 0: errors are real there, and a real
+error leaves a disc more often than a complex one of the same variance."""
+ROUNDING = 1e-9
+"""Relative error of a response that rounding may leave."""
+MOST_LINES = 200
+"""Most frequencies, where none are given."""
+LINES_AT_ONCE = 256
+"""Frequencies whose bands are held at once."""
+
+
+Places = TypeVar("Places", RealArray, IntegerArray)
+
+
+def local_response(
+    u: ArrayLike,
+    y: ArrayLike,
+    dt: float,
+    *,
+    frequency_hz: ArrayLike | None = None,
+    assume: str | Sequence[str] = (),
+) -> ResponseEstimate:
+    """Response from inputs u (N, nu) to outputs y (N, ny), whose regions count bias and noise.
+
+    The loop must be open: of a plant in a closed loop take `driven_response`.
+
+    Parameters
+    ----------
+    dt
+        Sampling time [s].
+    frequency_hz
+        Frequencies (F,) [Hz], rising, between that of one period a record and half the sampling
+        frequency; they need not be lines of the record. None: at most 200 lines, at equal steps of
+        log frequency.
+    assume
+        Assumptions on the record that you vouch for against its `record_report`.
+
+    Returns
+    -------
+    ResponseEstimate
+        Its variance is infinite where the record tells nothing: an input excites too few lines.
+
+    Raises
+    ------
+    InputError
+        The same as for `checked_record`; a record that is too short, or that a finding forbids to
+        use; or other frequencies.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> from workbench.identification import local_response
+    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=[0.1, 0.2])
+    >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
+    >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(0.95)[:, 0, 0]).all())
+    True
+    """
+    need_positive(dt, "dt")
+    u, y = checked_record(u, y)
+    report = report_of_arrays(u, y, assume, dt)
+    return replace(averaged_models(u, y, dt, frequency_hz=frequency_hz), report=report)
+
+
+def averaged_models(
+    u: ArrayLike, y: ArrayLike, dt: float, *, frequency_hz: ArrayLike | None = None
+) -> ResponseEstimate:
+    """As `local_response`, of a record that may be used."""
+    u, y = checked_record(u, y)
+    samples, nu = u.shape
+    last = (samples - 1) // 2
+    needed = unknowns(nu, *MODELS[0]) + SPARE_LINES
+    if last < needed:
+        raise InputError(
+            f"{samples} samples have {last} lines beside their mean; {needed} are needed for {nu} "
+            f"inputs: take a record of {2 * needed + 1} samples or more"
+        )
+    if frequency_hz is None:
+        places = np.asarray(spaced_in_log(np.arange(1.0, last + 1), MOST_LINES))
+    else:
+        places = _places(frequency_hz, samples * dt, last)
+    U, Y = spectrum(u), spectrum(y)
+    response = np.empty((places.size, y.shape[1], nu), complex)
+    variance = np.empty(response.shape)
+    for start in range(0, places.size, LINES_AT_ONCE):
+        part = slice(start, start + LINES_AT_ONCE)
+        for output, values in enumerate(Y.T):
+            bands = _candidates(U, values, samples, places[part])
+            response[part, output], variance[part, output] = _average(bands)
+    return ResponseEstimate(places / (samples * dt), response, variance, DEGREES)
+
+
+def spaced_in_log(places: Places, most: int) -> Places:
+    """At most so many of the rising places, at equal steps of their logarithms where there are
+    enough."""
+    if places.size <= most:
+        return places
+    log = np.log(places)
+    wanted = np.linspace(log[0], log[-1], most)
+    nearest = np.clip(np.searchsorted(log, wanted), 1, len(log) - 1)
+    nearest -= wanted - log[nearest - 1] < log[nearest] - wanted
+    return places[np.unique(nearest)]
+
+
+def _places(frequency_hz: ArrayLike, duration: float, last: int) -> RealArray:
+    """Places among the lines of a record, or an InputError."""
+    try:
+        places = np.asarray(frequency_hz, dtype=float) * duration
+    except (TypeError, ValueError):
+        places = np.empty(0)
+    slack = 1e-9 * last
+    if (
+        places.ndim != 1
+        or not places.size
+        or not np.isfinite(places).all()
+        or (np.diff(places) <= 0).any()
+        or places[0] < 1 - slack
+        or places[-1] > last + slack
+    ):
+        raise InputError(
+            f"frequency_hz must be rising numbers (F,) from {1 / duration:.6g} to "
+            f"{last / duration:.6g} Hz, which this record has, not {frequency_hz!r:.60}"
+        )
+    return places
+
+
+def _candidates(
+    U: ComplexArray, y: ComplexArray, samples: int, places: RealArray
+) -> list[BandFits]:
+    """Fits of all kinds and widths for which the record has lines."""
+    nu, last = U.shape[1], (samples - 1) // 2
+    widths = [LINES_FOR_EACH * (nu + 1) * 2**k for k in range(DOUBLINGS)]
+    found: list[BandFits] = []
+    for width in [width for width in widths if width <= last] or [last]:
+        models = [one for one in MODELS if unknowns(nu, *one) + SPARE_LINES <= width]
+        found += _not_rejected(fitted_bands(U, y, samples, places, width, models))
+    return found
+
+
+def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
+    """Nested fits of one band, of infinite variance where the residuals speak for a larger one."""
+    found = []
+    for k, small in enumerate(nested):
+        rejected = np.zeros(len(small.left), bool)
+        for large in nested[k + 1 :]:
+            more = small.free - large.free
+            limit = stats.f.isf(CHANCE, 2 * more, 2 * large.free)
+            rejected |= (small.left - large.left) * large.free > limit * more * large.left
+        variance = np.where(rejected[:, None], np.inf, small.variance)
+        found.append(replace(small, variance=variance))
+    return found
+
+
+def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
+    """Average (F, nu) of fits, and its variance, infinite where none tells anything."""
+    variance = np.array([_as_of_one_size(one) for one in bands])
+    told = np.isfinite(variance)
+    response: ComplexArray = np.where(told, [one.response for one in bands], 0j)
+    known = told.any(axis=0)
+    scale = np.where(known, np.where(told, variance, np.inf).min(axis=0), 1.0)
+    size = np.where(told, variance / scale, np.inf)
+    response /= np.sqrt(scale)
+    weight = (size + BIAS_WEIGHT * _squared_bias(response, size, told)) ** -SHARPNESS
+    weight /= np.where(known, weight.sum(axis=0), 1.0)
+    mean = (weight * response).sum(axis=0)
+    spread = np.where(told, size, 0.0) + np.abs(response - mean) ** 2
+    total = (weight * spread).sum(axis=0)
+    return mean * np.sqrt(scale), np.where(known, total * scale, np.inf)
+
+
+def _as_of_one_size(band: BandFits) -> RealArray:
+    """Variances (F, nu) that give the radius at 95 % with the degrees of freedom of an average."""
+    factor = stats.f.ppf(0.95, 2, 2 * band.free) / stats.f.ppf(0.95, 2, DEGREES)
+    factor *= 1.0 + (MIRRORED - 1.0) * band.mirrored
+    floor = (ROUNDING * np.abs(band.response)) ** 2
+    variance: RealArray = np.maximum(factor[:, None] * band.variance, floor)
+    return variance
+
+
+def _squared_bias(response: ComplexArray, variance: RealArray, told: BoolArray) -> RealArray:
+    """Squared bias (C, F, nu) of each fit, from those of larger variance.
+
+    What separates two fits of one record, the noise aside, is bias of the one with less variance.
+    Noise separates them by the difference of their variances, if the better one is efficient.
+    """
+    found = np.zeros(variance.shape)
+    for k, (value, own) in enumerate(zip(response, variance, strict=True)):
+        larger = told & (variance > own)
+        share = np.where(larger, 1.0 / variance, 0.0)
+        noise = np.where(larger, variance, 0.0) - np.where(larger, own, 0.0)
+        beyond = np.abs(response - value) ** 2 - noise
+        total = share.sum(axis=0)
+        found[k] = (share * beyond).sum(axis=0) / np.where(total > 0, total, 1.0)
+    return np.maximum(found, 0.0)

@@ -1,0 +1,47 @@
+"""Responses that are ratios of two estimates, as those of plants in closed loops are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.identification.responses.ratios import of_chosen, ratio_reach
+
+
+@dataclass(frozen=True, eq=False)
+class Ratios:
+    """Joint covariances of N responses y / u at F frequencies, for regions after Fieller.
+
+    Parameters
+    ----------
+    joint
+        Covariances (F, N, 2, 2) of the errors of y and u, over |u|^2.
+    chosen
+        Share (N,) of the lines looked at that were chosen, because u is seen there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.uncertainty.responses.ratios import Ratios
+    >>> ratios = Ratios(np.full((1, 1, 2, 2), 0.01 + 0j) * np.eye(2), np.ones(1))
+    >>> float(ratios.radius(np.array([[1 + 0j]]), np.array([40.0]), 0.95)[0, 0].round(3))
+    0.283
+    """
+
+    joint: ComplexArray
+    chosen: RealArray
+
+    def at(self, chosen: np.ndarray) -> Ratios:
+        """The same responses at some of the frequencies, by number."""
+        return replace(self, joint=self.joint[chosen])
+
+    def radius(self, values: ComplexArray, degrees: RealArray, confidence: float) -> RealArray:
+        """Radii (F, N) of the discs about the ratios that hold the true ones; some have no end."""
+        return ratio_reach(values, self.joint, degrees, of_chosen(confidence, self.chosen))
+
+    def scaled(self, factor: ComplexArray) -> Ratios:
+        """Those of the responses times factors (F,)."""
+        sides = np.stack([factor, np.ones_like(factor)], axis=-1)[:, None]
+        return replace(self, joint=self.joint * sides[..., :, None] * sides[..., None, :].conj())
