@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.figures.limits import mend_limits
 from workbench.figures.styles import current_style
 from workbench.figures.ticks import house_ticks
 from workbench.heavy_types import Axes, Figure
@@ -46,6 +47,7 @@ def _shown_figure() -> Any:
     class ShownFigure(Figure):
         def savefig(self, *args: Any, **keywords: Any) -> None:
             for panel in self.axes:
+                mend_limits(panel)
                 house_ticks(panel)
             super().savefig(*args, **keywords)
 
