@@ -23,7 +23,7 @@ def test_bars_on_a_logarithmic_axis_are_drawn_whatever_they_are(values, write):
 
 
 def test_limits_that_are_there_stay():
-    figure, (panel,) = figures.axes()
+    _, (panel,) = figures.axes()
     panel.plot([1.0, 10.0], [2.0, 300.0])
     figures.label(panel, log="xy")
     before = panel.get_xlim(), panel.get_ylim()
