@@ -109,9 +109,9 @@ def driven(plant: Stranger, controller: CController, delay: float, seed: int) ->
         outputs.append(rig.y[0])
         controls.append(waiting[-1])
         rig.advance(waiting.pop(0)[None], demand.load if k >= load else 0.0)
-    time = plant.period * np.arange(count)
-    every = (np.array(one) for one in (wanted, outputs, controls))
-    return Driven(time, *every, phases=(begin, load, count))
+    time = plant.period * np.arange(count, dtype=float)
+    phases = begin, load, count
+    return Driven(time, np.array(wanted), np.array(outputs), np.array(controls), phases)
 
 
 def verdicts(plant: Stranger, one: Driven) -> dict[str, RealArray]:

@@ -46,7 +46,7 @@ def error_weight(omega: RealArray, bandwidth_hz: float) -> ComplexArray:
     return (0.5 * 1j * omega + corner) / (1j * omega + corner / 100)
 
 
-def kept_bandwidth(S: ComplexArray, omega: RealArray) -> float:
+def kept_bandwidth(S: Any, omega: RealArray) -> float:
     """Largest bandwidth [Hz] whose error weight a sensitivity (F,) keeps at every frequency.
 
     Zero where none is kept.

@@ -119,7 +119,7 @@ BOILER = Stranger(
     inputs=(Channel("feed valve", "%", 0.0, 100.0),),
     outputs=(Channel("level", "mm", 0.0, 1500.0, 0.8),),
     test=Test(1500, (12.0,)),
-    demand=Demand((20.0,), 0.25, 900.0, load=0.1),
+    demand=Demand((20.0,), 0.25, 1200.0, load=0.1),
     seed=6403,
     units=4,
 )

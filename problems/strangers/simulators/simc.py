@@ -17,7 +17,7 @@ from .stranger import Array
 
 PEAK = 1.7
 """Largest sensitivity of a good loop; an unstable plant is allowed `UNSTABLE_PEAK`."""
-UNSTABLE_PEAK = 2.5
+UNSTABLE_PEAK = 1.95
 SLOWER = 1.25
 """Factor by which the closed loop is made slower until its sensitivity is below the limit."""
 WIDE, POINTS = 1e4, 4000
@@ -112,7 +112,7 @@ def _searched(plant: LinearPlant, hold: float, omega: Array, unstable: int) -> P
     sign = -np.sign(plant.response(np.array([1e-3 * speed]))[0, 0, 0].real)
     best, widest = None, 0.0
     for gain in np.geomspace(1.2, 10, 16):
-        for derivative in np.geomspace(0.1, 3, 16) / speed:
+        for derivative in np.geomspace(0.2, 5, 16) / speed:
             for integral in np.array([5.0, 10.0, 20.0]) / speed:
                 one = Pid(sign * gain / static, integral, derivative)
                 open_loop = loop(plant, one, hold, omega)
