@@ -109,6 +109,7 @@ FAST = {
     "textbook": ("textbook/fault-detection", {"frequencies": 20}),
     "cd_arm": ("cd-arm/identification", {"method": "subspace", "highest_order": 2}),
     "quick": ("quick/cart/dwell", {}),
+    "strangers": ("strangers/heater/truth", {}),
 }
 SLOW = {
     "bench": ("bench/geometry", {"sets": 10, "points": 3, "large": 1000}),

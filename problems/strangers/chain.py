@@ -97,11 +97,13 @@ def name_of(plant: str) -> str:
     return f"stranger-{plant}"
 
 
-def delivered(plant: str, one: Stranger, way: Way, omega: RealArray, *words: str) -> Delivered:
+def delivered(plant: str, one: Stranger, way: Way, omega: RealArray) -> Delivered:
     """Go the whole way. Raises `RefusedError` where it ends early."""
     write_records(one, way.folder / "records")
     study = name_of(plant)
-    given = ["--input", one.inputs[0].name, "--output", one.outputs[0].name, *words]
+    actuator = one.inputs[0]
+    given = ["--input", actuator.name, "--output", one.outputs[0].name]
+    given += ["--limits", f"{actuator.low:g}", f"{actuator.high:g}"]
     workbench = ["-m", "workbench"]
     way.go([*workbench, "init", study, "--data", "records/*.csv", *given], way.folder)
     place = way.folder / study

@@ -16,6 +16,8 @@ POINTS = 400
 """Frequencies of the comparison."""
 DECADES_BELOW = 1.0
 """How far below the lowest measured frequency errors are looked at."""
+STATIC = 1000.0
+"""Weight of errors that hardly change, as the written study has it."""
 HALF_A_SAMPLE = 0.5
 """Delay of the hold [samples]."""
 
@@ -43,7 +45,7 @@ def excess_of_cover(
 def error_weight(omega: RealArray, bandwidth_hz: float) -> ComplexArray:
     """W_e of the written study: |S| at most 2, about 1 at the bandwidth."""
     corner = 2 * np.pi * bandwidth_hz
-    return (0.5 * 1j * omega + corner) / (1j * omega + corner / 100)
+    return (0.5j * omega + corner) / (1j * omega + corner / STATIC)
 
 
 def kept_bandwidth(S: Any, omega: RealArray) -> float:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import expm
 
-from workbench import Check, figures
+from workbench import Check, figures, problem
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.study import Study
@@ -24,6 +24,28 @@ SMALL, SAMPLES, HALF_PERIOD = 1e-4, 60, 7
 NONLINEAR = 0.05
 """Largest difference of equations and linear plants for such a signal, over the largest answer."""
 DELAY = 1.0
+
+
+@problem(
+    "strangers/{plant}/truth",
+    plant=(
+        "heater",
+        "coupled-tanks",
+        "dc-motor",
+        "flexible-arm",
+        "two-mass-drive",
+        "levitation",
+        "boiler-level",
+        "quadrotor-roll",
+        "hydraulic-cylinder",
+        "disk-arm",
+        "mixing-tank",
+        "ph",
+    ),
+)
+def truth(plant: str) -> StrangerTruth:
+    """The true linear plants of a stranger's units near rest, and a SIMC controller's bandwidth."""
+    return StrangerTruth(plant)
 
 
 @dataclass(frozen=True, eq=False)

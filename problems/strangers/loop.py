@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench import Check, figures
+from workbench import Check, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
@@ -34,6 +34,35 @@ DELAY = 1.0
 """Delay of the controller's computer [samples]: the default of `workbench init`."""
 MEASURES = ("bump", "overshoot", "settling", "error", "cycle", "limits", "away")
 """Verdicts of the simulated loop; each is at most 1 where the loop does what is demanded."""
+
+
+@problem(
+    "strangers/{plant}/loop",
+    plant=(
+        "heater",
+        "coupled-tanks",
+        "dc-motor",
+        "flexible-arm",
+        "two-mass-drive",
+        "levitation",
+        "boiler-level",
+        "quadrotor-roll",
+        "hydraulic-cylinder",
+        "disk-arm",
+        "mixing-tank",
+        "ph",
+    ),
+    slow=True,
+)
+def loop(plant: str) -> StrangerLoop:
+    """A plant that the workbench never saw, from its loggers' files to C in its nonlinear loop.
+
+    Records of every unit go through `workbench init` and `workbench run` in an empty folder, and
+    a C compiler. The C file then drives each nonlinear unit through a step and a load. Promises
+    are compared with the true linear plants, the loop with what was demanded beforehand, and the
+    certified bandwidth with that of a SIMC controller which knows the true nominal.
+    """
+    return StrangerLoop(plant)
 
 
 @dataclass(frozen=True, eq=False)
