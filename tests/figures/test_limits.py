@@ -29,3 +29,21 @@ def test_limits_that_are_there_stay():
     before = panel.get_xlim(), panel.get_ylim()
     mend_limits(panel)
     assert (panel.get_xlim(), panel.get_ylim()) == before
+
+
+@pytest.mark.parametrize("end", [np.nan, np.inf, -np.inf, None])
+def test_a_limit_that_is_none_leaves_the_axis_as_it_was(end):
+    _, (panel,) = figures.axes()
+    panel.set_ylim(-2.0, 3.0)
+    panel.set_ylim(-1.0, end)
+    panel.set_xlim((0.25, end))
+    assert panel.get_ylim() == (-1.0, 3.0) and panel.get_xlim() == (0.25, 1.0)
+
+
+def test_a_mean_outside_its_interval_has_no_bar_on_that_side():
+    figure, (panel,) = figures.axes()
+    panel.errorbar([0, 1], [1.0, 2.0], [[0.5, -0.1], [0.2, 0.3]])
+    panel.errorbar([0, 1], [1.0, np.inf], [[0.5, np.nan], [0.2, -np.inf]])
+    first = panel.containers[0][2][0].get_segments()
+    assert [tuple(part[:, 1]) for part in first] == [(0.5, 1.2), (2.0, 2.3)]
+    assert png(figure)

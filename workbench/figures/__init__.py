@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.figures.limits import mend_limits
+from workbench.figures.limits import finite_axes, mend_limits
 from workbench.figures.styles import current_style
 from workbench.figures.ticks import house_ticks
 from workbench.heavy_types import Axes, Figure
@@ -35,7 +35,8 @@ def axes(
     style = current_style()
     with mpl.rc_context({**style.settings, "axes.prop_cycle": cycler(color=CYCLE)}):
         figure: Figure = _shown_figure()(figsize=style.size(size, rows))
-        grid = figure.subplots(rows, columns, squeeze=False, **keywords)
+        own = {"axes_class": finite_axes()}
+        grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=own, **keywords)
     return figure, list(grid.flat)
 
 

@@ -1,7 +1,8 @@
-"""Limits of axes that no data can tell."""
+"""Axes that are drawn whatever their numbers are: limits and bars that are none are left out."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,35 @@ ROOM = 1.2
 """Factor by which a logarithmic axis reaches beyond its data."""
 NOTHING = (1.0, 10.0)
 """Limits of a logarithmic axis that has no data."""
+
+
+@cache
+def finite_axes() -> Any:
+    """The class of the house's axes: what is infinite or NaN limits nothing."""
+    from matplotlib import axes
+
+    plain: Any = axes.Axes
+
+    class FiniteAxes(plain):
+        def set_xlim(self, left: Any = None, right: Any = None, **rest: Any) -> Any:
+            return super().set_xlim(_finite(left), _finite(right), **rest)
+
+        def set_ylim(self, bottom: Any = None, top: Any = None, **rest: Any) -> Any:
+            return super().set_ylim(_finite(bottom), _finite(top), **rest)
+
+        def errorbar(self, x: Any, y: Any, yerr: Any = None, xerr: Any = None, **rest: Any) -> Any:
+            """As Matplotlib's; a mean may lie outside its interval, where there is no bar."""
+            up, across = (None if one is None else np.maximum(one, 0.0) for one in (yerr, xerr))
+            return super().errorbar(x, y, up, across, **rest)
+
+    return FiniteAxes
+
+
+def _finite(end: Any) -> Any:
+    """One end, or both; None in place of what is no finite number."""
+    if np.iterable(end):
+        return tuple(_finite(one) for one in end)
+    return end if end is None or np.isfinite(end) else None
 
 
 def mend_limits(panel: Axes) -> None:
