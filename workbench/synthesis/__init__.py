@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         sampled_conditions,
     )
     from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+    from workbench.synthesis.implementation.working_point.point import WorkingPoint
     from workbench.synthesis.limits.analytic_basis import AnalyticBasis
     from workbench.synthesis.limits.dual_bound import DualCertificate
     from workbench.synthesis.limits.dual_search import highest_proven
@@ -133,6 +134,7 @@ __all__ = [
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
+    "WorkingPoint",
     "approximated",
     "approximations",
     "closed_transition",
