@@ -243,7 +243,7 @@ class Implementation(Program):
     def _bare(self, K: StateSpace, found: str) -> ImplementedController:
         none = rounding.Rounding(np.inf, np.inf)
         return ImplementedController(
-            K, found, self.precision, np.inf, None, (), none, self.actuator
+            K, found, self.precision, np.inf, None, (), none, actuator=self.actuator
         )
 
     def _scaled(self, K: StateSpace) -> StateSpace:
