@@ -75,7 +75,7 @@ def constant_signals(
     The loop has to be stable for every plant of the set. Deviations at frequency zero are real.
     """
     gains = static_gains(model)
-    integral = has_integrator(K)
+    integral = has_pole_at_one(K)
     static = 0.0 if integral else float(np.real(as_system(K, "K")(1.0)))
     ends = [abs(1.0 / (1.0 - sign * gain * static)) for gain in gains if math.isfinite(gain)]
     error = 0.0 if integral else max(ends, default=0.0)
@@ -100,7 +100,7 @@ def static_gains(model: UncertaintyModel) -> tuple[float, float]:
     return centre - away, centre + away
 
 
-def has_integrator(K: StateSpace) -> bool:
+def has_pole_at_one(K: StateSpace) -> bool:
     """Whether a sampled system has a pole at z = 1, by the determinant of 1 - A in fractions."""
     return not _determinant(np.eye(K.nstates) - np.asarray(K.A, dtype=float))
 
