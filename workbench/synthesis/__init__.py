@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
+    from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
     from workbench.synthesis.records.record import NoiseEnergy, StateRecords
@@ -134,6 +135,7 @@ __all__ = [
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
+    "WorkingLoop",
     "WorkingPoint",
     "approximated",
     "approximations",
