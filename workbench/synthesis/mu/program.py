@@ -14,7 +14,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import need_positive, need_whole
+from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
@@ -32,6 +32,7 @@ from workbench.synthesis.h_infinity.singular_plants.absorbed import (
 )
 from workbench.synthesis.mu.families.family import Family, need_family, started
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
+from workbench.synthesis.mu.integral_action import integral_check, with_integrator
 from workbench.synthesis.mu.member_figures import drawn_loops, performance_figure, steps_figure
 from workbench.synthesis.mu.mu_controller import MuController
 from workbench.synthesis.mu.no_controller.interlacing import NoStableController, violated, words
@@ -89,6 +90,10 @@ class MuSynthesis(Program):
         Whether the controller itself must be stable.
     fastest_pole
         Largest size of the controller's poles [rad/s].
+    integral
+        Whether the controller must have an exact integrator: its real pole nearest to zero is moved
+        there before the peak is certified. Give the weight of the error a pole near zero, such as
+        1e-6 times the bandwidth. For continuous plants.
     units
         Units of exogenous inputs, measurements and controls by name, as figures show them.
 
@@ -144,6 +149,7 @@ class MuSynthesis(Program):
     stable: bool = field(default=False, kw_only=True)
     fastest_pole: float | None = field(default=None, kw_only=True)
     units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    integral: bool = field(default=False, kw_only=True)
 
     default_method: ClassVar[str] = "dk"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -164,8 +170,8 @@ class MuSynthesis(Program):
         need_whole(self.random, "random")
         if self.random < 0:
             raise InputError(f"random is {self.random}; it must be 0 or more")
-        if not isinstance(self.stable, bool):
-            raise InputError(f"stable is {self.stable!r}; it must be True or False")
+        need_kind(self.stable, bool, "stable")
+        need_kind(self.integral, bool, "integral")
         if self.family is not None:
             need_family(self.family, "family")
         plant, structure = self.plant, self.structure or self.plant.structure
@@ -182,10 +188,10 @@ class MuSynthesis(Program):
                 f"the plant has {plant.exogenous} exogenous inputs and {plant.performance} "
                 "performance outputs; mu synthesis needs one of each at least"
             )
-        if system.dt and (self.family is not None or self.fastest_pole is not None):
+        if system.dt and (self.family is not None or self.fastest_pole or self.integral):
             raise InputError(
-                f"the plant is sampled (dt = {system.dt} s): family and fastest_pole are for "
-                "continuous controllers"
+                f"the plant is sampled (dt = {system.dt} s): family, fastest_pole and integral are "
+                "for continuous controllers"
             )
         given, shared = plant, self._sharing(plant)
         plant = shared.plant
@@ -217,7 +223,7 @@ class MuSynthesis(Program):
             shared = absorbed(plant)
         asked = ("start", "family", "order", "fastest_pole")
         given = [name for name in asked if getattr(self, name) is not None]
-        given += ["stable"] if self.stable else []
+        given += [name for name in ("stable", "integral") if getattr(self, name)]
         if given:
             poles = ", ".join(f"{pole:.4g}" for pole in shared.poles)
             raise InputError(
@@ -241,7 +247,7 @@ class MuSynthesis(Program):
     @property
     def demands(self) -> Shippable:
         """What the controller must be besides."""
-        return Shippable(self.order, self.stable, self.fastest_pole)
+        return Shippable(self.order, self.stable, self.fastest_pole, self.integral)
 
     def claim_task(self, claim: Outcome) -> Task | None:
         if claim is not Outcome.INFEASIBLE or self.plant.system.dt:
@@ -255,6 +261,7 @@ class MuSynthesis(Program):
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
+        free["integral"] = False
         return replace(self, start=None, family=None, random=0, **free)
 
     @cached_property
@@ -320,6 +327,8 @@ class MuSynthesis(Program):
 
         Tools that do not balance give responses with errors of 1e-3 for fifty badly scaled states.
         """
+        if self.integral:
+            K = with_integrator(K)
         return self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
 
     def scaled_answer(
@@ -367,7 +376,7 @@ class MuSynthesis(Program):
         if not fits:
             return found
         stability = stability_of(self.plant.close(K))
-        found += [stability, *self.demands.checks(K)]
+        found += [stability, *self.demands.checks(K), *([integral_check(K)] * self.integral)]
         if not stability.holds:
             return found
         loop = self.plant.close(K)

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.stability import stability_of
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.mu.integral_action import without_integrators
 
 ROUNDING = 1e-9
 """Relative rounding of the sizes of poles."""
@@ -18,12 +19,13 @@ ROUNDING = 1e-9
 class Shippable:
     """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
 
-    None leaves a demand out.
+    None leaves a demand out. With ``integral`` integrators count as stable.
     """
 
     order: int | None = None
     stable: bool = False
     fastest: float | None = None
+    integral: bool = False
 
     @property
     def asked(self) -> bool:
@@ -43,7 +45,7 @@ class Shippable:
             found.append(Check("order", statement, float(K.nstates), float(self.order)))
         if self.stable:
             statement = "distance of the controller's own worst pole beyond the imaginary axis"
-            own = stability_of(K)
+            own = stability_of(without_integrators(K) if self.integral else K)
             found.append(
                 Check(
                     "controller stable", statement, own.value, own.limit, own.where,
