@@ -97,6 +97,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/two-controllers' --slow --set designs=2 --set frequencies=100
 	$(REFERENCE) cd/focus/loop-models
 	$(REFERENCE) cd/playability-full --set scenarios=20 --set workers=1
+	$(REFERENCE) 'strangers/*/truth'
 	$(REFERENCE) bench/cd-arm
 	$(REFERENCE) bench/mu-lower-yardstick --set rounds=1
 	$(REFERENCE) bench/mu --set frequencies=50 --set peers=5 --set most=1000 --set largest=6

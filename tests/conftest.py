@@ -7,7 +7,7 @@ import importlib.util
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -50,6 +50,42 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         from quick.order import keep_chosen
 
         config.hook.pytest_deselected(items=keep_chosen(items, Path(told), config.rootpath))
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q"]
+    subprocess.run([*command, "-w", folder, Path(__file__).parents[1]], check=True)
+    return next(folder.glob("robust_workbench-*.whl"))
+
+
+@pytest.fixture(scope="session")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel unpacked, beside nothing of the checkout."""
+    folder = tmp_path_factory.mktemp("installed")
+    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", folder, wheel]
+    subprocess.run(pip, check=True)
+    return folder
+
+
+@pytest.fixture
+def elsewhere(installed: Path, tmp_path: Path) -> Callable[..., str]:
+    """Run Python with the installed workbench in an empty folder; its output, its end checked."""
+
+    def python(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-P", *words],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(installed)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return python
 
 
 TOY = '''

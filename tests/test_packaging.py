@@ -24,41 +24,6 @@ SCRIPTS = "Scripts" if os.name == "nt" else "bin"
 """Where an environment keeps its programs."""
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q"]
-    subprocess.run([*command, "-w", folder, ROOT], check=True)
-    return next(folder.glob("robust_workbench-*.whl"))
-
-
-@pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory):
-    """A folder with the wheel unpacked, beside nothing of the checkout."""
-    folder = tmp_path_factory.mktemp("installed")
-    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", folder, wheel]
-    subprocess.run(pip, check=True)
-    return folder
-
-
-@pytest.fixture
-def elsewhere(installed, tmp_path):
-    """Run Python with the installed workbench in an empty folder; its output, its end checked."""
-
-    def python(*words):
-        done = subprocess.run(
-            [sys.executable, "-P", *words],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(installed)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    return python
-
-
 def test_wheel_lists_the_named_problems_from_another_folder(elsewhere, installed):
     assert "cd/focus/stadiums" in elsewhere("-m", "workbench", "list")
     where = elsewhere("-c", "import workbench; print(workbench.__file__)")
@@ -144,6 +109,7 @@ FAST = {
     "textbook": ("textbook/fault-detection", {"frequencies": 20}),
     "cd_arm": ("cd-arm/identification", {"method": "subspace", "highest_order": 2}),
     "quick": ("quick/cart/dwell", {}),
+    "strangers": ("strangers/heater/truth", {}),
 }
 SLOW = {
     "bench": ("bench/geometry", {"sets": 10, "points": 3, "large": 1000}),

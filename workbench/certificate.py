@@ -20,6 +20,27 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 
+def told_apart(value: float, limit: float, digits: int = 6) -> tuple[str, str]:
+    """Texts of a value and its limit, in so many digits or as many more as tell them apart.
+
+    Examples
+    --------
+    >>> from workbench.certificate import told_apart
+    >>> told_apart(0.99982, 1.0, digits=3), told_apart(0.98213, 1.0, digits=3)
+    (('0.9998', '1'), ('0.982', '1'))
+    """
+    texts = "", ""
+    for count in range(digits, MOST_DIGITS + 1):
+        texts = f"{value:.{count}g}", f"{limit:.{count}g}"
+        if texts[0] != texts[1] or value == limit:
+            break
+    return texts
+
+
+MOST_DIGITS = 17
+"""Digits that tell any two doubles apart."""
+
+
 @dataclass(frozen=True)
 class Check:
     """One statement that must hold: a measured value that may not exceed a limit.
@@ -77,9 +98,10 @@ class Check:
     def line(self) -> str:
         """Whether it holds, its numbers, and what they are of, as certificates print it."""
         over = f"; {self.over}" if self.over else ""
+        value, limit = told_apart(self.value, self.limit)
         return (
             f"{self.verdict}  {'second opinion, ' if self.opinion else ''}"
-            f"{self.name}: {self.value:.6g} <= {self.limit:.6g} {self.where}".rstrip()
+            f"{self.name}: {value} <= {limit} {self.where}".rstrip()
             + over
         )
 
@@ -87,7 +109,8 @@ class Check:
     def failure(self) -> str:
         """A sentence that says by which numbers it fails."""
         where = f" {self.where}" if self.where else ""
-        return f"{self.name}: {self.value:.6g} exceeds {self.limit:.6g}{where}"
+        value, limit = told_apart(self.value, self.limit)
+        return f"{self.name}: {value} exceeds {limit}{where}"
 
 
 EVERY_FREQUENCY = "at every frequency"
@@ -223,7 +246,8 @@ class Certificate:
         if gap is not None and gap.contradicts:
             failed.append(f"optimality gap: {gap.value:.3g}, the answer lies beyond its bound")
         elif gap is not None and gap.required and not gap.closed:
-            failed.append(f"optimality gap: {gap.value:.3g} exceeds {gap.tolerance:.3g}")
+            found, allowed = told_apart(gap.value, gap.tolerance, digits=3)
+            failed.append(f"optimality gap: {found} exceeds {allowed}")
         return tuple(failed)
 
     def __repr__(self) -> str:

@@ -18,11 +18,13 @@ class Compiled:
         header = answer.export(folder / "board.h", "board")
         kind = "int32_t" if answer.precision == "fixed" else answer.precision
         source = folder / "board.c"
+        point = None if answer.actuator is None else answer.actuator.point
+        r, given = (f"const {kind} *r, ", "r, y, u") if point else ("", "y, u")
         source.write_text(
             f'#include "{header.name}"\nstatic board_state s;\n'
             f"void start(void) {{ board_init(&s); }}\n"
-            f"void step(const {kind} *y, {kind} *u) {{ board_step(&s, y, u); }}\n"
-            f"void take(const {kind} *y, const {kind} *u) {{ board_start(&s, y, u); }}\n"
+            f"void step({r}const {kind} *y, {kind} *u) {{ board_step(&s, {given}); }}\n"
+            f"void take({r}const {kind} *y, const {kind} *u) {{ board_start(&s, {given}); }}\n"
         )
         library = folder / "board.so"
         strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off"]
@@ -37,22 +39,27 @@ class Compiled:
         full = 1.0 if form is None else 2.0 ** (1 - form.signal_bits)
         self.y_unit = 1.0 if form is None else form.y_scale * full
         self.u_unit = 1.0 if form is None else form.u_scale * full
+        # Counts of fixed point go from the working point.
+        counted = point if form else None
+        self.y_rest = np.array(counted.y) if counted else 0.0
+        self.u_rest = np.array(counted.u) if counted else 0.0
         self.outputs = answer.K.noutputs
         self.library.start()
 
-    def step(self, y):
-        given, found = self._in(y, self.y_unit), np.zeros(self.outputs, self.type)
-        self.library.step(
-            given.ctypes.data_as(ctypes.c_void_p), found.ctypes.data_as(ctypes.c_void_p)
-        )
-        return found * self.u_unit
+    def step(self, *signals):
+        """The controls for measurements y, or with a working point for set-points r and y."""
+        found = np.zeros(self.outputs, self.type)
+        given = [self._in(one, self.y_unit, self.y_rest) for one in signals]
+        self.library.step(*(one.ctypes.data_as(ctypes.c_void_p) for one in [*given, found]))
+        return found * self.u_unit + self.u_rest
 
-    def take(self, y, u):
-        one, other = self._in(y, self.y_unit), self._in(u, self.u_unit)
-        self.library.take(
-            one.ctypes.data_as(ctypes.c_void_p), other.ctypes.data_as(ctypes.c_void_p)
-        )
+    def take(self, *signals):
+        """Take over with the last of the signals as controls; the others as for a step."""
+        *before, u = signals
+        given = [self._in(one, self.y_unit, self.y_rest) for one in before]
+        given.append(self._in(u, self.u_unit, self.u_rest))
+        self.library.take(*(one.ctypes.data_as(ctypes.c_void_p) for one in given))
 
-    def _in(self, values, unit):
-        scaled = np.asarray(values, float) / unit
+    def _in(self, values, unit, rest):
+        scaled = np.atleast_1d((np.asarray(values, float) - rest) / unit)
         return np.asarray(np.rint(scaled) if self.type is np.int32 else scaled, self.type)

@@ -22,7 +22,7 @@ def board(K, folder):
     form = FixedFormat(BITS, SIGNAL_BITS, 1.0, 1.0)
     none = Rounding(0.0, 0.0)
     answer = ImplementedController(
-        fixed.lti, "as given", "fixed", 1.0, None, (), none, None, fixed, form
+        fixed.lti, "as given", "fixed", 1.0, None, (), none, fixed=fixed, format=form
     )
     return Compiled(answer, folder), fixed
 

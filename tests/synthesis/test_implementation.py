@@ -10,7 +10,7 @@ from compiled_code import Compiled, needs_compiler
 from workbench.errors import InputError
 from workbench.solution import solve
 from workbench.solvers import Outcome
-from workbench.synthesis import Implementation, discretised
+from workbench.synthesis import Implementation, WorkingPoint, discretised
 from workbench.synthesis.implementation.c_code.c_state_space import anti_windup_gain, start_gains
 from workbench.synthesis.implementation.rounding import absolute_sums
 from workbench.uncertainty import UncertaintyModel, generalised_plant
@@ -249,7 +249,13 @@ def test_rounding_of_a_stiff_float_loop_is_refused_not_ignored():
         ({"precision": "fixed"}, "fixed point needs full_scale="),
         ({"full_scale": (1.0, 1.0)}, "full_scale belongs to fixed point"),
         ({"precision": "fixed", "full_scale": (1.0, -1.0)}, "full scale of controls is -1"),
-        ({"precision": "fixed", "full_scale": (1.0, 1.0), "limits": ([0.0], [1.0])}, "leave out"),
+        ({"limits": (1.0, 0.0)}, "each lowest below its highest"),
+        ({"limits": (0.0, 1.0), "working_point": WorkingPoint(2.0, 0.0)}, "2 is not between"),
+        ({"limits": (-1.0, 1.0), "working_point": WorkingPoint(1.0, 0.0)}, "limits are absolute"),
+        ({"working_point": 50.0}, "working_point is 50.0; a WorkingPoint"),
+        ({"working_point": WorkingPoint((1.0, 2.0), 0.0)}, "2 controls and 1 measurements"),
+        ({"rate_limit": -1.0}, "rate_limit is -1.0; it must be the largest change in a second"),
+        ({"rate_limit": (1.0, 2.0)}, "positive and finite, of 1 controls"),
         ({"order": 9}, "order is 9; K has 2 states"),
         ({"order": 1.5}, "order is 1.5; it must be a whole number"),
         ({"anti_aliasing": control.append(G, G)}, "anti_aliasing has 2 inputs"),

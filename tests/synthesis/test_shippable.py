@@ -318,7 +318,7 @@ def test_certificates_tell_what_a_controller_is():
     [
         ({"order": 1.5}, "order is 1.5; it must be a whole number"),
         ({"order": -1}, "order is -1; it must be 0 or more"),
-        ({"stable": "yes"}, "stable is 'yes'; it must be True or False"),
+        ({"stable": "yes"}, "stable must be a bool, not str"),
         ({"fastest_pole": 0.0}, "fastest_pole is 0.0"),
     ],
 )

@@ -128,6 +128,9 @@ class Asked:
         cells = Cells(Store(results_root()))
         for name in self.problems:
             self._place(cells, found[name])
+        if not cells.places:
+            named = ", ".join(self.problems)
+            raise InputError(f"nothing to compare: {named} has no methods, as a study has none")
         return cells
 
     def _place(self, cells: Cells, planned: Plan) -> None:

@@ -45,8 +45,8 @@ class Entry:
 
     @property
     def summary(self) -> str:
-        """The first line of the help."""
-        return self.help.partition("\n")[0]
+        """The first paragraph of the help, in one line."""
+        return " ".join(self.help.partition("\n\n")[0].split())
 
     @property
     def place(self) -> str:

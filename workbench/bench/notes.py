@@ -8,6 +8,7 @@ from typing import Any
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.results import Run
+from workbench.certificate import told_apart
 from workbench.executor import Row, shown
 from workbench.heavy_types import Dataset
 from workbench.solution import Solution
@@ -46,11 +47,10 @@ def log(
         f"outcome: {solution.outcome}. {solution.outcome.advice}",
     ]
     if solution.certificate is not None:
-        lines += [
-            f"  {check.verdict}  {check.name}: "
-            f"{check.value:.3g} <= {check.limit:.3g} {check.where}".rstrip()
-            for check in solution.certificate.checks
-        ]
+        for check in solution.certificate.checks:
+            value, limit = told_apart(check.value, check.limit, digits=3)
+            line = f"  {check.verdict}  {check.name}: {value} <= {limit} {check.where}"
+            lines.append(line.rstrip())
         gap = solution.certificate.gap
         if gap is not None:
             lines.append(f"  gap {gap.value:.3g} ({gap.statement})")

@@ -30,7 +30,7 @@ from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.bench.sweep import SWEEP, ParameterSweep
 from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
-from workbench.certificate import Certificate
+from workbench.certificate import Certificate, told_apart
 from workbench.errors import ResultError
 from workbench.figures.printed import PrintedFigure
 from workbench.figures.styles import drawn_in, printing_style, settle
@@ -39,6 +39,7 @@ from workbench.program import Task
 from workbench.solution import certified_answer, proof_task
 from workbench.solvers import Outcome
 
+AT_MOST = " \N{LESS-THAN OR EQUAL TO} "
 COMPARISON = "compare"
 """The problem of comparisons, which the bench makes itself."""
 OWN_STUDIES: dict[str, type[Comparison | ParameterSweep]] = {
@@ -307,7 +308,7 @@ class Run(Fed):
         rows += [(name, f"{value:.6g}") for name, value in self.metrics.items()]
         if self.certificate is not None:
             rows += [
-                (check.name, f"{check.value:.3g} \N{LESS-THAN OR EQUAL TO} {check.limit:.3g}")
+                (check.name, AT_MOST.join(told_apart(check.value, check.limit, digits=3)))
                 for check in self.certificate.checks
             ]
             if self.certificate.gap is not None:

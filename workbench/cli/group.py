@@ -95,14 +95,19 @@ def tell_unfit() -> None:
         click.echo(f"workbench: left out: {sentence}", err=True)
 
 
-def settings_of(texts: tuple[str, ...]) -> dict[str, str]:
-    """Parameters of the problem from KEY=VALUE; options are no parameters."""
+def settings_of(
+    texts: tuple[str, ...], option: str = "--set", value_name: str = "VALUE"
+) -> dict[str, str]:
+    """Parameters of the problem from KEY=VALUE, as an option of the command takes them.
+
+    Options are no parameters.
+    """
     found = {}
     for text in texts:
         key, equals, value = text.partition("=")
         name = key.strip()
         if not equals or not name:
-            raise click.UsageError(f"--set needs KEY=VALUE, not {text!r}")
+            raise click.UsageError(f"{option} needs KEY={value_name}, not {text!r}")
         if name in RESERVED_PARAMETERS:
             raise click.UsageError(
                 f"{name} is an option, not a parameter: --{name.replace('_', '-')}"

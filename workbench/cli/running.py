@@ -136,7 +136,7 @@ def sweep(
 
     Every point is a run of its own, found again: what was stopped goes on where it was.
     """
-    given = [settings_of((text,)) for text in axes]
+    given = [settings_of((text,), "--over", "A,B,C") for text in axes]
     names = [key for one in given for key in one]
     if len(set(names)) < len(names):
         raise click.UsageError(f"--over names a parameter twice: {', '.join(names)}")

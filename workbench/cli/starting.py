@@ -53,6 +53,7 @@ def share(text: str | None, option: str) -> float | None:
 )
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
+    from workbench.certificate import told_apart
     from workbench.starter import write_study
 
     # A shell puts several files in the place of a pattern without quotes; --data takes the first.
@@ -76,17 +77,16 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"! {note}")
     for sentence in chosen.tested:
         click.echo(f"assumed  {sentence}")
+    peak, _ = told_apart(chosen.peak, 1.0, digits=3)
     if not chosen.peak < 1:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
-            f"certified peak of mu is {chosen.peak:.3g}, and must be below 1. {folder} is written; "
+            f"certified peak of mu is {peak}, and must be below 1. {folder} is written; "
             "change BANDWIDTH, EFFORT or BAND there (README.md says how)",
             fg="red",
         )
         sys.exit(1)
-    click.echo(
-        f"peak of mu  {chosen.peak:.3g}, certified: every plant of the cover keeps the weights"
-    )
+    click.echo(f"peak of mu  {peak}, certified: every plant of the cover keeps the weights")
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 

@@ -80,6 +80,8 @@ def certificate_word(one: Run) -> str:
 
 def print_details(one: Run) -> None:
     """The certificate of a run, check by check, and where its folder is."""
+    from workbench.certificate import told_apart
+
     if one.certificate is not None:
         needs = tuple(f"{name}{mark}" for name in one.info["needs"] for mark in ":[")
         inherited = [c for c in one.certificate.checks if c.name.startswith(needs) and c.holds]
@@ -87,13 +89,14 @@ def print_details(one: Run) -> None:
             if check in inherited:
                 continue
             sign = check.verdict
-            click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
+            value, limit = told_apart(check.value, check.limit, digits=3)
+            click.echo(f"  {sign}  {check.name}: {value} <= {limit}")
         if inherited:
             click.echo(f"  holds  {len(inherited)} checks of its needs")
         gap = one.certificate.gap
         if gap is not None:
-            wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
-            click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
+            value, limit = told_apart(gap.value, gap.tolerance, digits=3)
+            click.echo(f"  optimality gap {value}{f' <= {limit}' if gap.required else ''}")
         for fact in one.certificate.facts:
             click.echo(f"  {fact}")
     if one.certificate is None or one.outcome is not Outcome.SOLVED:

@@ -1,6 +1,7 @@
 """How far the work is, shown where somebody watches: at a terminal, or in a notebook.
 
 Nothing is shown of work that ends within `PATIENCE`, and what is shown goes away when it ends.
+Where nothing can be drawn, as in a log, one line tells of a compilation that takes long.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from workbench.compiled import watched_by
 from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
+from workbench.executor.worker import in_worker
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -25,6 +28,8 @@ SHOWN_ROUNDS = 15
 """Number of the last rounds of an iteration in its live table."""
 PATIENCE = 0.4
 """Seconds before anything is shown."""
+SILENCE = 5.0
+"""Seconds that a compilation may take before a line tells of it where nothing can be drawn."""
 INTERVAL = 0.2
 """Seconds between two pictures of the work."""
 WIDTH = 100
@@ -118,7 +123,8 @@ def _while_compiling(name: str, done: int, total: int) -> Iterator[None]:
     with _display("compiling", 0.0):
         display = _displays[0] if _displays else None
         if display is None:
-            yield
+            with _announced():
+                yield
             return
         before, display.compiling = display.compiling, (name, done, total)
         try:
@@ -128,6 +134,29 @@ def _while_compiling(name: str, done: int, total: int) -> Iterator[None]:
 
 
 watched_by(_while_compiling)
+
+
+@contextmanager
+def _announced() -> Iterator[None]:
+    """Have a line tell of the first compilation in this process that takes longer than `SILENCE`.
+
+    A worker is silent: what it prints is the answer's, and its pool shows how far the work is.
+    """
+    timer = threading.Timer(SILENCE, _announce)
+    timer.daemon = True
+    if not in_worker():
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+@cache
+def _announce() -> None:
+    """Tell, once in a process, that it compiles."""
+    words = "workbench: compiling loops, which can take a minute; later starts find them on disk"
+    print(words, file=sys.stderr, flush=True)
 
 
 def _outlet() -> Draw | None:

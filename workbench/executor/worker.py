@@ -28,14 +28,21 @@ class _Here:
     printed: Path | None = None
 
 
-def alarm(seconds: float | None) -> None:
+def alarm(seconds: float | None, reason: str = "") -> None:
     """Have this worker killed in so many seconds from now; None: call that off.
 
     The pool kills it, for a solver that hangs in compiled code hears no request. The task's future
-    raises `TimeLimitError` then. Outside of a worker nothing can be killed, and nothing happens.
+    raises `TimeLimitError` then, with the reason, or with these seconds as its time limit. Outside
+    of a worker nothing can be killed, and nothing happens.
     """
-    if _Here.results is not None:
-        _send(("alarm", seconds))
+    if in_worker():
+        limit = "" if seconds is None else f"killed at its time limit of {seconds:.4g} s"
+        _send(("alarm", (seconds, reason or limit)))
+
+
+def in_worker() -> bool:
+    """Whether this process is a worker of a pool."""
+    return _Here.results is not None
 
 
 def printed() -> str:

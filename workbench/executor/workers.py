@@ -235,20 +235,23 @@ class _Seat:
             process.stdin.flush()
         except OSError:  # it died meanwhile
             raise self._died(process) from None
-        until, limit = None, None
+        until, reason = None, ""
         while True:
-            kind, value = self._next(process, until, limit)
+            kind, value = self._next(process, until, reason)
             if kind == "value":
                 return pickle.loads(value)
             if kind == "error":
                 raise WorkbenchError(value)
-            limit = value
-            until = None if limit is None else time.monotonic() + limit
+            seconds, reason = value
+            until = None if seconds is None else time.monotonic() + seconds
 
     def _next(
-        self, process: subprocess.Popen[bytes], until: float | None, limit: float | None = None
+        self, process: subprocess.Popen[bytes], until: float | None, reason: str = ""
     ) -> tuple[str, Any]:
-        """The next message of a process, which may take until then and so much memory."""
+        """The next message of a process, which may take until then and so much memory.
+
+        The reason is told of one that is killed for its time.
+        """
         allowed = self._pool.memory_limit
         while True:
             left = None if until is None else max(0.0, until - time.monotonic())
@@ -258,7 +261,7 @@ class _Seat:
             except queue.Empty:
                 if until is not None and time.monotonic() >= until:
                     self._leave()
-                    raise TimeLimitError(f"killed at its time limit of {limit:.4g} s") from None
+                    raise TimeLimitError(reason) from None
                 if allowed is not None and _resident(self._number) > allowed:
                     self._leave()
                     raise MemoryLimitError(

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.figures.limits import finite_axes, mend_limits
 from workbench.figures.styles import current_style
 from workbench.figures.ticks import house_ticks
 from workbench.heavy_types import Axes, Figure
@@ -34,7 +35,8 @@ def axes(
     style = current_style()
     with mpl.rc_context({**style.settings, "axes.prop_cycle": cycler(color=CYCLE)}):
         figure: Figure = _shown_figure()(figsize=style.size(size, rows))
-        grid = figure.subplots(rows, columns, squeeze=False, **keywords)
+        own = {"axes_class": finite_axes()}
+        grid = figure.subplots(rows, columns, squeeze=False, subplot_kw=own, **keywords)
     return figure, list(grid.flat)
 
 
@@ -46,6 +48,7 @@ def _shown_figure() -> Any:
     class ShownFigure(Figure):
         def savefig(self, *args: Any, **keywords: Any) -> None:
             for panel in self.axes:
+                mend_limits(panel)
                 house_ticks(panel)
             super().savefig(*args, **keywords)
 

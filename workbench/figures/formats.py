@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
+from workbench.figures.limits import mend_limits
 from workbench.figures.ticks import house_ticks
 from workbench.heavy_types import Figure
 
@@ -48,6 +49,7 @@ def _own_resolution(figure: Figure) -> Iterator[None]:
 def lay_out(figure: Figure) -> None:
     """Place the parts of a figure, once: ``savefig`` would do it, and draw, twice per format."""
     for panel in figure.axes:
+        mend_limits(panel)
         house_ticks(panel)
     engine = figure.get_layout_engine()
     if engine is not None:

@@ -18,8 +18,17 @@ from workbench.bench.project import registry, results_root
 from workbench.errors import WorkbenchError
 from workbench.solvers import conic_solvers
 
-SOLVERS = ("clarabel", "scs", "cvxopt", "highspy", "osqp", "piqp", "qoco", "sdpa-python")
-"""Distributions of conic solvers that are known by name."""
+SOLVERS = {
+    "clarabel": "Clarabel",
+    "scs": "SCS",
+    "cvxopt": "CVXOPT",
+    "highspy": "HiGHS",
+    "osqp": "OSQP",
+    "piqp": "PIQP",
+    "qoco": "QOCO",
+    "sdpa-python": "SDPA",
+}
+"""Conic solvers by the names of their distributions."""
 GROUND = ("numpy", "scipy", "numba", "control", "cvxpy", "casadi", "python-flint", "xarray")
 """Distributions whose version can change an answer or a time."""
 
@@ -88,13 +97,14 @@ def _slycot() -> Finding:
 
 
 def _solvers() -> Finding:
-    """The solvers that are asked by name, and how to get more."""
+    """The installed conic solvers, which of them are methods, and how to get more."""
     named = ", ".join(solver.name for solver in conic_solvers())
-    missing = [name for name in SOLVERS if _version(name) is None]
-    if missing:
-        words = f"pip install 'robust-workbench[solvers]' brings {', '.join(missing)}"
-        return Finding("conic solvers", named, words)
-    return Finding("conic solvers", f"{named}; more by [tool.workbench] solvers = [...]")
+    versions = {name: _version(name) for name in SOLVERS}
+    here = ", ".join(f"{SOLVERS[name]} {found}" for name, found in versions.items() if found)
+    missing = [name for name, found in versions.items() if found is None]
+    words = f"pip install 'robust-workbench[solvers]' brings {', '.join(missing)}"
+    told = f"{here}; methods: {named}, and others by [tool.workbench] solvers = [...]"
+    return Finding("conic solvers", told, words if missing else "")
 
 
 def _threads() -> Finding:

@@ -42,6 +42,8 @@ def record_columns(
         if name is not None:
             asked[kind] = columns.own_name(name, "time" if kind == "time" else "signal")
     input, output, time = asked.values()
+    if input is not None and input == output:
+        raise InputError(f"{input!r} is named as the input and as the output: name two columns")
     table = columns.variables | _stamps(columns)
     names = [name for name, values in table.items() if np.ndim(values) == 1]
     told = f"{file} has the columns {', '.join(map(repr, table)) or 'none'}"

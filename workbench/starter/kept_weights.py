@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from workbench.bench.problem import import_file
+from workbench.certificate import told_apart
 from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options
@@ -67,7 +68,7 @@ def kept_weights(
     if best.peak < 1 and len(tried) > 1:
         best.reasons["bandwidth"] = (
             f"the first of {', '.join(f'{one.bandwidth:g}' for one in tried)} Hz at which a "
-            f"certified peak of mu is below 1, {best.peak:.3g}; at {asked:g} Hz it is "
-            f"{tried[0].peak:.3g}"
+            f"certified peak of mu is below 1, {told_apart(best.peak, 1.0, digits=3)[0]}; at "
+            f"{asked:g} Hz it is {told_apart(tried[0].peak, 1.0, digits=3)[0]}"
         )
     return best

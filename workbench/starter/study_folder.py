@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 import tempfile
@@ -13,6 +14,7 @@ from typing import Any
 
 from workbench.errors import InputError
 from workbench.identification.record_tests.report import as_names
+from workbench.input_checks import is_real, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
@@ -107,6 +109,10 @@ def write_study(
         raise InputError(
             f"{plant!r} names the plant and its problems: letters, digits, - and _, a letter first"
         )
+    need_positive(period, "period", or_none=True)
+    need_positive(sample_rate, "sample_rate", or_none=True)
+    if not (is_real(delay) and 0.0 <= delay < math.inf):
+        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)

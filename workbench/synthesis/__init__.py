@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         sampled_conditions,
     )
     from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+    from workbench.synthesis.implementation.working_point.point import WorkingPoint
     from workbench.synthesis.limits.analytic_basis import AnalyticBasis
     from workbench.synthesis.limits.dual_bound import DualCertificate
     from workbench.synthesis.limits.dual_search import highest_proven
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
+    from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
     from workbench.synthesis.records.record import NoiseEnergy, StateRecords
@@ -137,6 +139,8 @@ __all__ = [
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
+    "WorkingLoop",
+    "WorkingPoint",
     "approximated",
     "approximations",
     "closed_transition",

@@ -9,8 +9,10 @@ from made_cells import LEVELS, heuristic, inaccurate, invalid, made, nothing, so
 
 from workbench.bench.comparison import judged
 from workbench.bench.comparison.drawings import drawings
+from workbench.bench.comparison.layout import NUMBERS, seconds
 from workbench.bench.comparison.profiles import performance_ratios, profile
 from workbench.bench.comparison.styles import method_looks
+from workbench.bench.report.points import every_cell
 
 NONE = 100.0
 """Height of cells without a gap, two decades above the power of ten that bounds every gap."""
@@ -189,3 +191,22 @@ def test_every_program_has_figures_of_its_own():
 def test_of_one_problem_the_profiles_would_say_nothing_more():
     assert "cactus" not in drawings(judged(made({("p", "a"): solved()})))
     assert "cactus" in drawings(judged(made({("p", "a"): solved(), ("q", "a"): solved()})))
+
+
+# --- numbers that are none ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_every_figure_is_drawn_whatever_its_numbers_are(value):
+    """In one cell of every variable, then in all cells of the gap and of the times."""
+    data = judged(synthetic(problems=2, methods=2, repetitions=1))
+    spoilt = data.copy(deep=True)
+    for place, name in enumerate(NUMBERS):
+        spoilt[name].values.flat[place] = value
+    everywhere = data.copy(deep=True)
+    for name in ("gap", "solve", "objective", "size"):
+        everywhere[name].values[...] = value
+    for one in (spoilt, everywhere):
+        every_cell(one) if np.isfinite(seconds(one)).any() else None
+        for figure in drawings(one).values():
+            figure.draw_without_rendering()

@@ -65,7 +65,8 @@ def answer(cell: Cell, place: Site) -> Record:
     method = cell.question.method
     assert isinstance(bound.task, Program) and method is not None
     said = _timed(bound.task, method, cell.options)
-    with running(None if cell.options.time_limit is None else CHECK_LIMIT):
+    allowed = None if cell.options.time_limit is None else CHECK_LIMIT
+    with running(allowed, f"its check was killed after {CHECK_LIMIT:g} s"):
         solution = judge(bound.task, method, said.solution, said.context)
     record = Record.of(bound.task, solution, said.cpu, said.memory)
     if not cell.light:
@@ -91,11 +92,11 @@ def _timed(task: Program, method: str, options: Options) -> Said:
     pair, limit = (type(task), method), options.time_limit
     if pair not in _warm:
         _warm.add(pair)
-        first = _once(task, method, options, None if limit is None else limit + WARM_UP)
+        first = _once(task, method, options, WARM_UP)
         took = sum(first.solution.seconds.values()) - first.compiling
         if first.compiling == 0.0 and took > WARM_UP and (limit is None or took <= limit):
             return first
-    return _once(task, method, options, limit)
+    return _once(task, method, options)
 
 
 @dataclass(frozen=True)
@@ -109,10 +110,14 @@ class Said:
     memory: float
 
 
-def _once(task: Program, method: str, options: Options, limit: float | None) -> Said:
-    context = Context(options)
+def _once(task: Program, method: str, options: Options, longer: float = 0.0) -> Said:
+    """What a method says in one call, which may take so much longer than its time limit [s]."""
+    context, limit = Context(options), options.time_limit
     forget_peak_memory()
-    with running(limit) as clock:
+    reason = "" if limit is None else f"killed at its time limit of {limit:.4g} s"
+    if longer:
+        reason += f" and {longer:g} s more, which a first call has for imports"
+    with running(None if limit is None else limit + longer, reason) as clock:
         cpu = time.process_time()
         try:
             solution = ask(task, method, context)

@@ -11,13 +11,13 @@ from workbench.executor.worker import alarm
 
 
 class Clock:
-    """How long a cell has left, and what was spent on compiling [s]."""
+    """How long a cell has left, why it is killed then, and what was spent on compiling [s]."""
 
-    def __init__(self, limit: float | None) -> None:
+    def __init__(self, limit: float | None, reason: str) -> None:
         self.compiling = 0.0
-        self._left, self._depth = limit, 0
+        self._left, self._reason, self._depth = limit, reason, 0
         self._since = time.monotonic()
-        alarm(limit)
+        alarm(limit, reason)
 
     def stop(self) -> None:
         """A function is being compiled; it may need others for that."""
@@ -35,12 +35,15 @@ class Clock:
             now = time.monotonic()
             self.compiling += now - self._since
             self._since = now
-            alarm(self._left)
+            alarm(self._left, self._reason)
 
 
 @contextmanager
-def running(limit: float | None) -> Iterator[Clock]:
-    """Have this process killed after so many seconds inside, those of compiling not counted."""
+def running(limit: float | None, reason: str) -> Iterator[Clock]:
+    """Have this process killed after so many seconds inside, those of compiling not counted.
+
+    Whoever waits for it is told the reason.
+    """
     from numba.core import event
 
     class Compiler(event.Listener):
@@ -50,7 +53,7 @@ def running(limit: float | None) -> Iterator[Clock]:
         def on_end(self, event: Any) -> None:
             clock.go_on()
 
-    clock = Clock(limit)
+    clock = Clock(limit, reason)
     try:
         with event.install_listener("numba:compile", Compiler()):
             yield clock

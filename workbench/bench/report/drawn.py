@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import workbench
 from workbench.bench.project import add_problems, added_problems
 from workbench.bench.report.points import every_cell
 from workbench.bench.report.toggles import has_methods, telling
@@ -18,6 +19,8 @@ from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
 from workbench.figures.formats import png, svg
 from workbench.heavy_types import Figure
+
+LIBRARY = Path(workbench.__file__).parent
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,13 @@ def _reason(error: Exception) -> str:
     if isinstance(error, WorkbenchError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
-    last = [frame for frame in frames if "site-packages" not in Path(frame.filename).parts][-1]
+    last = [frame for frame in frames if _is_ours(Path(frame.filename))][-1]
     return f"{type(error).__name__}: {error} ({last.filename}:{last.lineno} in {last.name})"
+
+
+def _is_ours(file: Path) -> bool:
+    """Whether a source file is the library's, which may be installed, or a user's."""
+    return file.is_relative_to(LIBRARY) or "site-packages" not in file.parts
 
 
 def _words(stem: str) -> str:

@@ -62,20 +62,25 @@ def _spans(text: str) -> Markup:
 
 
 def _table(rows: list[list[str]], caption: str) -> Markup:
-    """A table whose first column heads its rows, unless that is a column of numbers."""
+    """A table whose first column heads its rows, unless that is a column of numbers.
+
+    With long texts in it, a narrow page folds its rows: each cell then says its column.
+    """
     if len(rows) < 2 or len({len(row) for row in rows}) > 1:  # a cell has a bar in it
         text = "\n".join(" | ".join(row) for row in rows)
         return Markup("<p>{}</p><pre>{}</pre>").format(_spans(caption), text)
     head, rule, *body = rows
     numeric = [mark.endswith(":") for mark in rule]
+    cells = [pair for row in body for pair in zip(row, numeric, strict=True)]
+    folds = any(len(text) > LONGEST_CELL and not right for text, right in cells)
 
-    def cell(text: str, right: bool, tag: str, scope: str = "") -> Markup:
+    def cell(text: str, right: bool, tag: str, scope: str = "", label: str = "") -> Markup:
         looks = "num" if right else "long" if len(text) > LONGEST_CELL else ""
-        start = Markup("<{}{}{}>").format(
-            Markup(tag),
-            Markup(' scope="{}"').format(scope) if scope else "",
-            Markup(' class="{}"').format(looks) if looks else "",
+        named = {"scope": scope, "class": looks, "data-label": label if folds else ""}
+        attributes = Markup("").join(
+            Markup(' {}="{}"').format(name, value) for name, value in named.items() if value
         )
+        start = Markup("<{}{}>").format(Markup(tag), attributes)
         return start + _spans(text) + Markup("</{}>").format(Markup(tag))
 
     heads = Markup("").join(
@@ -83,17 +88,19 @@ def _table(rows: list[list[str]], caption: str) -> Markup:
     )
     lines = Markup("")
     for row in body:
-        cells = [
-            cell(text, right, "th", "row") if not place and not right else cell(text, right, "td")
-            for place, (text, right) in enumerate(zip(row, numeric, strict=True))
+        line = [
+            cell(text, right, "th", "row")
+            if not place and not right
+            else cell(text, right, "td", label=name)
+            for place, (text, right, name) in enumerate(zip(row, numeric, head, strict=True))
         ]
         method = (
             Markup(' data-method="{}"').format(_method(head, row)) if _method(head, row) else ""
         )
-        lines += Markup("<tr{}>{}</tr>").format(method, Markup("").join(cells))
+        lines += Markup("<tr{}>{}</tr>").format(method, Markup("").join(line))
     return Markup(
-        "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
-    ).format(_spans(caption), heads, lines)
+        "<table{}><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
+    ).format(Markup(' class="folds"') if folds else "", _spans(caption), heads, lines)
 
 
 def _method(head: list[str], row: list[str]) -> str:

@@ -42,7 +42,7 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     """Certified gap over wall time of every cell, and what each point says.
 
     Filled points are certified, hollow ones are not, thin crosses are false claims. Cells without a
-    certified gap stand in a row of their own below the others; cells without a time are left out.
+    finite gap stand in a row of their own below the others; cells without a time are left out.
 
     Raises
     ------
@@ -57,7 +57,9 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
         raise ResultError("no cell has a time")
     figure, (panel,) = figures.axes(size=(7.4, 4.6))
     heights = scaled(np.array([cell.gap for cell in cells]))
-    floor = min(float(np.nanmin(heights, initial=0.0)), 0.0) - 2.0
+    known = np.isfinite(heights)
+    floor = float(heights[known].min(initial=0.0)) - 2.0
+    heights[~known] = floor
     groups = defaultdict[tuple[str, str], list[int]](list)
     for place, cell in enumerate(cells):
         groups[cell.method, cell.kind].append(place)
@@ -65,14 +67,13 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     told: list[Told] = []
     for (method, kind), places in groups.items():
         x = [cells[place].seconds for place in places]
-        y = np.nan_to_num(heights[places], nan=floor)
-        _plot(panel, looks[method], kind, x, y)
+        _plot(panel, looks[method], kind, x, heights[places])
         told.append((looks[method].drawn["gid"], [cells[place].words for place in places]))
     figures.label(panel, "statement and solve [s]", "certified gap [relative]", log="x")
-    top = max(float(np.nanmax(heights, initial=0.0)), 1.0)
+    top = float(heights.max(initial=1.0))
     ticks = {f"{tick:g}": float(scaled(np.array(tick))) for tick in TICKS}
     names = {name: height for name, height in ticks.items() if floor + 1.0 < height < top + 1.0}
-    names |= {"no gap": floor} if np.isnan(heights).any() else {}
+    names |= {} if known.all() else {"no finite gap": floor}
     panel.set_yticks(list(names.values()), list(names))
     panel.set_ylim(floor - 0.7, top + 0.7)
     legend(figure, keys(looks, line=False))

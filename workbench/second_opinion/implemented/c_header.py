@@ -61,7 +61,8 @@ def state_space_of(text: str) -> RealArray:
     body = _step(text)
     lines = re.findall(r"^\s*(state->x\[\d+\]|u\[\d+\]) = ([^;]*);$", body, re.MULTILINE)
     sums = dict(reversed(lines))  # limits come after the sum that they limit
-    names = [f"x{i}" for i in range(states)] + [f"y[{j}]" for j in range(inputs)]
+    word = "e" if re.search(r"\be\[\d+\] = ", body) else "y"  # errors, of signals of the user
+    names = [f"x{i}" for i in range(states)] + [f"{word}[{j}]" for j in range(inputs)]
     targets = [f"state->x[{i}]" for i in range(states)] + [f"u[{i}]" for i in range(outputs)]
     found = np.zeros((len(targets), len(names)))
     for row, target in enumerate(targets):
@@ -79,9 +80,32 @@ def section_gains(text: str) -> list[list[float]]:
     return found
 
 
+def absolute_signals_agree(text: str, wanted: dict[str, Any], kind: type) -> Check:
+    """Check that a header's tables of limits, changes and controls at rest are those wanted (p,).
+
+    The tables are called as the keys of ``wanted``; None: there must be no such table. Controls at
+    rest have to be added in the step, and limits to be asked for in it.
+    """
+    body, apart = _step(text), 0.0
+    for name, values in wanted.items():
+        table = re.search(rf"\w+_{name}\[\d+\] = \{{([^}}]*)\}};", text)
+        if values is None or table is None:
+            apart = max(apart, 0.0 if values is None and table is None else np.inf)
+            continue
+        read = np.array([float(one.rstrip("f")) for one in table.group(1).split(", ")])
+        own = np.asarray(values, dtype=float).astype(kind).astype(float)
+        used = [f"_{name}[{i}]" in body for i in range(len(own))]
+        off = np.abs(read.astype(kind) - own) if read.shape == own.shape and all(used) else np.inf
+        apart = max(apart, float(np.max(off / np.maximum(np.abs(own), np.finfo(kind).tiny))))
+    statement = "largest difference of a limit or a control at rest in the code, relative"
+    return Check("absolute signals", statement, apart, ROUNDING, over=THIS_SYSTEM)
+
+
 def _terms(text: str) -> list[tuple[float, str]]:
     """Factors and names of a sum of products."""
-    found = re.findall(r"([+-] )?(-?[\d.eE+-]+)f? \* ([a-z]\d+|y\[\d+\]|\(u\[\d+\] - w\d+\))", text)
+    found = re.findall(
+        r"([+-] )?(-?[\d.eE+-]+)f? \* ([a-z]\d+|[ye]\[\d+\]|\(u\[\d+\] - w\d+\))", text
+    )
     return [
         (float(f"{sign.strip()}{value}".replace("--", "")), name) for sign, value, name in found
     ]
@@ -100,8 +124,9 @@ def _last_shift(text: str, count: int) -> float:
 
 def _step(text: str) -> str:
     """The body of the step."""
-    start = text.index("_step(")
-    return text[text.index("{", start) : text.index("\n}\n", start)]
+    start = re.search(r"static inline void \w+_step\(", text)
+    assert start is not None
+    return text[text.index("{", start.end()) : text.index("\n}\n", start.end())]
 
 
 def _defined(text: str, name: str) -> int:

@@ -10,7 +10,8 @@ from workbench.certificate import THIS_SYSTEM, Check
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import need_positive, need_whole
+from workbench.input_checks import need_kind, need_positive, need_whole
+from workbench.synthesis.families.integral_action import without_integrators
 
 ROUNDING = 1e-9
 """Relative rounding of the sizes of poles."""
@@ -20,12 +21,14 @@ ROUNDING = 1e-9
 class Shippable:
     """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
 
-    None leaves a demand out. Raises InputError for an order or a size that is none.
+    None leaves a demand out. With ``integral`` integrators count as stable. Raises InputError for an
+    order or a size that is none.
     """
 
     order: int | None = None
     stable: bool = False
     fastest: float | None = None
+    integral: bool = False
 
     def __post_init__(self) -> None:
         need_positive(self.fastest, "fastest_pole", or_none=True)
@@ -33,8 +36,8 @@ class Shippable:
             need_whole(self.order, "order")
             if self.order < 0:
                 raise InputError(f"order is {self.order}; it must be 0 or more")
-        if not isinstance(self.stable, bool):
-            raise InputError(f"stable is {self.stable!r}; it must be True or False")
+        need_kind(self.stable, bool, "stable")
+        need_kind(self.integral, bool, "integral")
 
     @property
     def asked(self) -> bool:
@@ -54,7 +57,7 @@ class Shippable:
             found.append(Check("order", statement, float(K.nstates), float(self.order)))
         if self.stable:
             statement = "distance of the controller's own worst pole beyond the imaginary axis"
-            own = stability_of(K)
+            own = stability_of(without_integrators(K) if self.integral else K)
             found.append(
                 Check(
                     "controller stable", statement, own.value, own.limit, own.where,

@@ -164,11 +164,11 @@ def family_for(family: Any, plant: GeneralisedPlant) -> Family:
 
 def need_continuous_plant(program: Any) -> None:
     """Raise InputError where the plant is sampled and what is asked is for continuous time."""
-    dt = program.plant.system.dt
-    if dt and (program.family is not None or program.fastest_pole is not None):
+    dt, integral = program.plant.system.dt, getattr(program, "integral", False)
+    if dt and (program.family is not None or program.fastest_pole is not None or integral):
         raise InputError(
-            f"the plant is sampled (dt = {dt} s): family and fastest_pole are for continuous "
-            "controllers"
+            f"the plant is sampled (dt = {dt} s): family, fastest_pole and integral are for "
+            "continuous controllers"
         )
 
 
@@ -176,7 +176,7 @@ def asked_of(program: Any) -> list[str]:
     """Names of what a synthesis asks of the controller itself."""
     names = ("start", "family", "order", "fastest_pole")
     asked = [name for name in names if getattr(program, name) is not None]
-    return [*asked, "stable"] if program.stable else asked
+    return [*asked, *(name for name in ("stable", "integral") if getattr(program, name, False))]
 
 
 def need_draws(random: Any) -> None:

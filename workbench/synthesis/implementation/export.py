@@ -17,8 +17,9 @@ import numpy as np
 from workbench.errors import InputError, ResultError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_choice
-from workbench.synthesis.implementation.c_code.export_c import Limits, Precision, header
+from workbench.synthesis.implementation.c_code.export_c import Precision, header
 from workbench.synthesis.implementation.second_order import Sections
+from workbench.synthesis.implementation.working_point.actuator import Actuator, Limits, limits_of
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
@@ -50,8 +51,10 @@ def export(
         makes a step.
     metadata
         Values that JSON can hold; for "json" and "mat" only.
-    name, precision, limits
+    name, precision
         As in `export_c.header`; for "c" only.
+    limits
+        Lowest and highest value of each output; for "c" only.
 
     Raises
     ------
@@ -75,7 +78,11 @@ def export(
     if format == "c":
         if metadata:
             raise InputError("a C header takes no metadata; leave it out")
-        content = header(K, name, precision, limits).encode("ascii")
+        actuator = None
+        if limits is not None:
+            outputs = (K if isinstance(K, Sections) else as_system(K, "K")).noutputs
+            actuator = Actuator(*limits_of(limits, outputs))
+        content = header(K, name, precision, actuator).encode("ascii")
     else:
         if limits is not None or (name, precision) != ("controller", "double"):
             raise InputError(f"name, precision and limits are for C, not for {format!r}")

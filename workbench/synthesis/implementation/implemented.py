@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -13,11 +13,12 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.h_infinity.figures import DrawnController
 from workbench.synthesis.implementation.c_code.c_fixed_point import fixed_header
-from workbench.synthesis.implementation.c_code.export_c import Limits, header
+from workbench.synthesis.implementation.c_code.export_c import header
 from workbench.synthesis.implementation.export import replace_file
 from workbench.synthesis.implementation.fixed_point import FixedPoint
 from workbench.synthesis.implementation.rounding import Rounding
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
+from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.systems.realisation import in_words
 
 Precision = Literal["double", "float", "fixed"]
@@ -44,7 +45,8 @@ class ImplementedController(DrawnController):
 
     ``K`` acts as the given controller does, u = sign K y; ``found`` says how it was discretised.
     ``peak`` bounds mu of the sampled loop for a set of plants, ``sensitivity`` is a certified bound
-    of the peak of its sensitivity. ``margins`` has an entry for each control signal.
+    of the peak of its sensitivity. ``margins`` has an entry for each control signal. ``actuator``
+    holds the limits that the code keeps, and the working point.
 
     Examples
     --------
@@ -64,9 +66,9 @@ class ImplementedController(DrawnController):
     peak: SetPeak | None
     margins: tuple[SampledMargins, ...]
     rounding: Rounding
-    limits: Limits | None = None
-    fixed: FixedPoint | None = None
-    format: FixedFormat | None = None
+    actuator: Actuator | None = field(default=None, kw_only=True)
+    fixed: FixedPoint | None = field(default=None, kw_only=True)
+    format: FixedFormat | None = field(default=None, kw_only=True)
 
     @property
     def lti(self) -> StateSpace:
@@ -107,8 +109,10 @@ class ImplementedController(DrawnController):
         if self.precision == "fixed":
             assert self.fixed is not None and self.format is not None
             f = self.format
-            return fixed_header(self.fixed, f.bits, f.signal_bits, (f.y_scale, f.u_scale), name)
-        return header(self.K, name, self.precision, self.limits)
+            return fixed_header(
+                self.fixed, f.bits, f.signal_bits, (f.y_scale, f.u_scale), name, self.actuator
+            )
+        return header(self.K, name, self.precision, self.actuator)
 
     def export(self, path: str | Path, name: str = "controller") -> Path:
         """Write the C99 header to a file, which is replaced as a whole or not at all.

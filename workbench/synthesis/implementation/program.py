@@ -22,7 +22,11 @@ from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import as_list, need_choice, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
-from workbench.second_opinion.implemented.c_header import code_agrees, integer_code_agrees
+from workbench.second_opinion.implemented.c_header import (
+    absolute_signals_agree,
+    code_agrees,
+    integer_code_agrees,
+)
 from workbench.second_opinion.implemented.integer_cascades import reached_rounding, reached_signals
 from workbench.second_opinion.implemented.sampled_plants import (
     rounded_signals,
@@ -33,7 +37,6 @@ from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
 from workbench.synthesis.implementation.approximation import approximated
 from workbench.synthesis.implementation.board_loop import BoardLoop
-from workbench.synthesis.implementation.c_code.export_c import Limits, limit_tables
 from workbench.synthesis.implementation.discretise import ImplementationMethod, discretised
 from workbench.synthesis.implementation.fixed_point import FixedPoint, fixed_point, need_bits
 from workbench.synthesis.implementation.implementation_checks import (
@@ -52,6 +55,12 @@ from workbench.synthesis.implementation.sampled_loop import (
     what_stabilises,
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+from workbench.synthesis.implementation.working_point.actuator import Actuator, Limits, actuator
+from workbench.synthesis.implementation.working_point.constant_signals import (
+    ConstantSignals,
+    constant_signals,
+)
+from workbench.synthesis.implementation.working_point.point import WorkingPoint
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import in_words, pole_sizes, realisation
@@ -88,8 +97,14 @@ class Implementation(Program):
     anti_aliasing
         Continuous filter of the measurements, of one channel or of all.
     limits
-        Lowest and highest values of the controls, which the code keeps to, with anti-windup; not
-        for "fixed", whose controls end at their full scales in the same way.
+        Lowest and highest values of the controls, absolute, which the code keeps to, with
+        anti-windup. In fixed point controls end at their full scales in the same way.
+    rate_limit
+        Largest change of the controls in a second, which the code keeps to in the same way.
+    working_point
+        The constant signals about which the plant is linear. The code then takes set-points and
+        measurements and gives controls in the user's units, absolute. Not for a `GeneralisedPlant`,
+        whose measurements may be anything.
     bits, signal_bits
         Of coefficients and signals in fixed point, signs included.
     full_scale
@@ -125,6 +140,8 @@ class Implementation(Program):
     signal_bits: int = field(default=32, kw_only=True)
     full_scale: tuple[float, float] | None = field(default=None, kw_only=True)
     sign: int | None = field(default=None, kw_only=True)
+    rate_limit: Any = field(default=None, kw_only=True)
+    working_point: WorkingPoint | None = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "best"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -141,10 +158,6 @@ class Implementation(Program):
             raise InputError("fixed point needs full_scale=(of the measurements, of the controls)")
         if not fixed and self.full_scale is not None:
             raise InputError(f"full_scale belongs to fixed point, not to {self.precision!r}")
-        if fixed and self.limits is not None:
-            raise InputError(
-                "the controls in fixed point end at their full scale: leave out limits"
-            )
         if self.full_scale is not None:
             scales = as_list(self.full_scale, "full_scale")
             if len(scales) != 2:
@@ -165,9 +178,13 @@ class Implementation(Program):
                 raise InputError(f"order is {self.order}; K has {K.nstates} states")
             if K.dt:
                 raise InputError("a sampled controller is not reduced: give the continuous one")
-        if self.limits is not None:
-            limit_tables(self.limits, K.noutputs)  # raises for wrong ones
+        if self.working_point is not None and isinstance(self.plant, GeneralisedPlant):
+            raise InputError(
+                "a working point needs a plant from u to y, or a model of it: what a generalised "
+                "plant measures may be anything"
+            )
         object.__setattr__(self, "K", K)
+        _ = self.actuator  # raises for wrong limits
         _ = self.loop.loop_of(
             realisation((K.A, K.B, K.C, K.D), self.period)
         )  # raises for what misfits
@@ -176,6 +193,12 @@ class Implementation(Program):
     def loop(self) -> BoardLoop:
         """What the controller is closed with."""
         return BoardLoop(self.plant, self.period, self.delay, self.anti_aliasing, self.sign)
+
+    @cached_property
+    def actuator(self) -> Actuator | None:
+        """The limits of the controls, and the working point."""
+        sizes, sign = (self.K.ninputs, self.K.noutputs), self.loop.nominal[1]
+        return actuator(self.limits, self.rate_limit, self.working_point, sizes, self.period, sign)
 
     # --- answers ----------------------------------------------------------------------------------
 
@@ -219,7 +242,9 @@ class Implementation(Program):
 
     def _bare(self, K: StateSpace, found: str) -> ImplementedController:
         none = rounding.Rounding(np.inf, np.inf)
-        return ImplementedController(K, found, self.precision, np.inf, None, (), none, self.limits)
+        return ImplementedController(
+            K, found, self.precision, np.inf, None, (), none, actuator=self.actuator
+        )
 
     def _scaled(self, K: StateSpace) -> StateSpace:
         """K from measurements over their full scale to controls over theirs."""
@@ -272,6 +297,13 @@ class Implementation(Program):
         """Mu of the sampled loop for the set of plants, or else the peak of the sensitivity."""
         return answer.sensitivity if answer.peak is None else answer.peak.upper
 
+    def constant_signals(self, answer: ImplementedController) -> ConstantSignals | None:
+        """What constant signals do about the working point, where every plant is stabilised."""
+        model, act, peak = self.loop.model, self.actuator, answer.peak
+        if model is None or act is None or act.point is None or peak is None or peak.upper >= 1.0:
+            return None
+        return constant_signals(model, answer.K, self.loop.nominal[1], act)
+
     # --- checks -----------------------------------------------------------------------------------
 
     def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
@@ -305,6 +337,9 @@ class Implementation(Program):
                     proven=True,
                 )
             )
+        constant = self.constant_signals(answer)
+        if constant is not None:
+            found.append(constant.check())
         errors = self.rounding_of(answer)
         statement = "growth of rounding errors by one turn through the loop"
         every = "for every signal in the loop"
@@ -374,9 +409,19 @@ class Implementation(Program):
             )
             kind = np.float32 if self.precision == "float" else np.float64
             found.append(code_agrees(answer.code(), answer.K, kind))
+            if self.actuator is not None:
+                found.append(absolute_signals_agree(answer.code(), self._absolute(), kind))
         else:
             found += self._integers_tried(answer, answer.fixed, loop.held(), loop.sign)
         return found
+
+    def _absolute(self) -> dict[str, Any]:
+        """What the code has to know of absolute signals, by the names of its tables."""
+        point, found = self.working_point, dict.fromkeys(("lowest", "highest", "change", "rest"))
+        rate = None if self.rate_limit is None else np.atleast_1d(self.rate_limit) * self.period
+        limits = (None, None) if self.limits is None else map(np.atleast_1d, self.limits)
+        rest = None if point is None else point.u
+        return dict(zip(found, (*limits, rate, rest), strict=True))
 
     def _integers_tried(
         self, answer: ImplementedController, fixed: FixedPoint, G: StateSpace, sign: int
@@ -405,10 +450,13 @@ class Implementation(Program):
                 f"mu of the sampled loop is not below 1 but {answer.peak.upper:.4g}: it is not "
                 "proven stable for every plant of the set"
             )
+        constant = self.constant_signals(answer)
+        if constant is not None and self.working_point is not None:
+            told.append(constant.words(self.working_point.y_unit))
         return [*told, *getattr(self.plant, "tested", ())]
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:
-        rows = answer.margins
+        rows, constant = answer.margins, self.constant_signals(answer)
         return {
             "peak": self.objective(answer),
             "sensitivity_peak": answer.sensitivity,
@@ -422,7 +470,7 @@ class Implementation(Program):
             "stable_controller": float((np.abs(answer.K.poles()) < 1.0).all()),
             "operations": float(answer.operations),
             "memory_bytes": float(answer.memory),
-        }
+        } | ({} if constant is None else {"static_error": constant.error})
 
     def figures(self, answer: ImplementedController) -> dict[str, Figure]:
         model = self.loop.model

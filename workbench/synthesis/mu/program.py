@@ -31,6 +31,7 @@ from workbench.synthesis.families.family import (
     need_draws,
     started,
 )
+from workbench.synthesis.families.integral_action import integral_check, with_integrator
 from workbench.synthesis.h_infinity.figures import controller
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     Absorbed,
@@ -94,6 +95,10 @@ class MuSynthesis(Program):
         Whether the controller itself must be stable.
     fastest_pole
         Largest size of the controller's poles [rad/s].
+    integral
+        Whether the controller must have an exact integrator: its real pole nearest to zero is moved
+        there before the peak is certified. Give the weight of the error a pole near zero, such as
+        1e-6 times the bandwidth. For continuous plants.
     units
         Units of exogenous inputs, measurements and controls by name, as figures show them.
 
@@ -149,6 +154,7 @@ class MuSynthesis(Program):
     stable: bool = field(default=False, kw_only=True)
     fastest_pole: float | None = field(default=None, kw_only=True)
     units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    integral: bool = field(default=False, kw_only=True)
 
     default_method: ClassVar[str] = "dk"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -171,7 +177,6 @@ class MuSynthesis(Program):
                 "the plant has no perturbation: that is hinf's problem, give structure; or a "
                 "family or an order, for the least norm that a controller of that form reaches"
             )
-        system = plant.system
         plant = visible(replace(plant, structure=structure))
         if not (plant.performance and plant.exogenous):
             raise InputError(
@@ -204,7 +209,7 @@ class MuSynthesis(Program):
     @property
     def demands(self) -> Shippable:
         """What the controller must be besides."""
-        return Shippable(self.order, self.stable, self.fastest_pole)
+        return Shippable(self.order, self.stable, self.fastest_pole, self.integral)
 
     def claim_task(self, claim: Outcome) -> Task | None:
         if claim is not Outcome.INFEASIBLE or self.plant.system.dt:
@@ -214,6 +219,7 @@ class MuSynthesis(Program):
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
+        free["integral"] = False
         return replace(self, start=None, family=None, random=0, **free)
 
     @cached_property
@@ -278,6 +284,8 @@ class MuSynthesis(Program):
 
         Tools that do not balance give responses with errors of 1e-3 for fifty badly scaled states.
         """
+        if self.integral:
+            K = with_integrator(K)
         return self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
 
     def scaled_answer(
@@ -325,7 +333,7 @@ class MuSynthesis(Program):
         if not fits:
             return found
         stability = stability_of(self.plant.close(K))
-        found += [stability, *self.demands.checks(K)]
+        found += [stability, *self.demands.checks(K), *([integral_check(K)] * self.integral)]
         if not stability.holds:
             return found
         loop = self.plant.close(K)

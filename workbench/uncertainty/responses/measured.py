@@ -238,6 +238,10 @@ def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> l
     """Paths in the order of their names; raises InputError where there are none."""
     if not isinstance(files, str | PathLike):
         return [need_path(file) for file in as_list(files, "files")]
+    if not str(files):
+        raise InputError(
+            "the name of the files is empty; name a file, or a pattern such as 'a*.csv'"
+        )
     pattern = Path(files)
     root = Path(pattern.anchor)
     paths = sorted(root.glob(str(pattern.relative_to(root))), key=_natural)

@@ -11,11 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workbench.errors import InputError
+from workbench.synthesis.implementation.c_code.counts import Counts, Limited
 from workbench.synthesis.implementation.fixed_point import (
     ACCUMULATOR_BITS,
     FixedCascade,
     FixedPoint,
 )
+from workbench.synthesis.implementation.working_point.actuator import Actuator
 
 PLACES = 4
 """Values in the memory of a section."""
@@ -26,10 +28,10 @@ _FRAME = """\
  * {inputs} inputs, {outputs} outputs, sample time {time} s.
  * Measurements are integers over {scale}, 1 being full scale: y = {guard}_FULL_SCALE corresponds to
  * {y_scale} units. Controls are the same over full scales of {u_scale} units, and are limited to
- * them; the last sections are told of it (anti-windup). Coefficients have {bits} bits, signals
+ * {within}; the last sections are told of it (anti-windup). Coefficients have {bits} bits, signals
  * {signal_bits}; no section overflows. Call {name}_init once, then {name}_step each sample. Right
  * shifts of negative integers must be arithmetic, as they are with every common compiler.
- */
+{called} */
 #ifndef {guard}_H
 #define {guard}_H
 
@@ -42,21 +44,15 @@ _FRAME = """\
 
 typedef struct {{
     int64_t x[{room}];
-}} {name}_state;
-
-static inline int64_t {name}_limited(int64_t value)
-{{
-    const int64_t most = {guard}_FULL_SCALE;
-    return value > most ? most : value < -most ? -most : value;
-}}
-
+{memory}}} {name}_state;
+{helpers}
 static inline void {name}_init({name}_state *state)
 {{
     for (int i = 0; i < {room}; i++)
         state->x[i] = 0;
-}}
+{rest}}}
 
-static inline void {name}_step({name}_state *state, const int32_t y[{inputs}],
+static inline void {name}_step({name}_state *state, {signals},
                                int32_t u[{outputs}])
 {{
     int64_t *x = state->x, v, w, sum;
@@ -65,7 +61,7 @@ static inline void {name}_step({name}_state *state, const int32_t y[{inputs}],
 /* The state from which a step answers the measurements y with the controls u, but for roundings: no
  * bump. All other sections stand still then. A memory that would go beyond full scale stops there.
  */
-static inline void {name}_start({name}_state *state, const int32_t y[{inputs}],
+static inline void {name}_start({name}_state *state, {signals},
                                 const int32_t u[{outputs}])
 {{
     int64_t *x = state->x, v, sum;
@@ -81,6 +77,7 @@ def fixed_header(
     signal_bits: int,
     scales: tuple[float, float],
     name: str = "controller",
+    actuator: Actuator | None = None,
 ) -> str:
     """Text of a C99 header of cascades in fixed point, for measurements of `signal_bits`.
 
@@ -89,7 +86,10 @@ def fixed_header(
     fixed, bits, signal_bits
         From `fixed_point`, with no section that overflows; signals of at most 32 bits.
     scales
-        Full scales of measurements and of controls, for the comment.
+        Full scales of measurements and of controls.
+    actuator
+        Limits within the full scales of the controls, and the working point from which signals are
+        counted then.
 
     Raises
     ------
@@ -108,16 +108,16 @@ def fixed_header(
         return f"{name}_limited({value})"
 
     inputs, outputs = fixed.quantised.ninputs, fixed.quantised.noutputs
-    step: list[str] = []
-    start: list[str] = []
+    counts = Counts(actuator or Actuator(), scales, signal_bits, name, (inputs, outputs))
+    step, start = counts.bounds + counts.errors, counts.errors
     place = 0
     for i, line in enumerate(fixed.cascades):
         channels = []
         for cascade in line:
             channels.append(_sections(cascade, place, signal_bits))
             place += PLACES * len(channels[-1])
-        step += _step(i, channels, limited)
-        start += _start(i, channels, limited)
+        step += _step(i, channels, counts.limited(i))
+        start += _start(i, channels, limited, counts.input)
     return _FRAME.format(
         inputs=inputs,
         outputs=outputs,
@@ -131,8 +131,9 @@ def fixed_header(
         signal_bits=signal_bits,
         largest=2 ** (signal_bits - 1) - 1,
         room=place,
-        step="".join(f"    {line}\n" for line in step),
-        start="".join(f"    {line}\n" for line in start),
+        step="".join(f"    {line}\n" for line in step + counts.kept),
+        start="".join(f"    {line}\n" for line in start + counts.kept),
+        **counts.places,
     )
 
 
@@ -186,37 +187,40 @@ def _sections(cascade: FixedCascade, place: int, signal_bits: int) -> list[_Sect
     return found
 
 
-def _step(i: int, channels: list[list[_Section]], limited: Callable[[str], str]) -> list[str]:
+def _step(i: int, channels: list[list[_Section]], limited: Limited) -> list[str]:
     """Lines of the step of output i: its sections, their sum, and what the sum loses."""
-    lines = ["sum = 0;"]
+    lines = [*limited.bounds, "sum = 0;"]
     for j, sections in enumerate(channels):
-        lines.append(f"v = y[{j}];")
+        lines.append(f"v = {limited.input}[{j}];")
+        last, alone = sections[-1], len(channels) == 1
         for section in sections:
             v1, v2, w1, w2 = section.memory
             output = section.output()
             lines += [
-                f"w = {limited(output) if section is sections[-1] else output};",
+                f"w = {limited.last(output, alone, section.shift) if section is last else output};",
                 f"{v2} = {v1}; {v1} = v; {w2} = {w1}; {w1} = w; v = w;",
             ]
         lines.append(f"sum += {_shifted('v', sections[-1].shift)};")
-    lines.append(f"u[{i}] = (int32_t){limited('sum')};")
+    lines.append(f"u[{i}] = (int32_t){limited.control('sum')};")
     if len(channels) == 1:  # its last section is within the limits of the control
         return lines
     lines.append(f"if (sum != u[{i}]) {{")
     for sections in channels:
         w1, shift = sections[-1].memory[2], sections[-1].shift
         lost = _shifted(f"((sum - u[{i}]) / {len(channels)})", -shift)
-        lines.append(f"    {w1} = {limited(f'{w1} - {lost}')};")
+        lines.append(f"    {w1} = {limited.full_scale(f'{w1} - {lost}')};")
     return [*lines, "}"]
 
 
-def _start(i: int, channels: list[list[_Section]], limited: Callable[[str], str]) -> list[str]:
+def _start(
+    i: int, channels: list[list[_Section]], limited: Callable[[str], str], word: str
+) -> list[str]:
     """Lines of the start of output i: one last section answers for what the others do not give."""
     lasts = [sections[-1] for sections in channels]
     chosen = max(lasts, key=lambda last: abs(sum(last.a)) / 2**last.exponent)
     lines = [f"sum = u[{i}];"]
     for j in sorted(range(len(channels)), key=lambda j: lasts[j] is chosen):
-        lines.append(f"v = y[{j}];")
+        lines.append(f"v = {word}[{j}];")
         for section in channels[j]:
             v1, v2, w1, w2 = section.memory
             lines.append(f"{v1} = {v2} = v;")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.linalg import null_space, solve_discrete_are
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.implementation.working_point.actuator import Actuator
 
 CONDITIONING_NOISE = 1e-4
 """Error of a control, over the controller's own gain, in the design of the anti-windup gain."""
@@ -18,46 +20,92 @@ Number = Callable[[float], str]
 """Function of a number that gives its C literal."""
 
 
-def step_code(K: StateSpace, name: str, number: Number, H: RealArray | None) -> str:
+def step_code(
+    K: StateSpace, name: str, number: Number, H: RealArray | None, actuator: Actuator
+) -> str:
     """Body of the step: outputs first, then limits, then the states that they are known to."""
-    n, m, p = K.nstates, K.ninputs, K.noutputs
-    x, y = [f"x{i}" for i in range(n)], [f"y[{j}]" for j in range(m)]
-    lines = [f"const {name}_real x{i} = state->x[{i}];" for i in range(n)]
+    n, p = K.nstates, K.noutputs
+    x, y = [f"x{i}" for i in range(n)], _inputs(K, actuator)
+    lines = _errors(K, name, actuator)
+    lines += [f"const {name}_real x{i} = state->x[{i}];" for i in range(n)]
     for i in range(p):
         terms = [*zip(K.C[i], x, strict=True), *zip(K.D[i], y, strict=True)]
-        lines.append(f"u[{i}] = {_sum(terms, number)};")
+        rest = f"{name}_rest[{i}] + " if actuator.point else ""
+        lines.append(f"u[{i}] = {rest}{_sum(terms, number)};")
     if H is not None:
         for i in range(p):
-            lines += [
-                f"const {name}_real w{i} = u[{i}];",
-                f"if (u[{i}] < {name}_lowest[{i}])",
-                f"    u[{i}] = {name}_lowest[{i}];",
-                f"else if (u[{i}] > {name}_highest[{i}])",
-                f"    u[{i}] = {name}_highest[{i}];",
-            ]
+            lines += [f"const {name}_real w{i} = u[{i}];", *_limited(i, name, actuator)]
     for i in range(n):
         terms = [*zip(K.A[i], x, strict=True), *zip(K.B[i], y, strict=True)]
         if H is not None:
             terms += [(H[i, j], f"(u[{j}] - w{j})") for j in range(p)]
         lines.append(f"state->x[{i}] = {_sum(terms, number)};")
-    if n == 0:
+    if actuator.step is not None:
+        lines += [f"state->before[{i}] = u[{i}];" for i in range(p)]
+    if n == 0 and actuator.step is None:
         lines.append("(void)state;")
-    if not any(f"y[{j}]" in line for line in lines for j in range(m)):
-        lines.append("(void)y;")
-    return "".join(f"    {line}\n" for line in lines)
+    return "".join(f"    {line}\n" for line in lines + _unused(lines, y))
 
 
-def start_code(K: StateSpace, number: Number) -> str:
+def start_code(K: StateSpace, name: str, number: Number, actuator: Actuator) -> str:
     """Body of the start: states from which the step answers measurements y with controls u."""
     from_y, from_u = start_gains(K)
+    y = _inputs(K, actuator)
+    u = [f"(u[{j}] - {name}_rest[{j}])" if actuator.point else f"u[{j}]" for j in range(K.noutputs)]
     sums = []
     for i in range(K.nstates):
-        terms = [(value, f"y[{j}]") for j, value in enumerate(from_y[i])]
-        terms += [(value, f"u[{j}]") for j, value in enumerate(from_u[i])]
+        terms = [*zip(from_y[i], y, strict=True), *zip(from_u[i], u, strict=True)]
         sums.append(_sum(terms, number))
-    lines = [f"state->x[{i}] = {value};" for i, value in enumerate(sums or ["0"])]
-    lines += [f"(void){word};" for word in "yu" if not any(f"{word}[" in each for each in sums)]
+    lines = _errors(K, name, actuator)
+    lines += [f"state->x[{i}] = {value};" for i, value in enumerate(sums or ["0"])]
+    if actuator.step is not None:
+        lines += [f"state->before[{i}] = u[{i}];" for i in range(K.noutputs)]
+    lines += _unused(lines, y)
+    if not any("u[" in line for line in lines):
+        lines.append("(void)u;")
     return "".join(f"    {line}\n" for line in lines)
+
+
+def _inputs(K: StateSpace, actuator: Actuator) -> list[str]:
+    """Names of the controller's inputs: errors where the user's signals are given."""
+    word = "e" if actuator.point else "y"
+    return [f"{word}[{j}]" for j in range(K.ninputs)]
+
+
+def _errors(K: StateSpace, name: str, actuator: Actuator) -> list[str]:
+    """The line that makes errors of the set-points and the measurements."""
+    if actuator.point is None:
+        return []
+    one = "r[{0}] - y[{0}]" if actuator.sign < 0 else "y[{0}] - r[{0}]"
+    apart = ", ".join(one.format(j) for j in range(K.ninputs))
+    return [f"const {name}_real e[{K.ninputs}] = {{{apart}}};"]
+
+
+def _limited(i: int, name: str, actuator: Actuator) -> list[str]:
+    """Lines that keep control i within its change in a sample, then within its limits."""
+    bounds = []
+    if actuator.step is not None:
+        before, change = f"state->before[{i}]", f"{name}_change[{i}]"
+        bounds.append((f"{before} - {change}", f"{before} + {change}"))
+    if actuator.lowest is not None:
+        bounds.append((f"{name}_lowest[{i}]", f"{name}_highest[{i}]"))
+    return [
+        line
+        for low, high in bounds
+        for line in (
+            f"if (u[{i}] < {low})",
+            f"    u[{i}] = {low};",
+            f"else if (u[{i}] > {high})",
+            f"    u[{i}] = {high};",
+        )
+    ]
+
+
+def _unused(lines: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """A line against a warning, where no line uses an input."""
+    word = inputs[0][0]
+    used = any(re.search(rf"\b{word}\[\d+\](?! =)", line) for line in lines)
+    return [] if used else [f"(void){word};"]
 
 
 def _sum(terms: Sequence[tuple[float, str]], number: Number) -> str:

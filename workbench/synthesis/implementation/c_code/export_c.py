@@ -7,32 +7,26 @@ import re
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.input_checks import as_array, as_list
 from workbench.synthesis.implementation.c_code.c_state_space import (
     anti_windup_gain,
     start_code,
     step_code,
 )
+from workbench.synthesis.implementation.c_code.call_comment import CALLED, how_called
 from workbench.synthesis.implementation.second_order import Sections
+from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.systems.conversion import as_system
 
 Precision = Literal["double", "float"]
 """C types of the numbers."""
-Limits = tuple[ArrayLike, ArrayLike]
-"""Lowest and highest value of each output; numbers, where there is one."""
 
 _FRAME = """\
 /* {what}
  *
  * {inputs} inputs, {outputs} outputs, {states} states, sample time {time} s.
- * Call {name}_init once, then {name}_step each sample: it reads y[{inputs}] and writes
- * u[{outputs}], which must not overlap. y are the inputs of the controller as it was designed:
- * in a loop with e = r - y the errors e, not the measurements.
- * {limited}
+{called} * {limited}
  */
 #ifndef {guard}_H
 #define {guard}_H
@@ -46,16 +40,16 @@ typedef {real} {name}_real;
 
 typedef struct {{
     {name}_real x[{room}];
-}} {name}_state;
+{memory}}} {name}_state;
 
 {tables}
 static inline void {name}_init({name}_state *state)
 {{
     for (int i = 0; i < {room}; i++)
         state->x[i] = 0;
-}}
+{rest}}}
 
-static inline void {name}_step({name}_state *state, const {name}_real y[{inputs}],
+static inline void {name}_step({name}_state *state, {signals},
                                {name}_real u[{outputs}])
 {{
 {body}{clip}}}
@@ -64,8 +58,8 @@ static inline void {name}_step({name}_state *state, const {name}_real y[{inputs}
 """
 _START = """\
 
-/* The state from which a step answers the measurements y with the controls u: no bump. */
-static inline void {name}_start({name}_state *state, const {name}_real y[{inputs}],
+/* The state from which a step answers {the_signals} with the controls u: no bump. */
+static inline void {name}_start({name}_state *state, {signals},
                                 const {name}_real u[{outputs}])
 {{
 {moves}}}
@@ -99,7 +93,10 @@ _CLIP = """\
 
 
 def header(
-    K: Any, name: str = "controller", precision: Precision = "double", limits: Limits | None = None
+    K: Any,
+    name: str = "controller",
+    precision: Precision = "double",
+    actuator: Actuator | None = None,
 ) -> str:
     """Text of a C99 header that defines ``name_state``, ``name_init`` and ``name_step``.
 
@@ -111,9 +108,10 @@ def header(
         Sampled StateSpace or TransferFunction, computed in its own coordinates, or `Sections`.
     name
         Prefix of every name in the header, a C identifier.
-    limits
-        Limits of the actuator, to which the outputs are clipped. The states of a state space are
-        told (anti-windup, see `anti_windup_gain`); those of sections are not.
+    actuator
+        Limits to which the outputs are clipped. The states of a state space are told (anti-windup,
+        see `anti_windup_gain`); those of sections are not. With a working point, which only a state
+        space can have, signals are in the user's units.
 
     Raises
     ------
@@ -130,6 +128,7 @@ def header(
     else:
         K = _sampled(K)
         states, dt = K.nstates, K.dt
+    act = actuator or Actuator()
     places = {
         "name": name,
         "guard": name.upper(),
@@ -140,21 +139,22 @@ def header(
         "room": max(states, 1),  # C does not allow arrays of length 0
         "time": repr(float(dt)),
     }
-    bounds = {} if limits is None else limit_tables(limits, K.noutputs)
-    clip = _CLIP if bounds else ""
+    places |= how_called(act, places)
+    tables: dict[str, Any]
     if isinstance(K, Sections):
         what, body, start = "second-order sections", _CASCADES.format(**places), ""
-        tables = _cascade_tables(K) | bounds
+        clip = _CLIP.format(**places) if act.bounded else ""
+        tables = _cascade_tables(K) | _actuator_tables(act)
         told = "which the states do not see"
     else:
-        what, clip, tables = "state space", "", bounds
-        H = anti_windup_gain(K) if bounds else None
+        what, clip, tables = "state space", "", _actuator_tables(act)
+        H = anti_windup_gain(K) if act.bounded else None
 
         def number(value: float) -> str:
             return _number(value, precision)
 
-        body = step_code(K, name, number, H)
-        start = _START.format(moves=start_code(K, number), **places)
+        body = step_code(K, name, number, H, act)
+        start = _START.format(moves=start_code(K, name, number, act), **places)
         told = "of which the states are told (anti-windup)"
     constants = "".join(
         f"static const {'int' if values.dtype == int else f'{name}_real'} {name}_{key}"
@@ -163,13 +163,25 @@ def header(
     )
     return _FRAME.format(
         what=f"Controller in {what}.",
-        limited=f"Outputs are clipped to limits, {told}." if bounds else "Outputs are not limited.",
+        limited=f"Outputs are clipped to limits, {told}." if act.bounded else CALLED["free"],
         tables=constants,
         body=body,
-        clip=clip.format(**places),
+        clip=clip,
         start=start,
         **places,
     )
+
+
+def _actuator_tables(actuator: Actuator) -> dict[str, Any]:
+    """Tables of limits, of the largest change in a sample, and of the controls at rest."""
+    point = actuator.point
+    found = {
+        "lowest": actuator.lowest,
+        "highest": actuator.highest,
+        "change": actuator.step,
+        "rest": None if point is None else np.array(point.u),
+    }
+    return {key: values for key, values in found.items() if values is not None}
 
 
 def _sampled(K: Any) -> Any:
@@ -188,22 +200,6 @@ def _cascade_tables(K: Sections) -> dict[str, Any]:
     rows = np.vstack([rows for line in K.channels for rows in line])
     counts = np.array([[len(rows) for rows in line] for line in K.channels], dtype=int)
     return {"sections": rows[:, [0, 1, 2, 4, 5]], "counts": counts}
-
-
-def limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
-    """Tables of the limits; raises InputError for wrong ones."""
-    pair = as_list(limits, "limits")
-    if len(pair) != 2:
-        raise InputError(f"limits are {limits!r}; lowest and highest values are needed")
-    low, high = (np.atleast_1d(as_array(limit, "limits")) for limit in pair)
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise InputError(f"limits are {limits}; they must be finite")
-    if low.shape != (outputs,) or high.shape != (outputs,) or not (low < high).all():
-        raise InputError(
-            f"limits are {limits}; they must be the lowest and the highest values of {outputs} "
-            "outputs, each lowest below its highest"
-        )
-    return {"lowest": low, "highest": high}
 
 
 def _text(values: Any, precision: str) -> str:

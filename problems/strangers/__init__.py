@@ -1,0 +1,1 @@
+"""Twelve plants that the workbench has never seen, from their loggers' files to the C file."""

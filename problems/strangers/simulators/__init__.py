@@ -1,0 +1,1 @@
+"""Nonlinear plants in plain NumPy: nothing of the workbench is known here."""

@@ -1,0 +1,82 @@
+"""Integrators to the last bit, made of poles near zero, and the peaks certified with them."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import workbench as wb
+from workbench.errors import InputError
+from workbench.synthesis import PI, MuSynthesis
+from workbench.synthesis.families.integral_action import (
+    has_integrator,
+    integral_check,
+    with_integrator,
+    without_integrators,
+)
+from workbench.uncertainty import UncertaintyModel, generalised_plant
+
+s = control.tf("s")
+MODEL = UncertaintyModel(1.0 / (2 * s + 1), 0.2 * (1 + 2 * s) / (1 + 0.2 * s))
+
+
+def weighted(bandwidth, leak):
+    W_e = control.tf([0.5, bandwidth], [1, leak * bandwidth])
+    W_u = control.tf([0.02 / 30, 0.02], [0.01 / 30, 1])
+    return generalised_plant(
+        [(MODEL, "u", "y"), (W_e, "e", "z_e"), (W_u, "u", "z_u")],
+        {"e": "r - y"},
+        exogenous="r",
+        control="u",
+        performance=["z_e", "z_u"],
+        measurement="e",
+    )
+
+
+@settings(deadline=None, derandomize=True, max_examples=30)
+@given(st.integers(1, 6), st.integers(0, 1000))
+def test_the_slowest_real_pole_moves_and_nothing_else(states, seed):
+    rng = np.random.default_rng(seed)
+    fast = rng.normal(size=(states, states)) - 3 * states * np.eye(states)
+    B, C = rng.normal(size=(states + 1, 1)), rng.normal(size=(1, states + 1))
+    turn = np.linalg.qr(rng.normal(size=(states + 1, states + 1)))[0]
+    A = np.block([[-1e-9, np.zeros((1, states))], [np.zeros((states, 1)), fast]])
+    given_K = control.ss(turn @ A @ turn.T, turn @ B, C @ turn.T, [[0.3]])
+    K = with_integrator(given_K)
+    assert has_integrator(K.A) and integral_check(K).holds
+    assert not integral_check(given_K).holds
+    omega = np.geomspace(1e-2, 1e2, 20)
+    assert K(1j * omega) == pytest.approx(given_K(1j * omega), rel=1e-5)
+    assert without_integrators(K).nstates == states
+    assert with_integrator(K) is K
+
+
+def test_a_controller_without_a_real_pole_stays():
+    K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[1.0], [0.0]], [[1.0, 0.0]], 0.0)
+    assert with_integrator(K) is K
+
+
+def test_integral_action_is_certified_and_costs_little():
+    without = wb.solve(MuSynthesis(weighted(0.9, 0.01))).answer
+    for more in ({}, {"order": 2, "stable": True}, {"target": 1.0}):
+        done = wb.solve(MuSynthesis(weighted(0.9, 1e-6), integral=True, **more))
+        assert done.certificate.holds, done.certificate
+        assert any(check.name == "integral action" for check in done.certificate.checks)
+        assert has_integrator(done.answer.lti.A)
+        assert done.answer.upper < 1.0
+    best = wb.solve(MuSynthesis(weighted(0.9, 1e-6), integral=True)).answer
+    assert best.upper < 1.02 * without.upper
+
+
+def test_a_pi_has_it_by_itself():
+    done = wb.solve(MuSynthesis(weighted(1.0, 1e-6), integral=True, family=PI()))
+    assert done.certificate.holds
+    assert done.answer.lti.nstates == 1
+
+
+def test_misuse_is_named():
+    with pytest.raises(InputError, match="integral must be a bool"):
+        MuSynthesis(weighted(1.0, 0.01), integral=1)
+    with pytest.raises(InputError, match="integral cannot be given"):
+        MuSynthesis(weighted(1.0, 0.0), integral=True)

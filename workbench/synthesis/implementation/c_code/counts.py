@@ -1,0 +1,201 @@
+"""Signals of fixed-point code: integers from the working point, and limits of the controls."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.synthesis.implementation.c_code.call_comment import CALLED, ascii_of
+from workbench.synthesis.implementation.working_point.actuator import Actuator
+from workbench.synthesis.implementation.working_point.point import told
+
+_CONVERTERS = """
+/* Signals of the plant as integers, counted from the working point, and controls back. */
+static inline int32_t {name}_from_y(int j, double y)
+{{
+    static const double rest[{inputs}] = {{{y_rest}}};
+    return (int32_t){name}_limited((int64_t)((y - rest[j]) * {y_counts}));
+}}
+
+static inline int32_t {name}_from_u(int i, double u)
+{{
+    static const double rest[{outputs}] = {{{u_rest}}};
+    return (int32_t){name}_limited((int64_t)((u - rest[i]) * {u_counts}));
+}}
+
+static inline double {name}_to_u(int i, int32_t u)
+{{
+    static const double rest[{outputs}] = {{{u_rest}}};
+    return rest[i] + u / {u_counts};
+}}
+"""
+_LIMITED = """
+static inline int64_t {name}_limited(int64_t value)
+{{
+    const int64_t most = {guard}_FULL_SCALE;
+    return value > most ? most : value < -most ? -most : value;
+}}
+"""
+_WITHIN = """
+static inline int64_t {name}_within(int64_t value, int64_t low, int64_t high)
+{{
+    return value > high ? high : value < low ? low : value;
+}}
+"""
+
+
+@dataclass(frozen=True)
+class Limited:
+    """C expressions that keep values of output i in bounds: its sum, and its last section."""
+
+    name: str
+    input: str
+    bounds: list[str]
+
+    def full_scale(self, value: str) -> str:
+        """A value within full scale."""
+        return f"{self.name}_limited({value})"
+
+    def control(self, value: str) -> str:
+        """A sum within the limits of the control."""
+        return f"{self.name}_within({value}, low, high)" if self.bounds else self.full_scale(value)
+
+    def last(self, value: str, alone: bool, shift: int) -> str:
+        """The output of a last section; of a channel alone it is that of the control."""
+        if not (alone and self.bounds):
+            return self.full_scale(value)
+        # What a section gives is its output over a power of two, which makes it larger here.
+        low, high = (f"{side} * {2**-shift}" if shift < 0 else side for side in ("low", "high"))
+        return self.full_scale(f"{self.name}_within({value}, {low}, {high})")
+
+
+@dataclass(frozen=True)
+class Counts:
+    """The integers of a header: full scale of y and of u is 2**(signal_bits - 1) counts."""
+
+    actuator: Actuator
+    scales: tuple[float, float]
+    signal_bits: int
+    name: str
+    sizes: tuple[int, int]
+
+    @property
+    def full(self) -> int:
+        """The largest integer."""
+        return int(2 ** (self.signal_bits - 1) - 1)
+
+    @property
+    def input(self) -> str:
+        """Name of the array of the controller's inputs."""
+        return "e" if self.actuator.point else "y"
+
+    @cached_property
+    def limits(self) -> list[tuple[int, int]] | None:
+        """Limits of the controls within their full scale, rounded inwards."""
+        bounds = self.actuator.deviations
+        if bounds is None:
+            return None
+        one = 2.0 ** (self.signal_bits - 1) / self.scales[1]
+        found = []
+        for low, high in zip(*bounds, strict=True):
+            least, most = (
+                max(math.ceil(low * one), -self.full),
+                min(math.floor(high * one), self.full),
+            )
+            if least >= most:
+                raise InputError(
+                    "the limits of the controls lie beyond their full scale, or within one of its "
+                    f"steps, {1 / one:.3g}: take another full scale or more signal_bits"
+                )
+            found.append((least, most))
+        return found
+
+    @cached_property
+    def change(self) -> list[int] | None:
+        """Largest change of each control in a sample, rounded down."""
+        if self.actuator.step is None:
+            return None
+        one = 2.0 ** (self.signal_bits - 1) / self.scales[1]
+        found = [min(math.floor(step * one), self.full) for step in self.actuator.step]
+        if min(found) < 1:
+            raise InputError(
+                f"rate_limit allows less than a step of the control, {1 / one:.3g}, in a sample: "
+                "take more signal_bits"
+            )
+        return found
+
+    @property
+    def errors(self) -> list[str]:
+        """The lines that make errors of set-points and measurements, within full scale."""
+        if self.actuator.point is None:
+            return []
+        one = "r[{0}] - (int64_t)y[{0}]" if self.actuator.sign < 0 else "y[{0}] - (int64_t)r[{0}]"
+        apart = [f"{self.name}_limited({one.format(j)})" for j in range(self.sizes[0])]
+        return [f"const int64_t e[{self.sizes[0]}] = {{{', '.join(apart)}}};"]
+
+    @property
+    def bounds(self) -> list[str]:
+        """The line that declares the bounds of a control, where there are any."""
+        return ["int64_t low, high;"] if self.actuator.bounded else []
+
+    @property
+    def kept(self) -> list[str]:
+        """The lines that keep the controls for the next sample."""
+        count = self.sizes[1] if self.change is not None else 0
+        return [f"state->before[{i}] = u[{i}];" for i in range(count)]
+
+    def limited(self, i: int) -> Limited:
+        """How values of output i are kept in bounds."""
+        lines: list[str] = []
+        if self.actuator.bounded:
+            low, high = (-self.full, self.full) if self.limits is None else self.limits[i]
+            lows, highs = str(low), str(high)
+            if self.change is not None:
+                ends = (f"state->before[{i}] {sign} (int64_t){self.change[i]}" for sign in "-+")
+                lows, highs = (f"{self.name}_within({end}, {low}, {high})" for end in ends)
+            lines = [f"low = {lows};", f"high = {highs};"]
+        return Limited(self.name, self.input, lines)
+
+    @property
+    def places(self) -> dict[str, str]:
+        """What the frame of a header has in its places."""
+        (inputs, outputs), point, name = self.sizes, self.actuator.point, self.name
+        guard = name.upper()
+        one = f"const int32_t y[{inputs}]"
+        signals = one if point is None else f"const int32_t r[{inputs}],\n{' ' * 31}{one}"
+        helpers = _LIMITED.format(name=name, guard=guard)
+        helpers += _WITHIN.format(name=name) if self.actuator.bounded else ""
+        memory = rest = called = ""
+        if self.change is not None:
+            memory = f"    int32_t before[{outputs}];\n"
+            rest = f"    for (int i = 0; i < {outputs}; i++)\n        state->before[i] = 0;\n"
+        if point is not None:
+            full = 2.0 ** (self.signal_bits - 1)
+            y_counts, u_counts = (f"{full / scale!r}" for scale in self.scales)
+            helpers += _CONVERTERS.format(
+                name=name, inputs=inputs, outputs=outputs, y_counts=y_counts, u_counts=u_counts,
+                y_rest=_row(point.y), u_rest=_row(point.u),
+            )  # fmt: skip
+            words = {
+                "u": ascii_of(told(point.u, point.u_unit)),
+                "y": ascii_of(told(point.y, point.y_unit)),
+            }
+            called = CALLED["counts"].format(name=name, **words)
+        within = "them" if self.limits is None else self._words()
+        return {
+            "signals": signals, "helpers": helpers, "memory": memory, "rest": rest,
+            "called": called, "within": within,
+        }  # fmt: skip
+
+    def _words(self) -> str:
+        assert self.actuator.lowest is not None and self.actuator.highest is not None
+        pairs = zip(self.actuator.lowest, self.actuator.highest, strict=True)
+        return "them and to " + ", ".join(f"{low:.6g} to {high:.6g}" for low, high in pairs)
+
+
+def _row(values: tuple[float, ...]) -> str:
+    return ", ".join(repr(float(value)) for value in np.array(values))

@@ -1,0 +1,121 @@
+"""What a loop makes of constant set-points and disturbances, for every plant of a set."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import Check
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.implementation.working_point.actuator import Actuator
+from workbench.synthesis.implementation.working_point.point import told
+from workbench.systems.conversion import as_system
+from workbench.uncertainty import UncertaintyModel
+
+EVERY_PLANT = "for every plant of the set, at frequency zero"
+
+
+@dataclass(frozen=True)
+class ConstantSignals:
+    """Static errors of a loop that is stable for every plant of a set, at rest.
+
+    ``integral``: whether the controller has an exact integrator. ``gains``: least and largest
+    static gain of the plants; infinite for an integrating plant. ``error``: largest error that a
+    constant set-point or a disturbance at the output leaves, over its size. ``room``: how far below
+    and above its rest every plant can be held within the limits, infinite without limits.
+    """
+
+    integral: bool
+    gains: tuple[float, float]
+    error: float
+    room: tuple[float, float]
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether a static gain may be zero: then no controller holds a set-point."""
+        low, high = self.gains
+        return low <= 0.0 <= high
+
+    def words(self, unit: str) -> str:
+        """The statement, with its conditions."""
+        if self.vanishes:
+            return "constant signals: a plant of the set may have static gain zero"
+        if not self.integral:
+            return (
+                f"constant signals: at most {100 * self.error:.3g} % of a step of the set-point, "
+                "or of a disturbance at the output, is left for every plant of the set: the "
+                "controller has no integrator"
+            )
+        below, above = (told((side,), unit) for side in self.room)
+        limits = (
+            f"while the control stays within its limits: up to {below} below and {above} above "
+            "where a plant rests at the working point"
+            if math.isfinite(sum(self.room))
+            else "while the control is not limited"
+        )
+        return f"constant signals: no static error for every plant of the set, {limits}"
+
+    def check(self) -> Check:
+        """Check that what is left is less than the step; with an integrator nothing is."""
+        statement = "largest error that a constant set-point or disturbance leaves, over its size"
+        value = math.inf if self.vanishes else self.error
+        return Check("constant signals", statement, value, 0.0 if self.integral else 1.0,
+                     over=EVERY_PLANT)  # fmt: skip
+
+
+def constant_signals(
+    model: UncertaintyModel, K: StateSpace, sign: int, actuator: Actuator
+) -> ConstantSignals:
+    """What the loop u = sign K y of one control and one measurement makes of constant signals.
+
+    The loop has to be stable for every plant of the set. Deviations at frequency zero are real.
+    """
+    gains = static_gains(model)
+    integral = has_pole_at_one(K)
+    static = 0.0 if integral else float(np.real(as_system(K, "K")(1.0)))
+    ends = [abs(1.0 / (1.0 - sign * gain * static)) for gain in gains if math.isfinite(gain)]
+    error = 0.0 if integral else max(ends, default=0.0)
+    least = min(abs(gain) for gain in gains)
+    limits = actuator.deviations
+    room = math.inf, math.inf
+    if limits is not None and math.isfinite(least):
+        below, above = -float(limits[0][0]) * least, float(limits[1][0]) * least
+        room = (below, above) if gains[0] > 0 else (above, below)
+    return ConstantSignals(integral, gains, error, room)
+
+
+def static_gains(model: UncertaintyModel) -> tuple[float, float]:
+    """Least and largest gain at frequency zero of the plants of a model."""
+    zero = np.zeros(1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centre = float(np.real(model.nominal.response(zero)[0]))
+    if not math.isfinite(centre):
+        return math.inf, math.inf
+    radius, length = (float(size[0]) for size in model.sizes(zero))
+    away = (radius + length) * (abs(centre) if model.form == "multiplicative" else 1.0)
+    return centre - away, centre + away
+
+
+def has_pole_at_one(K: StateSpace) -> bool:
+    """Whether a sampled system has a pole at z = 1, by the determinant of 1 - A in fractions."""
+    return not _determinant(np.eye(K.nstates) - np.asarray(K.A, dtype=float))
+
+
+def _determinant(matrix: RealArray) -> Fraction:
+    """The exact determinant, by Gaussian elimination."""
+    rows = [[Fraction(value) for value in row] for row in matrix.tolist()]
+    product = Fraction(1)
+    for k in range(len(rows)):
+        pivot = next((i for i in range(k, len(rows)) if rows[i][k]), None)
+        if pivot is None:
+            return Fraction(0)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        product *= rows[k][k] if pivot == k else -rows[k][k]
+        for row in rows[k + 1 :]:
+            share = row[k] / rows[k][k]
+            row[k:] = [a - share * b for a, b in zip(row[k:], rows[k][k:], strict=True)]
+    return product

@@ -1,0 +1,331 @@
+"""The loop about its working point, on each measured plant, as a Study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Figure, StateSpace
+from workbench.input_checks import need_kind, need_positive
+from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.synthesis.implementation.board_loop import BoardLoop
+from workbench.synthesis.implementation.program import Implementation
+from workbench.synthesis.implementation.working_point.actuator import Actuator
+from workbench.synthesis.implementation.working_point.constant_signals import ConstantSignals
+from workbench.synthesis.implementation.working_point.point import WorkingPoint
+from workbench.synthesis.operation.loop_in_time import loop_in_time
+from workbench.synthesis.operation.measured_plants import measured_plants
+from workbench.uncertainty import Responses, UncertaintyModel
+
+TIME_CONSTANTS = 12.0
+"""Duration after a step, in time constants of the slowest pole of a loop: 6e-6 is left of it."""
+MOST_SAMPLES, FEWEST_SAMPLES = 6000, 200
+"""Samples of a phase at most and at least; of long ones the end is not seen, and said."""
+REST_SHARE = 0.05
+"""Share of a phase in which the loop rests first."""
+STEP_SHARE, DISTURBANCE_SHARE = 0.3, 0.1
+"""Step of the set-point over the room that the limits leave, and the disturbance over them."""
+SETTLED = 0.02
+"""Distance from the set-point, over the step, within which a loop has settled."""
+BUMP = 1e-6
+"""Largest change of the control before the step, over what the step makes of it: rounding."""
+LEFT = 0.01
+"""Largest error at the end over the step, with integral action: what is not settled yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingLoop(Study):
+    """A loop about its working point: from rest, a step of the set-point, then one at the input.
+
+    Every measured plant is simulated by a model fitted to its response, with the limits of the
+    control, hold and delay, and the controller as it is exported. The limits and the working point
+    are those of the implementation.
+
+    Parameters
+    ----------
+    responses
+        Of the measured plants.
+    board
+        A certified `Implementation`: its Run or Solution.
+    step
+        Of the set-point [units of y]; None: a part of what the limits allow.
+    disturbance
+        Added to the control in the second half [units of u]; None: a tenth of the limits' range.
+    noise
+        Standard deviation of the measurement's noise [units of y].
+    seed
+        Of the noise.
+
+    Raises
+    ------
+    InputError
+        The implementation has no working point or more than one channel; a step is zero.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import workbench as wb
+    >>> from workbench.synthesis import Implementation, WorkingLoop, WorkingPoint
+    >>> from workbench.uncertainty import CircleCover, Responses
+    >>> omega = np.geomspace(0.01, 10, 60)
+    >>> values = np.array([gain / (1j * omega + 1) for gain in (0.9, 1.0, 1.1)]).T
+    >>> plants = Responses(omega, values)
+    >>> cover = wb.solve(CircleCover(plants, order=1))
+    >>> point = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
+    >>> given = {"limits": (0.0, 100.0), "working_point": point}
+    >>> K = control.tf([2.0, 1.0], [1.0, 0.0])
+    >>> board = wb.solve(Implementation(K, cover, period=0.05, **given))
+    >>> loop = wb.solve(WorkingLoop(plants, board, step=2.0))
+    >>> loop.certificate.holds, loop.metrics["static_error"] < 1e-4
+    (True, True)
+    """
+
+    responses: Responses
+    board: Any
+    step: float | None = field(default=None, kw_only=True)
+    disturbance: float | None = field(default=None, kw_only=True)
+    noise: float = field(default=0.0, kw_only=True)
+    seed: int = field(default=0, kw_only=True)
+
+    headline: ClassVar[str] = "static_error"
+
+    def __post_init__(self) -> None:
+        need_kind(self.responses, Responses, "responses")
+        task = getattr(self.board, "task", None)
+        if not isinstance(task, Implementation) or self.board.answer is None:
+            raise InputError(f"board is {self.board!r}; an answered Implementation is needed")
+        if task.working_point is None or (task.K.ninputs, task.K.noutputs) != (1, 1):
+            raise InputError("the implementation needs a working point, one input and one output")
+        for name in ("step", "disturbance"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value):
+                raise InputError(f"{name} is {value!r}; a number other than zero is needed")
+        if self.noise:
+            need_positive(self.noise, "noise")
+
+    # --- what the loop is -------------------------------------------------------------------------
+
+    @property
+    def task(self) -> Implementation:
+        """The implementation."""
+        found: Implementation = self.board.task
+        return found
+
+    @property
+    def actuator(self) -> Actuator:
+        """Its limits and its working point."""
+        assert self.task.actuator is not None
+        return self.task.actuator
+
+    @property
+    def point(self) -> WorkingPoint:
+        """Its working point."""
+        assert self.actuator.point is not None
+        return self.actuator.point
+
+    @property
+    def constant(self) -> ConstantSignals | None:
+        """What constant signals do to every plant of the set."""
+        return self.task.constant_signals(self.board.answer)
+
+    @part
+    def models(self, context: Context) -> tuple[list[StateSpace], RealArray]:
+        """A continuous model of each plant, and its relative error."""
+        model = self.task.loop.model
+        nominal = model.nominal if isinstance(model, UncertaintyModel) else None
+        order = 2 if nominal is None else nominal.order
+        right = 0 if nominal is None else int((nominal.poles.real > 0).sum())
+        found, errors = measured_plants(self.responses, order, right, context)
+        return [one.state_space() for one in found], errors
+
+    @part
+    def loops(self, models: Any) -> list[BoardLoop]:
+        """The loop of each plant."""
+        task = self.task
+        return [
+            BoardLoop(one, task.period, task.delay, task.anti_aliasing, self.actuator.sign)
+            for one in models[0]
+        ]
+
+    @part
+    def samples(self, loops: Any) -> int:
+        """Samples of a phase: long enough that what is left is left for good."""
+        K = self.board.answer.K
+        poles = np.concatenate([np.abs(one.loop_of(K).closed().poles()) for one in loops])
+        slowest = min(float(poles.max()), 1 - 1e-12)
+        wanted = math.ceil(TIME_CONSTANTS / -math.log(slowest))
+        return int(np.clip(wanted, FEWEST_SAMPLES, MOST_SAMPLES))
+
+    @part
+    def sizes(self, models: Any) -> tuple[float, float]:
+        """The step of the set-point and the disturbance."""
+        limits = self.actuator.deviations
+        low, high = (-1.0, 1.0) if limits is None else (float(limits[0][0]), float(limits[1][0]))
+        gains = [abs(float(np.real(one(0.0)))) for one in models[0] if _finite_at_zero(one)]
+        room = high * min(gains, default=1.0)
+        step = STEP_SHARE * room if self.step is None else self.step
+        disturbance = DISTURBANCE_SHARE * (high - low)
+        return step, -disturbance if self.disturbance is None else self.disturbance
+
+    # --- arrays -----------------------------------------------------------------------------------
+
+    plant = dim(lambda self: list(self.responses.plants), meaning="measured plant")
+    time = dim(
+        lambda self, samples: np.arange(2 * samples) * self.task.period,
+        unit="s",
+        meaning="time from rest",
+    )
+    signal = dim("y", "u")
+
+    @array((time,), "1", "set-point, in units of the measurement")
+    def setpoint(self, samples: Any, sizes: Any) -> RealArray:
+        rest = int(REST_SHARE * samples)
+        return self.point.y[0] + sizes[0] * (np.arange(2 * samples) >= rest)
+
+    @array((plant, signal, time), "1", "measurement and control, absolute, in their units")
+    def signals(self, samples: Any, sizes: Any, loops: Any, setpoint: Any) -> RealArray:
+        K, rng = self.board.answer.K, np.random.default_rng(self.seed)
+        disturbance = sizes[1] * (np.arange(2 * samples) >= samples)
+        return np.array([
+            loop_in_time(
+                one.loop_of(K).held(),
+                K,
+                self.actuator,
+                np.asarray(setpoint),
+                disturbance,
+                self.noise * rng.standard_normal(2 * samples),
+            )
+            for one in loops
+        ])  # fmt: skip
+
+    @array((plant,), "1", "relative rms error of the model that stands for the plant")
+    def model_error(self, models: Any) -> RealArray:
+        return models[1]
+
+    @array((), "1", "step of the set-point, in units of the measurement")
+    def step_size(self, sizes: Any) -> float:
+        return sizes[0]
+
+    # --- what it says -----------------------------------------------------------------------------
+
+    @check("limits", "largest violation of a limit by a control", at_most=0.0)
+    def kept(self, signals: DataArray) -> float:
+        u = signals.sel(signal="u").values
+        if self.actuator.lowest is None or self.actuator.highest is None:
+            return 0.0
+        return float(max(self.actuator.lowest[0] - u.min(), u.max() - self.actuator.highest[0], 0))
+
+    @check("no bump", "largest change of a control at rest, over its largest change", at_most=BUMP)
+    def smooth(self, signals: DataArray, setpoint: DataArray) -> float:
+        if self.noise:
+            return 0.0
+        u = signals.sel(signal="u").values - self.point.u[0]
+        rest = setpoint.values == setpoint.values[0]
+        return float(np.abs(u[:, rest]).max() / max(float(np.abs(u).max()), 1e-300))
+
+    @check(
+        "error at the end",
+        "error at the end of the step, over the step, less what constant signals leave",
+        at_most=LEFT,
+    )
+    def settled(self, signals: DataArray, step_size: DataArray) -> float:
+        left = float(self._left(signals, step_size).max())
+        return left - (0.0 if self.constant is None else self.constant.error)
+
+    @metric
+    def static_error(self, signals: DataArray, step_size: DataArray) -> float:
+        return float(self._left(signals, step_size).max())
+
+    @metric
+    def overshoot(self, signals: DataArray, step_size: DataArray) -> float:
+        return float(self._step_quality(signals, step_size)[0].max())
+
+    @metric
+    def settling_s(self, signals: DataArray, step_size: DataArray) -> float:
+        return float(self._step_quality(signals, step_size)[1].max())
+
+    def _left(self, signals: DataArray, step_size: DataArray) -> RealArray:
+        """What is left at the end of the step, over the step, of each plant."""
+        y = signals.sel(signal="y").values
+        half = y.shape[1] // 2
+        last = y[:, half - max(half // 20, 1) : half].mean(axis=1)
+        wanted = self.point.y[0] + float(step_size)
+        left: RealArray = np.abs(last - wanted) / abs(float(step_size))
+        return left
+
+    def _step_quality(
+        self, signals: DataArray, step_size: DataArray
+    ) -> tuple[RealArray, RealArray]:
+        """Overshoot over the step, and settling time [s], of each plant."""
+        half = signals.sizes["time"] // 2
+        rest = int(REST_SHARE * half)
+        y = signals.sel(signal="y").values[:, rest:half]
+        share = (y - self.point.y[0]) / float(step_size)
+        outside = np.abs(share - 1) > SETTLED
+        last = np.where(outside.any(axis=1), half - rest - np.argmax(outside[:, ::-1], axis=1), 0)
+        return np.maximum(share.max(axis=1) - 1, 0.0), last * self.task.period
+
+    @table
+    def constant_signals(self) -> str:
+        constant = self.constant
+        if constant is None:
+            return "Constant signals: not known, since not every plant of the set is stabilised.\n"
+        first = self.responses.frequency[0]
+        far = (
+            f" The static gains, {constant.gains[0]:.4g} to {constant.gains[1]:.4g}, are "
+            f"**extrapolated**: the lowest measured frequency is {first:.4g} Hz, and the mean of "
+            "the records is not used."
+            if first > 0
+            else ""
+        )
+        words = constant.words(self.point.y_unit)
+        return f"{words[0].upper()}{words[1:]}.{far}\n"
+
+    @table
+    def plants(self, signals: DataArray, step_size: DataArray, model_error: DataArray) -> Any:
+        heads = ["plant", "overshoot", "settles within [s]", "error at the end", "model's error"]
+        over, settling = self._step_quality(signals, step_size)
+        left = self._left(signals, step_size)
+        columns = (self.responses.plants, over, settling, left, model_error.values)
+        rows = [
+            [name, f"{one:.1%}", f"{time:.4g}", f"{end:.2%}", f"{own:.1%}"]
+            for name, one, time, end, own in zip(*columns, strict=True)
+        ]
+        return heads, rows
+
+    @figure
+    def working_point(self, signals: DataArray, setpoint: DataArray) -> Mapping[str, Figure]:
+        drawn, (top, bottom) = figures.axes(2, 1, size=(7.2, 5.4), sharex=True)
+        time, many = signals["time"].values, signals.sizes["plant"] > figures.MOST_NAMES
+        for k, name in enumerate(signals["plant"].values):
+            look: dict[str, Any] = {"color": "0.6", "linewidth": 0.7} if many else {}
+            one = signals.sel(plant=name)
+            top.plot(time, one.sel(signal="y"), label=None if many and k else str(name), **look)
+            bottom.step(time, one.sel(signal="u"), where="post", **look)
+        top.plot(time, setpoint, color=figures.BLACK, linestyle="--", label="set-point")
+        low, high = self.actuator.lowest, self.actuator.highest
+        if low is not None and high is not None:
+            for level in (low[0], high[0]):
+                bottom.axhline(level, color=figures.ORANGE, linestyle=":")
+        figures.label(top, y=_axis("measurement", self.point.y_unit))
+        figures.label(bottom, "time [s]", _axis("control", self.point.u_unit))
+        figures.legend_below(drawn, top)
+        return {"working-point": drawn}
+
+
+def _axis(name: str, unit: str) -> str:
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def _finite_at_zero(plant: StateSpace) -> bool:
+    """Whether a plant has a static gain."""
+    return bool(np.abs(plant.poles()).min(initial=np.inf) > 0)
