@@ -64,7 +64,7 @@ def unflagged(record: Record) -> Record:
         kept = np.flatnonzero(~u_mask[:, j])
         before = np.maximum(np.searchsorted(kept, np.arange(len(u)), side="right") - 1, 0)
         u[:, j] = record.u[kept[before], j]
-    y = np.where(y_mask | u_mask.any(axis=1)[:, None], np.nan, record.y)
+    y = np.where(y_mask | u_mask.any(axis=1, keepdims=True), np.nan, record.y)
     return record.replaced(u, y)
 
 

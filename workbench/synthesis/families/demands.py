@@ -21,8 +21,8 @@ ROUNDING = 1e-9
 class Shippable:
     """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
 
-    None leaves a demand out. With ``integral`` integrators count as stable. Raises InputError for an
-    order or a size that is none.
+    None leaves a demand out. With ``integral`` integrators count as stable. Raises InputError for
+    an order or a size that is none.
     """
 
     order: int | None = None
