@@ -99,16 +99,17 @@ def delays(record: Record) -> tuple[Delay, ...]:
 
 
 def _waited(response: Impulse, known: Delay) -> Delay:
-    """A delay, if an impulse response shows one within the first half of its lags."""
+    """A delay, if an impulse response shows one within its lags."""
     lags, size = response.response.shape[1], response.block
     own = slice(known.input * lags, (known.input + 1) * lags)
     spread = np.cumsum(np.cumsum(response.covariance[own, own], axis=0), axis=1)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     step = np.cumsum(response.response[known.input])
     started = np.maximum.accumulate(np.abs(step) + CERTAIN * deviation)
-    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags // 2)
-    before, later = started[wait - 1], np.abs(step[2 * wait - 1])
-    seen = later > FOUND * deviation[2 * wait - 1]
+    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags)
+    double = np.minimum(2 * wait, lags) - 1
+    before, later = started[wait - 1], np.abs(step[double])
+    seen = later > FOUND * deviation[double]
     late = wait[seen & (before < STARTED * later)]
     if not late.size:
         return replace(known, tested=known.tested or bool(seen.any()))
