@@ -88,11 +88,11 @@ def delays(record: Record) -> tuple[Delay, ...]:
     found: dict[tuple[int, int], Delay] = {}
     for i, at_once in enumerate(first):
         y, size, response = filled(clean.y[part, i]), 1, at_once
+        found |= {(j, i): Delay(j, i, None, None, False) for j in range(u.shape[1])}
         while response is not None:
             for j in range(u.shape[1]):
-                known = found.get((j, i), Delay(j, i, None, None, False))
-                if known.least is None:
-                    found[j, i] = _waited(response, known)
+                if found[j, i].least is None:
+                    found[j, i] = _waited(response, found[j, i])
             size *= COARSER
             response = impulse(u, y, size) if len(u) >= FEWEST_BLOCKS * size else None
     return tuple(found[pair] for pair in sorted(found))
