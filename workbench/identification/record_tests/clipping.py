@@ -109,10 +109,11 @@ def _beyond(record: Record, signal: RealArray, output: int) -> bool:
         size = np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
         weight = np.linalg.lstsq(basis / size, signal[rows], rcond=None)[0] / size
         noise = float(np.std(signal[rows] - basis @ weight))
-        if noisy and noise > ROUNDING * float(np.std(signal[rows])):
+        exact = ROUNDING * float(np.std(signal[rows]))
+        if noisy and noise > exact:
             return True
         away = _regressors(record, signal, here, past, waits) @ weight - top
-        least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal))
+        least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal), exact)
         if away.mean() > least and (away > 0).mean() > 0.5:
             return True
     return False

@@ -88,27 +88,28 @@ def delays(record: Record) -> tuple[Delay, ...]:
     found: dict[tuple[int, int], Delay] = {}
     for i, at_once in enumerate(first):
         y, size, response = filled(clean.y[part, i]), 1, at_once
+        found |= {(j, i): Delay(j, i, None, None, False) for j in range(u.shape[1])}
         while response is not None:
             for j in range(u.shape[1]):
-                known = found.get((j, i), Delay(j, i, None, None, False))
-                if known.least is None:
-                    found[j, i] = _waited(response, known)
+                if found[j, i].least is None:
+                    found[j, i] = _waited(response, found[j, i])
             size *= COARSER
             response = impulse(u, y, size) if len(u) >= FEWEST_BLOCKS * size else None
     return tuple(found[pair] for pair in sorted(found))
 
 
 def _waited(response: Impulse, known: Delay) -> Delay:
-    """A delay, if an impulse response shows one within the first half of its lags."""
+    """A delay, if an impulse response shows one within its lags."""
     lags, size = response.response.shape[1], response.block
     own = slice(known.input * lags, (known.input + 1) * lags)
     spread = np.cumsum(np.cumsum(response.covariance[own, own], axis=0), axis=1)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     step = np.cumsum(response.response[known.input])
     started = np.maximum.accumulate(np.abs(step) + CERTAIN * deviation)
-    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags // 2)
-    before, later = started[wait - 1], np.abs(step[2 * wait - 1])
-    seen = later > FOUND * deviation[2 * wait - 1]
+    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags)
+    double = np.minimum(2 * wait, lags) - 1
+    before, later = started[wait - 1], np.abs(step[double])
+    seen = later > FOUND * deviation[double]
     late = wait[seen & (before < STARTED * later)]
     if not late.size:
         return replace(known, tested=known.tested or bool(seen.any()))

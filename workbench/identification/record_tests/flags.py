@@ -37,7 +37,7 @@ SHARED = 0.8
 @once
 def flagged(record: Record) -> tuple[BoolArray, BoolArray]:
     """Masks of u (N, nu) and of y (N, ny) that are True at flags."""
-    suspected = [
+    suspected: list[BoolArray] = [
         np.column_stack([_far_outside(column, record) for column in table.T])
         for table in (record.u, record.y)
     ]
@@ -64,7 +64,8 @@ def unflagged(record: Record) -> Record:
         kept = np.flatnonzero(~u_mask[:, j])
         before = np.maximum(np.searchsorted(kept, np.arange(len(u)), side="right") - 1, 0)
         u[:, j] = record.u[kept[before], j]
-    y = np.where(y_mask | u_mask.any(axis=1)[:, None], np.nan, record.y)
+    rows = np.asarray(u_mask.any(axis=1))
+    y = np.where(y_mask | rows[:, None], np.nan, record.y)
     return record.replaced(u, y)
 
 

@@ -82,8 +82,9 @@ def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
         return None
     u, y = u - u.mean(axis=0), y - y.mean()
     u_size, y_size = u.std(axis=0), float(y.std())
-    if not (y_size > 0 and (u_size > 0).all()):
+    if not (y_size > 0 and u_size.any()):
         return None
+    u_size[u_size == 0] = 1.0  # an input that rests here explains nothing, as the ridge says
     u, y = u / u_size, y / y_size
     rows = count - lags + 1
     trend = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREES))[0]

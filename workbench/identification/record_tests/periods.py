@@ -20,7 +20,7 @@ def period(u: RealArray) -> int | None:
     """Samples of a record's period, of which it holds two at least; None where it has none."""
     u = u - u.mean()
     n, longest = len(u), len(u) // 2
-    if longest < SHORTEST_PERIOD:
+    if longest < SHORTEST_PERIOD or not u.any():
         return None
     spectrum = np.fft.rfft(u, 2 * n)
     product = np.fft.irfft(np.abs(spectrum) ** 2)[: longest + 1]

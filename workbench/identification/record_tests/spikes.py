@@ -81,7 +81,8 @@ def _after_pulses(u: RealArray, response: Impulse | None) -> BoolArray:
     answering = np.zeros(len(u), dtype=bool)
     for column in u.T:
         away = np.abs(column - median_of_five(column))
-        pulses = np.flatnonzero(away > tail_limit(away))
+        limit = tail_limit(away)
+        pulses = np.flatnonzero(away > (limit if np.isfinite(limit) else 0.0))
         if pulses.size <= RARE * len(u):
             answering[np.unique(np.minimum(pulses[:, None] + np.arange(reach), len(u) - 1))] = True
     return answering
