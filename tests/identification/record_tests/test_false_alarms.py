@@ -7,19 +7,18 @@ from simulated_records import denied, open_record
 
 from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
-from workbench.identification.record_tests.delay import delay
 from workbench.identification.record_tests.excitation import excitation
 from workbench.identification.record_tests.flags import flags
-from workbench.identification.record_tests.gaps import gaps, instants
+from workbench.identification.record_tests.gaps import instants
 from workbench.identification.record_tests.nonlinearity import nonlinearity
 from workbench.identification.record_tests.quantisation import quantisation
-from workbench.identification.record_tests.slow import drift, duration
+from workbench.identification.record_tests.slow import drift
 from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 
 TESTS = (
-    flags, excitation, apart, spikes, clipping, stuck, quantisation, gaps, instants, drift,
-    duration, delay, nonlinearity,
+    flags, excitation, apart, spikes, clipping, stuck, quantisation, complete_outputs,
+    instants, drift, long_record, prompt_outputs, nonlinearity,
 )  # fmt: skip
 SEED = 4711
 """Of the judgement; 631 to 635 were those of the development."""

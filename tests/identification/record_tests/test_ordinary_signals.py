@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 from workbench.identification.record_tests.report import reported
 
 N = 3000
@@ -14,7 +14,7 @@ RNG_SEED = 17
 def record(u, y, **given):
     names = tuple(f"u{j}" for j in range(u.reshape(len(u), -1).shape[1]))
     columns = (each.reshape(len(each), -1).astype(float) for each in (u, y))
-    return Record(*columns, None, (0,), 1.0, names, ("y",), **given)
+    return RecordData(*columns, None, (0,), 1.0, names, ("y",), **given)
 
 
 def kinds(u, y, **given):

@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.levels import runs, told_samples
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 MANY = 0.02
 """Share of missing samples that is worth a word."""
@@ -21,7 +21,7 @@ FEWEST_ROUNDED = 3
 """Steps of one more digit from which on they are told from missing rows."""
 
 
-def gaps(record: Record) -> Tested:
+def complete_outputs(record: RecordData) -> Tested:
     """Whether outputs were measured at all samples."""
     found, told = [], []
     for name, y in zip(record.outputs, record.y.T, strict=True):
@@ -49,7 +49,7 @@ def gaps(record: Record) -> Tested:
     )
 
 
-def instants(record: Record) -> Tested:
+def instants(record: RecordData) -> Tested:
     """Whether samples were taken at even instants."""
     assumption = "samples are even"
     if record.times is None:

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import oaconvolve
 
 from workbench.arrays import RealArray
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 LAGS = 400
 """Most lags, of all inputs together."""
@@ -44,7 +44,7 @@ class Impulse:
     block: int
 
 
-def filled(y: RealArray) -> RealArray:
+def gaps_filled(y: RealArray) -> RealArray:
     """A channel (N,) with straight lines across what is missing."""
     known = np.isfinite(y)
     if known.all() or not known.any():
@@ -53,7 +53,7 @@ def filled(y: RealArray) -> RealArray:
     return np.interp(at, at[known], y[known])
 
 
-def busiest(record: Record, most: int = MOST_SAMPLES) -> slice:
+def busiest(record: RecordData, most: int = MOST_SAMPLES) -> slice:
     """The part of the longest experiment, of at most so many samples, where inputs move most."""
     longest = max(record.pieces(), key=lambda piece: piece.stop - piece.start)
     if longest.stop - longest.start <= most:

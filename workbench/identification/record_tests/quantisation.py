@@ -11,8 +11,8 @@ import numpy as np
 from workbench.identification.record_tests.delay import explained
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.levels import resolution, thinned
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.levels import evenly_chosen, resolution
+from workbench.identification.record_tests.record import RecordData
 
 COARSE = 0.1
 """Rounding error of a converter, over the standard deviation of the output, that is too large."""
@@ -22,12 +22,12 @@ FEWEST_CHANGES = 20
 """Changes of the output from which on its values are known to be those of a converter."""
 
 
-def quantisation(record: Record) -> Tested:
+def quantisation(record: RecordData) -> Tested:
     """Whether converters resolve the outputs."""
     clean = unflagged(record)
     found, told = [], []
     for name, y, made in zip(record.outputs, clean.y.T, explained(record).T, strict=True):
-        step, size = resolution(y), float(np.std(thinned(y)))
+        step, size = resolution(y), float(np.std(evenly_chosen(y)))
         if not step > 0:
             told.append(f"{name!r} shows no steps")
             continue

@@ -12,8 +12,8 @@ from workbench.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.levels import resolution, spread
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.levels import resolution, robust_spread
+from workbench.identification.record_tests.record import RecordData
 
 LONGER = 10
 """Length of a stuck run at least, over that of nearly all others."""
@@ -31,7 +31,7 @@ OVER_WRONG = 3.0
 """The same, in standard deviations of what the inputs leave of the output."""
 
 
-def stuck(record: Record) -> Tested:
+def stuck(record: RecordData) -> Tested:
     """Whether outputs move where inputs move."""
     clean = unflagged(record)
     found = []
@@ -59,7 +59,7 @@ def stuck(record: Record) -> Tested:
 
 
 def _stuck_runs(
-    record: Record, y: RealArray, made: RealArray, known: BoolArray
+    record: RecordData, y: RealArray, made: RealArray, known: BoolArray
 ) -> list[tuple[int, int]]:
     """First sample and length of each run in which an output (N,) is stuck.
 
@@ -69,7 +69,7 @@ def _stuck_runs(
     wrong = float(np.nanstd((y - made)[known])) if known.any() else np.inf
     if not wrong < EXPLAINED * float(np.nanstd(y)):
         return []  # too little is known of what the inputs make
-    expected = max(EXPECTED * spread(y), JUMP * step, OVER_WRONG * wrong)
+    expected = max(EXPECTED * robust_spread(y), JUMP * step, OVER_WRONG * wrong)
     found = []
     for piece in record.pieces():
         part = y[piece]

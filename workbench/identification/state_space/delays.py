@@ -14,7 +14,7 @@ from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.regression import lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.record_tests.delay import delays as seen_delays
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 from workbench.identification.state_space.gaps import bridged
 from workbench.input_checks import need_whole
 
@@ -81,7 +81,7 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
 
 def _sure_delays(record: Experiments) -> tuple[int, ...]:
     """Samples (nu,) for which no output answers an input for sure, where that is long; else 0."""
-    seen = Record(
+    seen = RecordData(
         record.u, record.y, None, record.starts, record.sample_time, record.inputs, record.outputs
     )
     found = []
