@@ -1,1 +1,1 @@
-"""What a record must be before anything is estimated from it, and whether it is: tests, findings."""
+"""What a record must be before anything is estimated of it, and whether it is: tests, findings."""

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workbench.errors import InputError
+from workbench.identification.record_report.feedback import feedback
 from workbench.identification.record_report.finding import Finding, Tested
 from workbench.identification.record_report.record import Record
 
-TESTS: tuple[Callable[[Record], Tested], ...] = ()
+TESTS: tuple[Callable[[Record], Tested], ...] = (feedback,)
 """Each test takes a record and says what became of one assumption."""
 
 

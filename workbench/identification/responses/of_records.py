@@ -13,18 +13,13 @@ import numpy as np
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
+from workbench.identification.record_report.periods import period
 from workbench.identification.responses.local_polynomial import (
     line_frequencies,
     local_polynomial,
 )
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
-SHORTEST_PERIOD = 16
-"""Samples of the shortest period that is looked for."""
-FORGOTTEN = 0.5
-"""Correlation below which the input has left its first state: a period is longer."""
-PERIODIC = 0.99
-"""Correlation of the input with itself, a period later, from which it counts as periodic."""
 EXCITED = 1e-3
 """Amplitude of an excited line, relative to the largest."""
 EXCITED_OVER_NOISE = 5.0
@@ -63,34 +58,6 @@ def record_responses(
     if len(periods) == 1 and (samples := periods.pop()) is not None and length >= 2 * samples:
         return _periodic(pairs, samples, length // samples, sample_rate, most)
     return _arbitrary(pairs, length, sample_rate, most)
-
-
-def period(u: RealArray) -> int | None:
-    """Samples of a record's period, of which it holds two at least; None where it has none."""
-    u = u - u.mean()
-    n, longest = len(u), len(u) // 2
-    if longest < SHORTEST_PERIOD:
-        return None
-    spectrum = np.fft.rfft(u, 2 * n)
-    product = np.fft.irfft(np.abs(spectrum) ** 2)[: longest + 1]
-    energy = np.concatenate([[0.0], np.cumsum(u**2)])
-    lags = np.arange(longest + 1)
-    size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
-    like = product / np.maximum(size, np.finfo(float).tiny)
-    left = np.flatnonzero(like < FORGOTTEN)
-    if not left.size:
-        return None
-    start = max(int(left[0]), SHORTEST_PERIOD)
-    best = like[start:].max(initial=-1.0)
-    if best < PERIODIC:
-        return None
-    # Every multiple of the period is as good: take the first one that is as near as the best.
-    near = np.flatnonzero(like[start:] >= 1.0 - 2.0 * (1.0 - best) - 1e-9)
-    first = start + int(near[0])
-    last = first
-    while last + 1 <= longest and like[last + 1] > like[last]:
-        last += 1
-    return last
 
 
 def _periodic(
