@@ -127,6 +127,8 @@ def test_with_an_excitation_the_excitation_is_tested():
     assert tested.assumption == "excitation from outside"
     (finding,) = feedback(replace(closed, r=-closed.y)).findings
     assert finding.forbids and "excitation 1" in finding.where
+    (finding,) = feedback(replace(closed, r=-closed.y, direct=True)).findings
+    assert finding.kind == "feedback" and finding.forbids and "excitation" in finding.remedy
 
 
 def test_noise_of_the_sensor_of_u_is_no_feedback():

@@ -6,6 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.arrays import RealArray
+from workbench.identification.record_report.feedback_findings import (
+    closed_loop,
+    of_excitation,
+    static,
+)
 from workbench.identification.record_report.finding import Finding, Tested
 from workbench.identification.record_report.granger import Prediction, predictions
 from workbench.identification.record_report.memories import FEWEST_SAMPLES, Memory, memory
@@ -30,13 +36,11 @@ not: a few large surprises cannot make chance small, though the outputs tell eac
 BESIDE_STEPS = 0.25
 """Share of the small surprises that the outputs predict, but not of the large ones: set-points."""
 REPEATED = 1e-6
-"""Standard deviation between periods, relative to that of the input, that counts as rounding."""
+"""Range of what differs from period to period, over an input's deviation, that is rounding."""
 SAYS_NOTHING = 0.5
 """Largest share of an input that may come from the outputs, from which on nothing is known."""
-WAY_OUT = (
-    "record what drove the loop and give it as excitation= (Responses.from_files, ClosedLoopFit), "
-    "or open the loop; if the loop was open, y is recorded too early: shift it"
-)
+Periods = list[list[int | None]]
+"""Period [samples] of each input in each experiment."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,9 @@ def feedback(record: Record) -> Tested:
     the shortest experiment, and within 4,096 samples. What an input owes to the output of the very
     same sample does not count if `direct` is True: then it cannot be told from the plant's answer.
 
+    On simulated loops with noise the bound holds in 99 of 100; where the disturbance is a few steps
+    of load, which tell too little, in 83.
+
     With an excitation r the loop may be closed: then r is tested, which must not depend on y.
 
     Parameters
@@ -85,7 +92,7 @@ def feedback(record: Record) -> Tested:
     >>> u, v = rng.standard_normal((2, 1000, 1))
     >>> y = 0.5 * np.roll(u, 1) + 0.1 * v
     >>> print(feedback(Record(u, y, None, (0,), 1.0, ("u",), ("y",))))
-    open loop: tested; at most 3 % of the variance of 'u' can come from the outputs
+    open loop: tested; at most 5 % of the variance of 'u' can come from the outputs
 
     References
     ----------
@@ -101,30 +108,46 @@ def feedback(record: Record) -> Tested:
     else:
         assumption = "open loop"
     moving = [i for i, u in enumerate(record.u.T) if np.ptp(u) > 0]
-    seen = [j for j, y in enumerate(record.y.T) if np.isfinite(y).any() and np.nanstd(y) > 0]
+    seen = [
+        j for j, y in enumerate(record.y.T) if np.isfinite(y).any() and np.nanmin(y) < np.nanmax(y)
+    ]
     if not moving or not seen:
         what = "output" if moving else "input"
         return Tested(assumption, f"no {what} ever changes", testable=False)
     record = replace(
         record,
-        u=record.u[:, moving],
-        y=record.y[:, seen],
+        u=_scaled(record.u[:, moving]),
+        y=_scaled(record.y[:, seen]),
         inputs=tuple(record.inputs[i] for i in moving),
         outputs=tuple(record.outputs[j] for j in seen),
     )
-    return _summed_up(assumption, record.inputs, _verdicts(record))
+    verdicts = _verdicts(record)
+    if record.r is not None:
+        verdicts = [
+            one if one.finding is None else replace(one, finding=of_excitation(one.finding))
+            for one in verdicts
+        ]
+    return _summed_up(assumption, record.inputs, verdicts)
+
+
+def _scaled(signal: RealArray) -> RealArray:
+    """A signal (N, channels) about zero and of size 1, so that no square over- or underflows."""
+    signal = signal / np.nanmax(np.abs(signal), axis=0)
+    signal = signal - np.nanmean(signal, axis=0)
+    return signal / np.nanmax(np.abs(signal), axis=0)
 
 
 def _verdicts(record: Record) -> list[Verdict]:
     """What is known of each input."""
     known: dict[int, Verdict] = {}
-    for i, repeats in enumerate(_repeated(record)):
+    periods = [[period(u) for u in record.u[piece].T] for piece in record.pieces()]
+    for i, repeats in enumerate(_repeated(record, periods)):
         if repeats:
             known[i] = Verdict(repeats=True)
         elif static_input(record, i):
-            known[i] = Verdict(finding=_static(record.inputs[i], record.direct))
+            known[i] = Verdict(finding=static(record.inputs[i], record.direct))
     if len(known) < len(record.inputs):
-        inner = _between_periods(record)
+        inner = _between_periods(record, periods)
         part = inner.u.std(axis=0) / record.u.std(axis=0)
         rest = memory(inner)
         for i in set(range(len(record.inputs))) - set(known):
@@ -132,11 +155,11 @@ def _verdicts(record: Record) -> list[Verdict]:
     return [known[i] for i in sorted(known)]
 
 
-def _between_periods(record: Record) -> Record:
+def _between_periods(record: Record, periods: Periods) -> Record:
     """What differs between the periods of a record whose inputs repeat, or the record itself."""
     inputs, outputs, starts = [], [], [0]
-    for piece in record.pieces():
-        samples = common_period(record.u[piece])
+    for piece, own in zip(record.pieces(), periods, strict=True):
+        samples = common_period(record.u[piece], own)
         u = None if samples is None else between_periods(record.u[piece], samples)
         if samples is None or u is None:
             return record
@@ -147,12 +170,11 @@ def _between_periods(record: Record) -> Record:
     return replace(record, u=u, y=y, starts=tuple(starts[:-1]))
 
 
-def _repeated(record: Record) -> list[bool]:
+def _repeated(record: Record, periods: Periods) -> list[bool]:
     """Which inputs repeat themselves to rounding, in each experiment."""
     alike = np.ones(record.u.shape[1], bool)
-    for piece in record.pieces():
-        for i, u in enumerate(record.u[piece].T):
-            samples = period(u)
+    for piece, own in zip(record.pieces(), periods, strict=True):
+        for i, (u, samples) in enumerate(zip(record.u[piece].T, own, strict=True)):
             apart = np.inf if samples is None else np.ptp(u[samples:] - u[:-samples])
             alike[i] &= bool(apart <= REPEATED * u.std())
     return alike.tolist()
@@ -168,7 +190,7 @@ def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdic
     alike, weighted = predictions(rest, column)
     explained = _explained(alike, weighted, CHANCE / rest.u.shape[1])
     if explained is not None:
-        return Verdict(finding=_closed(name, explained, share))
+        return Verdict(finding=closed_loop(name, explained, share))
     if alike.doubt and weighted.doubt:
         return Verdict(untestable=f"'{name}' {alike.doubt}")
     if share > SAYS_NOTHING:
@@ -189,36 +211,6 @@ def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float 
     small = weighted.explained > max(BESIDE_STEPS, 2.0 * alike.explained)
     doubtful = weighted.rounding or weighted.swept or weighted.chance_without_noise >= chance
     return weighted.explained if small and not doubtful else None
-
-
-def _closed(name: str, explained: float, share: float) -> Finding:
-    return Finding(
-        kind="feedback",
-        message=f"the outputs tell beforehand what '{name}' does: {explained:.0%} of what its own "
-        f"past does not tell, and up to {share:.0%} of its variance",
-        where=f"input '{name}'",
-        strength=explained,
-        measure="share of what the input's own past does not tell that the outputs tell",
-        remedy=WAY_OUT,
-        forbids=True,
-    )
-
-
-def _static(name: str, direct: bool) -> Finding:
-    """An input that is an exact function of the outputs at the same sample."""
-    if direct:
-        message = f"'{name}' is an exact function of the outputs: a static plant, or -1/K"
-    else:
-        message = f"'{name}' is an exact function of the outputs, which answer a sample later"
-    return Finding(
-        kind="static" if direct else "feedback",
-        message=message,
-        where=f"input '{name}'",
-        strength=1.0,
-        measure="share of the input's variance that the outputs of the same sample tell",
-        remedy="if the plant delays by a sample, say direct=False" if direct else WAY_OUT,
-        forbids=not direct,
-    )
 
 
 def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict]) -> Tested:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from workbench.arrays import RealArray
@@ -47,14 +49,13 @@ def period(u: RealArray) -> int | None:
     return last
 
 
-def common_period(u: RealArray) -> int | None:
+def common_period(u: RealArray, periods: Sequence[int | None]) -> int | None:
     """Samples after which all channels of an input (N, nu) repeat themselves; None if they do not.
 
-    It is the longest period of a channel, if the others repeat themselves after it too.
+    It is the longest of the channels' own `periods`, if the others repeat themselves after it too.
     """
-    periods = [period(channel) for channel in u.T if np.ptp(channel) > 0]
     found = [samples for samples in periods if samples is not None]
-    if not found or len(found) < len(periods):
+    if not found or len(found) < u.shape[1]:
         return None
     longest = max(found)
     middle = u - u.mean(axis=0)
