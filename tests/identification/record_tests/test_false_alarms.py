@@ -7,12 +7,13 @@ from simulated_records import denied, open_record
 
 from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
+from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
 from workbench.identification.record_tests.flags import flags
-from workbench.identification.record_tests.gaps import instants
+from workbench.identification.record_tests.gaps import complete_outputs, instants
 from workbench.identification.record_tests.nonlinearity import nonlinearity
 from workbench.identification.record_tests.quantisation import quantisation
-from workbench.identification.record_tests.slow import drift
+from workbench.identification.record_tests.slow import drift, long_record
 from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 

@@ -10,6 +10,7 @@ from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
+from workbench.identification.record_tests.feedback import feedback
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import flags
 from workbench.identification.record_tests.gaps import complete_outputs, instants
@@ -22,6 +23,7 @@ from workbench.identification.record_tests.stuck import stuck
 from workbench.input_checks import as_list
 
 TESTS: tuple[Callable[[RecordData], Tested], ...] = (
+    feedback,
     flags,
     excitation,
     apart,
