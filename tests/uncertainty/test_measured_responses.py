@@ -8,7 +8,8 @@ import pytest
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.identification import IdentificationWarning, ResponseEstimate
-from workbench.identification.responses.of_records import period, record_responses
+from workbench.identification.record_tests.periods import period
+from workbench.identification.responses.of_records import record_responses
 from workbench.solution import solve
 from workbench.uncertainty import CircleCover, Responses, StadiumCover, contains
 from workbench.uncertainty.responses.regions import region_radius, with_regions

@@ -34,7 +34,7 @@ GROUND = ("numpy", "scipy", "numba", "control", "cvxpy", "casadi", "python-flint
 
 
 @dataclass(frozen=True)
-class Finding:
+class Examined:
     """A line of the examination: what it is, what was found, and what to do, if anything."""
 
     topic: str
@@ -43,12 +43,12 @@ class Finding:
     well: bool = True
 
 
-def examination(*, test: bool = True) -> Iterator[Finding]:
+def examination(*, test: bool = True) -> Iterator[Examined]:
     """What is found, one after the other; with ``test`` the self-test at the end."""
     place = Path(workbench.__file__).parent
-    yield Finding("robust-workbench", f"{workbench.__version__}, imported from {place}")
+    yield Examined("robust-workbench", f"{workbench.__version__}, imported from {place}")
     yield _twins()
-    yield Finding("python", f"{platform.python_version()}, {platform.platform()}")
+    yield Examined("python", f"{platform.python_version()}, {platform.platform()}")
     for name in GROUND:
         yield _package(name)
     yield _slycot()
@@ -56,8 +56,8 @@ def examination(*, test: bool = True) -> Iterator[Finding]:
     yield _threads()
     yield _cache()
     yield _compiler()
-    yield Finding("problems", f"{len(registry().entries)} named", "; ".join(registry().unfit))
-    yield Finding("results", str(results_root()))
+    yield Examined("problems", f"{len(registry().entries)} named", "; ".join(registry().unfit))
+    yield Examined("results", str(results_root()))
     if test:
         yield from _self_test()
 
@@ -69,34 +69,34 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _package(name: str) -> Finding:
+def _package(name: str) -> Examined:
     found = _version(name)
     if found is None:
-        return Finding(name, "missing", f"pip install {name}", well=False)
-    return Finding(name, found)
+        return Examined(name, "missing", f"pip install {name}", well=False)
+    return Examined(name, found)
 
 
-def _twins() -> Finding:
+def _twins() -> Examined:
     """Whether the other distribution that is imported as `workbench` is here too."""
     other = _version("workbench")
     if other is None or _version("robust-workbench") is None:
-        return Finding("import name", "workbench is this project's alone")
+        return Examined("import name", "workbench is this project's alone")
     words = "one of both has overwritten files of the other: use an environment for each"
-    return Finding("import name", f"the distribution workbench {other} is here too", words, False)
+    return Examined("import name", f"the distribution workbench {other} is here too", words, False)
 
 
-def _slycot() -> Finding:
+def _slycot() -> Examined:
     found = _version("slycot")
     if found is not None:
-        return Finding("slycot", found)
+        return Examined("slycot", found)
     words = (
         "methods of SLICOT and what needs its routines (reduction, Gramians) will stop with an "
         "error that says so: pip install slycot, or conda install -c conda-forge slycot"
     )
-    return Finding("slycot", "missing", words, well=False)
+    return Examined("slycot", "missing", words, well=False)
 
 
-def _solvers() -> Finding:
+def _solvers() -> Examined:
     """The installed conic solvers, which of them are methods, and how to get more."""
     named = ", ".join(solver.name for solver in conic_solvers())
     versions = {name: _version(name) for name in SOLVERS}
@@ -104,10 +104,10 @@ def _solvers() -> Finding:
     missing = [name for name, found in versions.items() if found is None]
     words = f"pip install 'robust-workbench[solvers]' brings {', '.join(missing)}"
     told = f"{here}; methods: {named}, and others by [tool.workbench] solvers = [...]"
-    return Finding("conic solvers", told, words if missing else "")
+    return Examined("conic solvers", told, words if missing else "")
 
 
-def _threads() -> Finding:
+def _threads() -> Examined:
     """Libraries of linear algebra with their threads."""
     import numpy as np
     from threadpoolctl import threadpool_info
@@ -122,24 +122,24 @@ def _threads() -> Finding:
     words = ""
     if any(count > 1 for count in pools.values()) and "OPENBLAS_NUM_THREADS" not in os.environ:
         words = "for many small problems at once (--jobs): export OPENBLAS_NUM_THREADS=1"
-    return Finding("linear algebra", f"{told}; {cores} cores", words)
+    return Examined("linear algebra", f"{told}; {cores} cores", words)
 
 
-def _cache() -> Finding:
+def _cache() -> Examined:
     """Where Numba keeps what it compiled, and whether it can."""
     place = Path(os.environ.get("NUMBA_CACHE_DIR", Path(workbench.__file__).parent))
     if os.access(place, os.W_OK):
-        return Finding("cache of Numba", str(place))
+        return Examined("cache of Numba", str(place))
     words = (
         "it cannot be written, so that every start compiles: export NUMBA_CACHE_DIR=~/.cache/numba"
     )
-    return Finding("cache of Numba", str(place), words, well=False)
+    return Examined("cache of Numba", str(place), words, well=False)
 
 
-def _compiler() -> Finding:
+def _compiler() -> Examined:
     """A compiler of C, for the exported controllers alone."""
     found = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    return Finding("C compiler", found or "none; only tests of exported C code need one")
+    return Examined("C compiler", found or "none; only tests of exported C code need one")
 
 
 TESTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
@@ -154,7 +154,7 @@ among them: where they are asked for the first time, Numba compiles for a minute
 """
 
 
-def _self_test() -> Iterator[Finding]:
+def _self_test() -> Iterator[Examined]:
     """Small problems of several kinds, answered and certified in a folder that is thrown away."""
     before = os.environ.get("WORKBENCH_RESULTS")
     with tempfile.TemporaryDirectory() as folder:
@@ -170,7 +170,7 @@ def _self_test() -> Iterator[Finding]:
                     said, well, advice = f"{type(error).__name__}: {error}", False, ""
                 took = time.perf_counter() - started
                 advice = advice or ("" if well else f"workbench run {name} --verbose says more")
-                yield Finding(f"test: {title}", f"{said}, {took:.1f} s", advice, well)
+                yield Examined(f"test: {title}", f"{said}, {took:.1f} s", advice, well)
         finally:
             if before is None:
                 del os.environ["WORKBENCH_RESULTS"]

@@ -22,6 +22,8 @@ RISING = 0.5
 """Slope of the gain over frequency, in logarithms, that a plant with mass, lag or delay has not."""
 END = 3.0
 """Part of the frequencies that count as the end: from the last one, divided by this, on."""
+KNOWN, FEWEST_LINES = 5.0, 3
+"""Gain over its standard deviation at a line that is known, and lines that tell a slope."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,17 @@ def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:
     ``files`` are the names of the plants' records; they are told where some only are odd.
     """
     omega, gain = responses.omega, np.abs(responses.values)
-    last = omega >= omega[-1] / END
-    if last.sum() < 3:
-        return ()
-    slopes = np.polyfit(np.log(omega[last]), np.log(gain[last]), 1)[0]
+    noise = np.zeros_like(gain) if responses.variance is None else np.sqrt(responses.variance)
+    # Noise has no slope of the plant's, so that lines which it hides say nothing of it.
+    asked = (omega >= omega[-1] / END)[:, None] & (gain > KNOWN * noise)
+    slopes = np.array(
+        [
+            np.polyfit(np.log(omega[lines]), np.log(one[lines]), 1)[0]
+            if lines.sum() >= FEWEST_LINES
+            else -np.inf
+            for lines, one in zip(asked.T, gain.T, strict=True)
+        ]
+    )
     rising = [file for file, slope in zip(files, slopes, strict=True) if slope > RISING]
     if not rising:
         return ()

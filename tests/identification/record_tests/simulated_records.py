@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import chirp, lfilter
 
 from workbench.identification.record_tests.finding import Finding
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 EXCITATIONS = (
     "white noise", "binary", "periodic multisine", "one multisine", "crested multisine", "steps",
@@ -175,7 +175,7 @@ def converted(y, kind, rng):
     return (step * np.round(y / step) if step else y), step
 
 
-def open_record(rng) -> tuple[Record, Truth]:
+def open_record(rng) -> tuple[RecordData, Truth]:
     """A record of an open loop, and how it was made; nothing is wrong with it but its drift."""
     n = int(np.exp(rng.uniform(np.log(200), np.log(20000))))
     kinds = rng.choice(PLANTS, size=2 if rng.random() < 0.2 else 1)
@@ -195,13 +195,15 @@ def open_record(rng) -> tuple[Record, Truth]:
     unit = 10.0 ** rng.integers(-12, 13)
     u = u * 10.0 ** rng.integers(-12, 13) + rng.choice([0.0, 3.0])
     names = tuple(f"u{j + 1}" for j in range(len(paths)))
-    record = Record(u, unit * y[:, None], None, (0,), float(rng.choice([1.0, 1e-3])), names, ("y",))
+    record = RecordData(
+        u, unit * y[:, None], None, (0,), float(rng.choice([1.0, 1e-3])), names, ("y",)
+    )
     return record, Truth(
         paths, excitation, converter, noise, step, float(np.ptp(drift)) / size, lines, clean
     )
 
 
-def denied(finding: Finding, record: Record, truth: Truth) -> bool:
+def denied(finding: Finding, record: RecordData, truth: Truth) -> bool:
     """Whether the truth of an open record denies a finding."""
     n = len(record.u)
     name = finding.where.split("'")[1] if "'" in finding.where else ""

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 NOISE = 0.02
 """Standard deviation of the noise, over that of the output."""
 
 
-def good_record(rng, n=3000, excitation="binary", wait=0, sensor=None) -> Record:
+def good_record(rng, n=3000, excitation="binary", wait=0, sensor=None) -> RecordData:
     """A record of y_(k+1) = 0.8 y_k + 0.2 u_(k - wait), after what a sensor makes of it."""
     u = rng.standard_normal(n)
     if excitation == "binary":
@@ -23,7 +23,7 @@ def good_record(rng, n=3000, excitation="binary", wait=0, sensor=None) -> Record
     y = lfilter([0, 0.2], [1, -0.8], np.concatenate([np.zeros(wait), u[: n - wait]]))
     y = y + NOISE * y.std() * rng.standard_normal(n)
     y = y if sensor is None else sensor(y)
-    return Record(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",), order=2)
+    return RecordData(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",), order=2)
 
 
 def with_output(record, y):
@@ -46,7 +46,7 @@ def one_sine(rng):
     u = np.sin(2 * np.pi * rng.uniform(0.01, 0.1) * np.arange(n))
     y = lfilter([0, 0.2], [1, -0.8], u)
     y = y + NOISE * y.std() * rng.standard_normal(n)
-    return Record(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",), order=2)
+    return RecordData(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",), order=2)
 
 
 def clipped_sensor(rng):
@@ -147,7 +147,7 @@ def distorted_output(rng):
     u = np.tile(one / one.std(), count)
     y = lfilter([0, 0.2], [1, -0.8], u)
     y = y + 0.1 * y**2 / y.std() + NOISE * y.std() * rng.standard_normal(len(y))
-    return Record(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",))
+    return RecordData(u[:, None], y[:, None], None, (0,), 0.1, ("valve",), ("flow",))
 
 
 def still_input(rng):

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.signals import Signals, as_signals
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 from workbench.identification.record_tests.report import RecordReport, as_names, reported
 from workbench.input_checks import need_positive
 
@@ -93,7 +93,7 @@ class Experiments:
         """Report for a model of an order (None: not known), with or without a direct term."""
         inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
         outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
-        record = Record(
+        record = RecordData(
             self.u, self.y, self.excitation, self.starts, self.sample_time,
             inputs, outputs, direct, order, self.times,
         )  # fmt: skip

@@ -13,7 +13,7 @@ from workbench.identification.record_tests.delay import delays
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 PASTS = (4, 2, 1)
 """Lags of the outputs and inputs in the regressions."""
@@ -56,7 +56,7 @@ def _arrivals(at_top: BoolArray) -> IntegerArray:
     return np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 2
 
 
-def clipping(record: Record) -> Tested:
+def clipping(record: RecordData) -> Tested:
     """Whether outputs stay inside the range of their converters."""
     clean = unflagged(record)
     found = []
@@ -82,7 +82,7 @@ def clipping(record: Record) -> Tested:
     return Tested("outputs stay inside their range", told, findings=tuple(found))
 
 
-def _beyond(record: Record, signal: RealArray, output: int) -> bool:
+def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
     """Whether an output (N,) would go beyond its largest value where it arrives there.
 
     Shorter regressions are asked where longer ones have too few rows inside the range.
@@ -109,10 +109,11 @@ def _beyond(record: Record, signal: RealArray, output: int) -> bool:
         size = np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
         weight = np.linalg.lstsq(basis / size, signal[rows], rcond=None)[0] / size
         noise = float(np.std(signal[rows] - basis @ weight))
-        if noisy and noise > ROUNDING * float(np.std(signal[rows])):
+        exact = ROUNDING * float(np.std(signal[rows]))
+        if noisy and noise > exact:
             return True
         away = _regressors(record, signal, here, past, waits) @ weight - top
-        least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal))
+        least = max(CERTAIN * noise / np.sqrt(len(away)), resolution(signal), exact)
         if away.mean() > least and (away > 0).mean() > 0.5:
             return True
     return False
@@ -129,7 +130,7 @@ def _never_repeats(signal: RealArray, outside: BoolArray) -> bool:
 
 
 def _regressors(
-    record: Record, signal: RealArray, at: IntegerArray, past: int, waits: list[int]
+    record: RecordData, signal: RealArray, at: IntegerArray, past: int, waits: list[int]
 ) -> RealArray:
     """A level, past outputs, and present and past inputs at samples (R,)."""
     outputs = [signal[at - k] for k in range(1, past + 1)]

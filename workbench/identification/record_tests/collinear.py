@@ -12,7 +12,7 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import resolution
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 TOGETHER = 1e-2
 """Share of an input's variance that is its own, below which its gain is hard to tell."""
@@ -22,7 +22,7 @@ WEIGHTY = 1e-3
 """Share of another input in an input, by which that one is named."""
 
 
-def apart(record: Record) -> Tested:
+def apart(record: RecordData) -> Tested:
     """Whether each input moves in a way of its own."""
     assumption = "inputs move apart"
     record = unflagged(record)

@@ -18,10 +18,10 @@ from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.impulse import (
     Impulse,
     busiest,
-    filled,
+    gaps_filled,
     impulse,
 )
-from workbench.identification.record_tests.record import Record, once
+from workbench.identification.record_tests.record import RecordData, once
 
 STARTED = 1 / 16
 """Share of the answer within 2 d that has come within d, at most, for d to be a delay."""
@@ -52,15 +52,15 @@ class Delay:
 
 
 @once
-def first_impulses(record: Record) -> tuple[tuple[Impulse | None, ...], slice]:
+def first_impulses(record: RecordData) -> tuple[tuple[Impulse | None, ...], slice]:
     """Impulse responses to each output at full rate, and the samples they were found in."""
     clean = unflagged(record)
     part = busiest(clean)
-    return tuple(impulse(clean.u[part], filled(y)) for y in clean.y[part].T), part
+    return tuple(impulse(clean.u[part], gaps_filled(y)) for y in clean.y[part].T), part
 
 
 @once
-def explained(record: Record) -> RealArray:
+def explained(record: RecordData) -> RealArray:
     """What impulse responses at full rate explain of the outputs (N, ny)."""
     u, made = unflagged(record).u, np.zeros(record.y.shape)
     for i, response in enumerate(first_impulses(record)[0]):
@@ -70,7 +70,7 @@ def explained(record: Record) -> RealArray:
     return made
 
 
-def known_past(record: Record, response: Impulse | None) -> BoolArray:
+def known_past(record: RecordData, response: Impulse | None) -> BoolArray:
     """Where (N,) the inputs are known for as long as they act at full rate."""
     lags = 0 if response is None else response.response.shape[1]
     known = np.ones(len(record.u), dtype=bool)
@@ -80,35 +80,36 @@ def known_past(record: Record, response: Impulse | None) -> BoolArray:
 
 
 @once
-def delays(record: Record) -> tuple[Delay, ...]:
+def delays(record: RecordData) -> tuple[Delay, ...]:
     """The delay of each output behind each input."""
     clean = unflagged(record)
     first, part = first_impulses(record)
     u = clean.u[part]
     found: dict[tuple[int, int], Delay] = {}
     for i, at_once in enumerate(first):
-        y, size, response = filled(clean.y[part, i]), 1, at_once
+        y, size, response = gaps_filled(clean.y[part, i]), 1, at_once
+        found |= {(j, i): Delay(j, i, None, None, False) for j in range(u.shape[1])}
         while response is not None:
             for j in range(u.shape[1]):
-                known = found.get((j, i), Delay(j, i, None, None, False))
-                if known.least is None:
-                    found[j, i] = _waited(response, known)
+                if found[j, i].least is None:
+                    found[j, i] = _waited(response, found[j, i])
             size *= COARSER
             response = impulse(u, y, size) if len(u) >= FEWEST_BLOCKS * size else None
     return tuple(found[pair] for pair in sorted(found))
 
 
 def _waited(response: Impulse, known: Delay) -> Delay:
-    """A delay, if an impulse response shows one within the first half of its lags."""
+    """A delay, if an impulse response shows one within its lags."""
     lags, size = response.response.shape[1], response.block
     own = slice(known.input * lags, (known.input + 1) * lags)
     spread = np.cumsum(np.cumsum(response.covariance[own, own], axis=0), axis=1)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0))
     step = np.cumsum(response.response[known.input])
     started = np.maximum.accumulate(np.abs(step) + CERTAIN * deviation)
-    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags // 2)
-    before, later = started[wait - 1], np.abs(step[2 * wait - 1])
-    seen = later > FOUND * deviation[2 * wait - 1]
+    wait = np.arange(1 if size == 1 else FEWEST_WAITED, lags)
+    double = np.minimum(2 * wait, lags) - 1
+    before, later = started[wait - 1], np.abs(step[double])
+    seen = later > FOUND * deviation[double]
     late = wait[seen & (before < STARTED * later)]
     if not late.size:
         return replace(known, tested=known.tested or bool(seen.any()))
@@ -117,7 +118,7 @@ def _waited(response: Impulse, known: Delay) -> Delay:
     return replace(known, least=last * size - around, most=last * size + around, tested=True)
 
 
-def delay(record: Record) -> Tested:
+def prompt_outputs(record: RecordData) -> Tested:
     """Whether outputs answer soon."""
     assumption = "outputs answer inputs within few samples"
     found, told = [], []

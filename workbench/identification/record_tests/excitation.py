@@ -15,7 +15,7 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
 from workbench.identification.record_tests.levels import runs
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 LEAST_ORDER = 2
 """Order of a model that is asked of every record: one resonance."""
@@ -33,7 +33,7 @@ STILL = 0.9
 """Share of a record in which an input stands still that is too much."""
 
 
-def excitation(record: Record) -> Tested:
+def excitation(record: RecordData) -> Tested:
     """Whether each input moves at enough frequencies, and often enough."""
     record = unflagged(record)
     needed = 2 * (LEAST_ORDER if record.order is None else record.order) + 1
@@ -69,7 +69,7 @@ def _few_lines(name: str, frequency: RealArray, needed: int) -> Finding:
     )
 
 
-def _seldom_moved(name: str, u: RealArray, record: Record, needed: int) -> list[Finding]:
+def _seldom_moved(name: str, u: RealArray, record: RecordData, needed: int) -> list[Finding]:
     """Findings of an input that hardly ever moves, or stands still for most of the record."""
     moves = np.diff(u) != 0
     moves[[first - 1 for first in record.starts if first]] = False

@@ -10,8 +10,8 @@ import numpy as np
 
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
-from workbench.identification.record_tests.levels import runs, thinned, told_samples
-from workbench.identification.record_tests.record import Record, once
+from workbench.identification.record_tests.levels import evenly_chosen, runs, told_samples
+from workbench.identification.record_tests.record import RecordData, once
 
 CUSTOMARY = (
     0.0, 99.0, -99.0, 999.0, -999.0, 999.9, -999.9, 9999.0, -9999.0, 9999.9, -9999.9, 99999.0,
@@ -35,9 +35,9 @@ SHARED = 0.8
 
 
 @once
-def flagged(record: Record) -> tuple[BoolArray, BoolArray]:
+def flagged(record: RecordData) -> tuple[BoolArray, BoolArray]:
     """Masks of u (N, nu) and of y (N, ny) that are True at flags."""
-    suspected = [
+    suspected: list[BoolArray] = [
         np.column_stack([_far_outside(column, record) for column in table.T])
         for table in (record.u, record.y)
     ]
@@ -54,7 +54,7 @@ def flagged(record: Record) -> tuple[BoolArray, BoolArray]:
 
 
 @once
-def unflagged(record: Record) -> Record:
+def unflagged(record: RecordData) -> RecordData:
     """The record without flags: of y they are missing, of u the value before them holds."""
     u_mask, y_mask = flagged(record)
     if not (u_mask.any() or y_mask.any()):
@@ -64,11 +64,12 @@ def unflagged(record: Record) -> Record:
         kept = np.flatnonzero(~u_mask[:, j])
         before = np.maximum(np.searchsorted(kept, np.arange(len(u)), side="right") - 1, 0)
         u[:, j] = record.u[kept[before], j]
-    y = np.where(y_mask | u_mask.any(axis=1, keepdims=True), np.nan, record.y)
+    rows = np.asarray(u_mask.any(axis=1))
+    y = np.where(y_mask | rows[:, None], np.nan, record.y)
     return record.replaced(u, y)
 
 
-def flags(record: Record) -> Tested:
+def flags(record: RecordData) -> Tested:
     """Whether values stand for "no value"."""
     found = []
     for kind, table, names, masks in (
@@ -99,7 +100,7 @@ def flags(record: Record) -> Tested:
     return Tested("every value was measured", result, findings=tuple(found))
 
 
-def _far_outside(column: RealArray, record: Record) -> BoolArray:
+def _far_outside(column: RealArray, record: RecordData) -> BoolArray:
     """Where a channel (N,) takes one value, the least or the largest, far outside of the others."""
     mask = np.zeros(len(column), dtype=bool)
     ends = np.nanmin(column), np.nanmax(column)
@@ -116,7 +117,7 @@ def _far_outside(column: RealArray, record: Record) -> BoolArray:
             gap = low - end if k == 0 else end - high
             if not (gap > FAR * (high - low) > 0):
                 continue
-            values, counts = np.unique(thinned(column[rest]), return_counts=True)
+            values, counts = np.unique(evenly_chosen(column[rest]), return_counts=True)
             if values.size < FEWEST_VALUES:
                 continue
             alike = (counts.max() / counts.sum()) ** (int(here.sum()) - 1)
@@ -126,7 +127,7 @@ def _far_outside(column: RealArray, record: Record) -> BoolArray:
     return mask
 
 
-def _between_values(here: BoolArray, record: Record) -> BoolArray:
+def _between_values(here: BoolArray, record: RecordData) -> BoolArray:
     """A mask without what reaches to an end of an experiment: 0 before something is switched on."""
     kept = here.copy()
     for piece in record.pieces():

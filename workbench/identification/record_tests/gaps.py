@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.arrays import Array, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.levels import runs, told_samples
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 MANY = 0.02
 """Share of missing samples that is worth a word."""
 UNEVEN = 0.1
 """Largest distance of an instant from an even one, in steps, that does no harm."""
-ROUNDED = 0.51
+ROUNDED = 0.6
 """The same in units of the last digit of the stamps: rounding to it."""
-WHOLE = 0.02
+WHOLE = 0.1
 """Distance of a step from a multiple of the usual one, in usual ones, that is rounding."""
+FEWEST_ROUNDED = 3
+"""Steps of one more digit from which on they are told from missing rows."""
 
 
-def gaps(record: Record) -> Tested:
+def complete_outputs(record: RecordData) -> Tested:
     """Whether outputs were measured at all samples."""
     found, told = [], []
     for name, y in zip(record.outputs, record.y.T, strict=True):
@@ -46,33 +49,34 @@ def gaps(record: Record) -> Tested:
     )
 
 
-def instants(record: Record) -> Tested:
+def instants(record: RecordData) -> Tested:
     """Whether samples were taken at even instants."""
     assumption = "samples are even"
     if record.times is None:
         return Tested(assumption, "no instants were given", testable=False)
-    found = []
-    worst, digit, missing = 0.0, 0.0, 0
+    worst, missing, rounded = 0.0, 0, ""
     places: list[int] = []
     for piece in record.pieces():
         times = record.times[piece] - record.times[piece.start]
-        steps = np.diff(times)
-        if not steps.size:
+        if len(times) < 3:
             continue
-        usual = float(np.median(steps))
+        steps, number = np.diff(times), np.arange(len(times))
+        usual, digit = float(np.median(steps)), _last_digit(np.diff(times))
         turns = np.round(steps / usual)
-        lost = (turns > 1) & (np.abs(steps - turns * usual) < max(WHOLE, UNEVEN) * usual)
-        missing += int((turns[lost] - 1).sum())
-        number = np.concatenate([[0.0], np.cumsum(np.where(lost, turns, 1.0))])
-        away = times - np.polynomial.polynomial.polyval(
-            number, np.polynomial.polynomial.polyfit(number, times, 1)
-        )
-        digit = max(digit, _last_digit(steps))
-        worst = max(worst, float(np.abs(away).max()) / usual)
-        places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]
-        if not lost.any() and np.abs(away).max() > UNEVEN * usual:
+        lost = (turns > 1) & (np.abs(steps - turns * usual) < WHOLE * usual)
+        away = _from_even(times, number)
+        if np.abs(away).max() < ROUNDED * digit and not 0 < lost.sum() < FEWEST_ROUNDED:
+            rounded = f"; they are rounded to {digit:.3g} s: give the sample rate"
+        elif lost.any():
+            missing += int((turns[lost] - 1).sum())
+            places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]
+            number = np.concatenate([[0], np.cumsum(np.where(lost, turns, 1))])
+            away = _from_even(times, number)
+        far = float(np.abs(away).max()) / usual
+        if far > UNEVEN and not rounded:
             places.append(piece.start + int(np.argmax(np.abs(away))))
-    dt = record.sample_time
+        worst = max(worst, far)
+    found = []
     if missing:
         found.append(
             Finding(
@@ -85,7 +89,7 @@ def instants(record: Record) -> Tested:
                 forbids=True,
             )
         )
-    elif worst > UNEVEN and worst * dt > ROUNDED * digit:
+    elif worst > UNEVEN and not rounded:
         found.append(
             Finding(
                 "uneven samples",
@@ -97,13 +101,18 @@ def instants(record: Record) -> Tested:
                 forbids=True,
             )
         )
-    told = f"instants lie up to {worst:.2g} steps from even ones"
-    if worst > UNEVEN and not found:
-        told += f", by rounding to {digit:.3g} s: give the sample rate"
+    told = f"instants lie up to {worst:.2g} steps from even ones{rounded}"
     return Tested(assumption, told, findings=tuple(found))
 
 
-def _last_digit(steps: np.ndarray) -> float:
+def _from_even(times: RealArray, number: Array) -> RealArray:
+    """Distance of instants (N,) from the even ones of these numbers that fit best."""
+    line = np.polynomial.polynomial.polyfit(number, times, 1)
+    return np.asarray(times - np.polynomial.polynomial.polyval(number, line))
+
+
+def _last_digit(steps: RealArray) -> float:
     """The unit to which stamps were rounded, where a few different steps show it; else 0."""
-    different = np.unique(np.round(steps / np.median(steps), 6)) * np.median(steps)
+    usual = float(np.median(steps))
+    different = np.unique(np.round(steps / usual, 6)) * usual
     return float(np.diff(different).min()) if 1 < different.size <= 4 else 0.0

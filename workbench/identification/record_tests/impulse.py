@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import oaconvolve
 
 from workbench.arrays import RealArray
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 LAGS = 400
 """Most lags, of all inputs together."""
@@ -44,7 +44,7 @@ class Impulse:
     block: int
 
 
-def filled(y: RealArray) -> RealArray:
+def gaps_filled(y: RealArray) -> RealArray:
     """A channel (N,) with straight lines across what is missing."""
     known = np.isfinite(y)
     if known.all() or not known.any():
@@ -53,7 +53,7 @@ def filled(y: RealArray) -> RealArray:
     return np.interp(at, at[known], y[known])
 
 
-def busiest(record: Record, most: int = MOST_SAMPLES) -> slice:
+def busiest(record: RecordData, most: int = MOST_SAMPLES) -> slice:
     """The part of the longest experiment, of at most so many samples, where inputs move most."""
     longest = max(record.pieces(), key=lambda piece: piece.stop - piece.start)
     if longest.stop - longest.start <= most:
@@ -82,8 +82,9 @@ def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
         return None
     u, y = u - u.mean(axis=0), y - y.mean()
     u_size, y_size = u.std(axis=0), float(y.std())
-    if not (y_size > 0 and (u_size > 0).all()):
+    if not (y_size > 0 and u_size.any()):
         return None
+    u_size[u_size == 0] = 1.0  # an input that rests here explains nothing, as the ridge says
     u, y = u / u_size, y / y_size
     rows = count - lags + 1
     trend = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREES))[0]

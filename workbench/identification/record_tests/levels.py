@@ -20,19 +20,19 @@ NAMED = 6
 """Samples that a finding names."""
 
 
-def thinned(column: RealArray, most: int = LOOKED_AT) -> RealArray:
+def evenly_chosen(column: RealArray, most: int = LOOKED_AT) -> RealArray:
     """At most so many measured samples of a channel (N,), evenly taken."""
     known = column[:: max(1, -(-len(column) // most))]
     return known[np.isfinite(known)]
 
 
-def spread(column: RealArray) -> float:
+def robust_spread(column: RealArray) -> float:
     """Spread of a channel that outliers do not move, its standard deviation if it is normal.
 
     Half the distance between the quantiles of 16 and 84 %; where a channel rests more often than
     that, the standard deviation.
     """
-    known = thinned(column)
+    known = evenly_chosen(column)
     if not known.size:
         return 0.0
     low, high = np.quantile(known, (0.16, 0.84))
@@ -41,7 +41,7 @@ def spread(column: RealArray) -> float:
 
 def resolution(column: RealArray) -> float:
     """Step of the converter that a channel came from; 0 where its values show none."""
-    known = thinned(column)
+    known = evenly_chosen(column)
     values = np.unique(known)
     if values.size < 2 or known.size < FEWEST_REPEATS * values.size:
         return 0.0

@@ -12,10 +12,10 @@ from scipy.stats import f
 from workbench.arrays import Array, ComplexArray, IntegerArray, RealArray
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.impulse import filled
+from workbench.identification.record_tests.impulse import gaps_filled
 from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.periods import period
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 FEWEST_PERIODS = 3
 """Periods that are needed: one to settle, and two to tell noise."""
@@ -37,7 +37,7 @@ CHANCE = 1e-6
 """Probability of so much at lines where there is noise alone."""
 
 
-def nonlinearity(record: Record) -> Tested:
+def nonlinearity(record: RecordData) -> Tested:
     """Whether the plant is linear, as far as a periodic input tells."""
     assumption = "the plant is linear"
     clean = unflagged(record)
@@ -62,7 +62,7 @@ def nonlinearity(record: Record) -> Tested:
             told.append(f"{name!r} holds its values for several samples, which looks the same")
             continue
         share, certain = _distortion(
-            _lines(filled(y), samples), sizes, excited, silent, resolution(y)
+            _lines(gaps_filled(y), samples), sizes, excited, silent, resolution(y)
         )
         told.append(f"distortion of {name!r} is {share:.2g} of its answer")
         if certain:

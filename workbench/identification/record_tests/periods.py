@@ -1,6 +1,8 @@
-"""The period of an input, where it repeats."""
+"""How often an input repeats itself, and what differs between its periods."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,12 +17,17 @@ ROUNDING = 1e-9
 PERIODIC = 0.99
 """Correlation of the input with itself, a period later, from which it counts as periodic."""
 
+FEWEST_PERIODS = 4
+"""Periods from which on it is told whether their differences are noise."""
+ALIKE = 3.0
+"""Standard deviations that the correlation of neighbouring periods may be above that of noise."""
+
 
 def period(u: RealArray) -> int | None:
     """Samples of a record's period, of which it holds two at least; None where it has none."""
     u = u - u.mean()
     n, longest = len(u), len(u) // 2
-    if longest < SHORTEST_PERIOD:
+    if longest < SHORTEST_PERIOD or not u.any():
         return None
     spectrum = np.fft.rfft(u, 2 * n)
     product = np.fft.irfft(np.abs(spectrum) ** 2)[: longest + 1]
@@ -44,3 +51,43 @@ def period(u: RealArray) -> int | None:
     while last + 1 <= longest and like[last + 1] > like[last]:
         last += 1
     return last
+
+
+def common_period(u: RealArray, periods: Sequence[int | None]) -> int | None:
+    """Samples after which all channels of an input (N, nu) repeat themselves; None if they do not.
+
+    It is the longest of the channels' own `periods`, if the others repeat themselves after it too.
+    """
+    found = [samples for samples in periods if samples is not None]
+    if not found or len(found) < u.shape[1]:
+        return None
+    longest = max(found)
+    middle = u - u.mean(axis=0)
+    apart = np.sum((middle[longest:] - middle[:-longest]) ** 2, axis=0)
+    alike = apart <= 2.0 * (1.0 - PERIODIC) * np.sum(middle**2, axis=0)
+    return longest if alike.all() else None
+
+
+def between_periods(u: RealArray, samples: int) -> RealArray | None:
+    """What differs between the periods of an input (N, nu), without the first one.
+
+    None if it is no noise: too few periods to tell, or neighbouring periods are more alike than
+    noise is, as those of a sine whose period is no whole number of samples.
+    """
+    count = len(u) // samples - 1
+    if count < FEWEST_PERIODS - 1:
+        return None
+    apart = without_periodic_part(u[-count * samples :], samples)
+    energy = np.sum(apart**2, axis=0)
+    alike = np.sum(apart[samples:] * apart[:-samples], axis=0) * count / (count - 1)
+    # What is left of noise when its mean over the periods is taken off is correlated by as much.
+    noise = -1.0 / (count - 1) + ALIKE / np.sqrt(len(apart))
+    return apart if np.all(alike <= noise * energy) else None
+
+
+def without_periodic_part(signal: RealArray, samples: int) -> RealArray:
+    """A signal (periods * samples, channels) less the mean of its periods, but for NaN."""
+    periods = signal.reshape(-1, samples, signal.shape[1])
+    there = ~np.isnan(periods)
+    mean = np.where(there, periods, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    return (periods - mean).reshape(signal.shape)

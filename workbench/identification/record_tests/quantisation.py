@@ -8,29 +8,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.identification.record_tests.delay import explained
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.levels import resolution, thinned
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.levels import evenly_chosen, resolution
+from workbench.identification.record_tests.record import RecordData
 
 COARSE = 0.1
 """Rounding error of a converter, over the standard deviation of the output, that is too large."""
+ROUNDED = 0.5
+"""What inputs leave of an output, over the rounding error of a converter, at least."""
 FEWEST_CHANGES = 20
 """Changes of the output from which on its values are known to be those of a converter."""
 
 
-def quantisation(record: Record) -> Tested:
+def quantisation(record: RecordData) -> Tested:
     """Whether converters resolve the outputs."""
     clean = unflagged(record)
     found, told = [], []
-    for name, y in zip(record.outputs, clean.y.T, strict=True):
-        step, size = resolution(y), float(np.std(thinned(y)))
+    for name, y, made in zip(record.outputs, clean.y.T, explained(record).T, strict=True):
+        step, size = resolution(y), float(np.std(evenly_chosen(y)))
         if not step > 0:
             told.append(f"{name!r} shows no steps")
             continue
         share = step / np.sqrt(12) / size
         told.append(f"{name!r} has steps of {step:.4g}, {size / step:.3g} in its deviation")
-        if share > COARSE and np.count_nonzero(np.diff(y)) >= FEWEST_CHANGES:
+        # An output with few levels follows an input with few levels, if that explains it.
+        rounded = float(np.nanstd(y - made)) > ROUNDED * step / np.sqrt(12)
+        if share > COARSE and rounded and np.count_nonzero(np.diff(y)) >= FEWEST_CHANGES:
             found.append(
                 Finding(
                     "coarse steps",

@@ -12,11 +12,11 @@ from workbench.arrays import RealArray
 T = TypeVar("T")
 
 
-def once(function: Callable[[Record], T]) -> Callable[[Record], T]:
+def once(function: Callable[[RecordData], T]) -> Callable[[RecordData], T]:
     """A function of a record that is computed once for each record: several tests need it."""
 
     @wraps(function)
-    def kept(record: Record) -> T:
+    def kept(record: RecordData) -> T:
         name = f"{function.__module__}.{function.__qualname__}"
         if name not in record.__dict__:
             record.__dict__[name] = function(record)
@@ -27,7 +27,7 @@ def once(function: Callable[[Record], T]) -> Callable[[Record], T]:
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class RecordData:
     """Inputs u (N, nu), outputs y (N, ny) and excitation r (N, nr) of one or several experiments.
 
     Parameters
@@ -67,6 +67,6 @@ class Record:
         for first, end in zip(self.starts, (*self.starts[1:], len(self.u)), strict=True):
             yield slice(first, end)
 
-    def replaced(self, u: RealArray, y: RealArray) -> Record:
+    def replaced(self, u: RealArray, y: RealArray) -> RecordData:
         """The record with other samples of u and y."""
         return replace(self, u=u, y=y)

@@ -8,20 +8,22 @@ from dataclasses import dataclass, field, replace
 from workbench.errors import InputError, UnknownNameError
 from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
-from workbench.identification.record_tests.delay import delay
+from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
+from workbench.identification.record_tests.feedback import feedback
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import flags
-from workbench.identification.record_tests.gaps import gaps, instants
+from workbench.identification.record_tests.gaps import complete_outputs, instants
 from workbench.identification.record_tests.nonlinearity import nonlinearity
 from workbench.identification.record_tests.quantisation import quantisation
-from workbench.identification.record_tests.record import Record
-from workbench.identification.record_tests.slow import drift, duration
+from workbench.identification.record_tests.record import RecordData
+from workbench.identification.record_tests.slow import drift, long_record
 from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 from workbench.input_checks import as_list
 
-TESTS: tuple[Callable[[Record], Tested], ...] = (
+TESTS: tuple[Callable[[RecordData], Tested], ...] = (
+    feedback,
     flags,
     excitation,
     apart,
@@ -29,11 +31,11 @@ TESTS: tuple[Callable[[Record], Tested], ...] = (
     clipping,
     stuck,
     quantisation,
-    gaps,
+    complete_outputs,
     instants,
     drift,
-    duration,
-    delay,
+    long_record,
+    prompt_outputs,
     nonlinearity,
 )
 """Each test takes a record and says what became of one assumption."""
@@ -151,6 +153,6 @@ def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(given)
 
 
-def reported(record: Record) -> RecordReport:
+def reported(record: RecordData) -> RecordReport:
     """The report of a record."""
     return RecordReport(tuple(test(record) for test in TESTS))

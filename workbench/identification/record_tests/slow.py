@@ -22,8 +22,8 @@ from workbench.identification.record_tests.delay import delays, explained, first
 from workbench.identification.record_tests.excitation import sines
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.impulse import blocks, filled
-from workbench.identification.record_tests.record import Record, once
+from workbench.identification.record_tests.impulse import blocks, gaps_filled
+from workbench.identification.record_tests.record import RecordData, once
 
 MOST_BLOCKS = 600
 """Blocks of a record at most."""
@@ -75,7 +75,7 @@ class Slow:
 
 
 @once
-def slow_parts(record: Record) -> tuple[Slow | None, ...]:
+def slow_parts(record: RecordData) -> tuple[Slow | None, ...]:
     """The slow part of each output in the longest experiment; None where it is too short."""
     clean = unflagged(record)
     longest = max(clean.pieces(), key=lambda piece: piece.stop - piece.start)
@@ -92,7 +92,7 @@ def slow_parts(record: Record) -> tuple[Slow | None, ...]:
         response = first_impulses(record)[0][i]
         soon = explained(record)[longest, i]
         first = 0 if response is None else -(-response.response.shape[1] // size)
-        averaged = [blocks(each, size) for each in (u, filled(y), soon)]
+        averaged = [blocks(each, size) for each in (u, gaps_filled(y), soon)]
         found.append(_slow_part(averaged[0], averaged[1], averaged[2], size, first))
     return tuple(found)
 
@@ -118,12 +118,12 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
     fast = np.column_stack(
         [np.ones(len(y)), soon / (float(np.abs(soon).max()) or 1.0)]
         + [_late(column, k)[first:] for column in u.T for k in range(TAPS)]
-        + [answered(u, constant)[first:] for constant in FAST]
+        + [answered_lines(u, constant)[first:] for constant in FAST]
         + [np.exp(-time / constant) for constant in FAST]
     )
     both = np.hstack([fast, trends])
     least = most = None
-    fits = [_fitted(np.hstack([answered(u, each)[first:], both]), y) for each in CONSTANTS]
+    fits = [_fitted(np.hstack([answered_lines(u, each)[first:], both]), y) for each in CONSTANTS]
     sums = np.array([left @ left for left, _, _ in fits])
     free = _independent(fits[int(np.argmin(sums))][0])
     left = _fitted(both, y)[0]
@@ -132,14 +132,16 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
         ends = CONSTANTS[accepted][[0, -1]]
         if ends[0] > CONSTANTS[0]:
             least, most = float(ends[0]) * size, float(ends[1]) * size
-    plain = [_fitted(np.hstack([answered(u, each)[first:], fast]), y)[0] for each in CONSTANTS]
+    plain = [
+        _fitted(np.hstack([answered_lines(u, each)[first:], fast]), y)[0] for each in CONSTANTS
+    ]
     chance = free * np.log(min(left @ left for left in plain) / sums.min()) < SURE
     movement = float(np.ptp(trends @ fits[int(np.argmin(sums))][1][-DEGREES:]))
     # What a slow mode makes of inputs that were elsewhere before the record.
     ones = np.repeat(BEFORE + np.minimum(away, FARTHEST)[None], len(u), axis=0)
     made, own = 0.0, slice(u.shape[1])
     for k in np.flatnonzero(accepted):
-        before = np.ptp(answered(ones, CONSTANTS[k])[first:], axis=0)
+        before = np.ptp(answered_lines(ones, CONSTANTS[k])[first:], axis=0)
         deviation = np.sqrt(np.diag(fits[k][2])[own] * len(y) / free)
         made = max(made, float(before @ (np.abs(fits[k][1][own]) + CERTAIN * deviation)))
     return Slow(least, most, movement, bool(not chance and movement > made))
@@ -156,7 +158,7 @@ def _late(column: RealArray, wait: int) -> RealArray:
     return np.concatenate([np.full(wait, column[0]), column[: len(column) - wait]])
 
 
-def answered(u: RealArray, constant: float) -> RealArray:
+def answered_lines(u: RealArray, constant: float) -> RealArray:
     """Answers (B, nu) of a mode of a time constant to inputs, from rest."""
     pole = np.exp(-1 / constant)
     return np.asarray(lfilter([1 / min(constant, len(u))], [1.0, -pole], u, axis=0))
@@ -181,7 +183,7 @@ def _independent(left: RealArray) -> float:
     return len(left) * (1 - near) / (1 + near)
 
 
-def duration(record: Record) -> Tested:
+def long_record(record: RecordData) -> Tested:
     """Whether the record lasts long against the slowest mode that answers the inputs."""
     assumption = "the record lasts long against the slowest mode"
     parts = slow_parts(record)
@@ -214,7 +216,7 @@ def duration(record: Record) -> Tested:
     return Tested(assumption, "; ".join(told), testable=testable, findings=tuple(found))
 
 
-def drift(record: Record) -> Tested:
+def drift(record: RecordData) -> Tested:
     """Whether outputs stay where the inputs hold them."""
     assumption = "outputs do not drift"
     parts = slow_parts(record)

@@ -15,13 +15,13 @@ from workbench.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.impulse import Impulse, filled
+from workbench.identification.record_tests.impulse import Impulse, gaps_filled
 from workbench.identification.record_tests.levels import (
+    evenly_chosen,
     resolution,
-    thinned,
     told_samples,
 )
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 BULK = (0.1, 0.03)
 """Shares of samples from whose sizes the tail is told."""
@@ -37,7 +37,7 @@ FEWEST = 100
 """Samples of a record in which spikes are looked for."""
 
 
-def spikes(record: Record) -> Tested:
+def spikes(record: RecordData) -> Tested:
     """Whether outputs hold single samples that no input and no noise explains."""
     assumption = "outputs hold no spikes"
     clean = unflagged(record)
@@ -46,13 +46,13 @@ def spikes(record: Record) -> Tested:
     found = []
     for i, response in enumerate(first_impulses(record)[0]):
         y, name = clean.y[:, i], record.outputs[i]
-        signals = filled(y), filled(y) - explained(record)[:, i]
+        signals = gaps_filled(y), gaps_filled(y) - explained(record)[:, i]
         own, left = (signal - median_of_five(signal) for signal in signals)
         # A spike is one in the output itself and in what no input explains.
         away = np.where(own * left > 0, np.minimum(np.abs(own), np.abs(left)), 0.0)
         away[~np.isfinite(y) | ~known_past(clean, response)] = 0.0
         away[_after_pulses(clean.u, response)] = 0.0
-        size = float(np.std(thinned(y)))
+        size = float(np.std(evenly_chosen(y)))
         tail = min(tail_limit(np.abs(own)), tail_limit(np.abs(left)))
         limit = max(tail, LEAST * size, STEPS * resolution(y))
         samples = np.flatnonzero(away > limit)
@@ -81,7 +81,8 @@ def _after_pulses(u: RealArray, response: Impulse | None) -> BoolArray:
     answering = np.zeros(len(u), dtype=bool)
     for column in u.T:
         away = np.abs(column - median_of_five(column))
-        pulses = np.flatnonzero(away > tail_limit(away))
+        limit = tail_limit(away)
+        pulses = np.flatnonzero(away > (limit if np.isfinite(limit) else 0.0))
         if pulses.size <= RARE * len(u):
             answering[np.unique(np.minimum(pulses[:, None] + np.arange(reach), len(u) - 1))] = True
     return answering
@@ -102,7 +103,7 @@ def tail_limit(sizes: RealArray) -> float:
 
     It is infinite where the bulk is 0 and tells nothing.
     """
-    near, far = np.quantile(thinned(sizes), [1 - share for share in BULK])
+    near, far = np.quantile(evenly_chosen(sizes), [1 - share for share in BULK])
     if not near > 0:
         return np.inf
     heavy = np.log(far / near) / np.log(BULK[0] / BULK[1])

@@ -12,8 +12,8 @@ from workbench.arrays import BoolArray, RealArray
 from workbench.identification.record_tests.delay import explained, first_impulses, known_past
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import unflagged
-from workbench.identification.record_tests.levels import resolution, spread
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.levels import resolution, robust_spread
+from workbench.identification.record_tests.record import RecordData
 
 LONGER = 10
 """Length of a stuck run at least, over that of nearly all others."""
@@ -25,9 +25,13 @@ JUMP = 4.0
 """Steps of the converter by which a stuck output jumps at its end at least."""
 EXPECTED = 0.5
 """Movement that the inputs make meanwhile, in spreads of the output, at least."""
+EXPLAINED = 0.4
+"""Standard deviation of what the inputs leave of the output, over the output's, at most."""
+OVER_WRONG = 3.0
+"""The same, in standard deviations of what the inputs leave of the output."""
 
 
-def stuck(record: Record) -> Tested:
+def stuck(record: RecordData) -> Tested:
     """Whether outputs move where inputs move."""
     clean = unflagged(record)
     found = []
@@ -55,13 +59,17 @@ def stuck(record: Record) -> Tested:
 
 
 def _stuck_runs(
-    record: Record, y: RealArray, made: RealArray, known: BoolArray
+    record: RecordData, y: RealArray, made: RealArray, known: BoolArray
 ) -> list[tuple[int, int]]:
     """First sample and length of each run in which an output (N,) is stuck.
 
     ``made`` is what the inputs make of it, where they are ``known`` for long enough.
     """
-    ends, size, step = (np.nanmin(y), np.nanmax(y)), spread(y), resolution(y)
+    ends, step = (np.nanmin(y), np.nanmax(y)), resolution(y)
+    wrong = float(np.nanstd((y - made)[known])) if known.any() else np.inf
+    if not wrong < EXPLAINED * float(np.nanstd(y)):
+        return []  # too little is known of what the inputs make
+    expected = max(EXPECTED * robust_spread(y), JUMP * step, OVER_WRONG * wrong)
     found = []
     for piece in record.pieces():
         part = y[piece]
@@ -75,7 +83,7 @@ def _stuck_runs(
             if not known[run.start] or not np.isfinite(part[a]) or part[a] in ends:
                 continue
             jump = abs(part[a + n] - part[a]) if a + n < len(part) else np.inf
-            if jump >= JUMP * step and np.ptp(made[run]) >= max(EXPECTED * size, JUMP * step):
+            if jump >= JUMP * step and np.ptp(made[run]) >= expected:
                 found.append((run.start, int(n)))
     return found
 

@@ -13,11 +13,15 @@ from workbench.errors import InputError
 from workbench.identification.experiments.several import Experiments
 from workbench.identification.innovations.regression import lagged_triangle
 from workbench.identification.innovations.scaling import Scaling
+from workbench.identification.record_tests.delay import delays as seen_delays
+from workbench.identification.record_tests.record import RecordData
 from workbench.identification.state_space.gaps import bridged
 from workbench.input_checks import need_whole
 
 LONGEST_DELAY = 100
-"""Longest delay [samples] that is looked for; in short records it is less."""
+"""Samples in which the autoregressions look for a delay; in short records they are less.
+
+A longer delay is first found to within this by the record's impulse responses."""
 FIRST_SAMPLES = 100_000
 """Samples from the first one on in which delays are looked for."""
 REGRESSORS = 4
@@ -62,11 +66,35 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
     """Delays (nu,) [samples] by which autoregressions with inputs fit best; the longest of those.
 
     Delays count as equal that fit no worse than chance explains. The number of regressors is the
-    same for all delays. The delays of several inputs are sought one after the other.
+    same for all delays. The delays of several inputs are sought one after the other. Delays longer
+    than `LONGEST_DELAY` are sought from a little before the answer is seen.
 
     Source: L. Ljung, System Identification, 2nd ed., 1999, section 17.3.
     """
     record = record.part(0, min(len(record), FIRST_SAMPLES))
+    sure = _sure_delays(record)
+    if not any(sure):
+        return _nearby_delays(record)
+    nearby = _nearby_delays(record.delayed(sure))
+    return tuple(first + more for first, more in zip(sure, nearby, strict=True))
+
+
+def _sure_delays(record: Experiments) -> tuple[int, ...]:
+    """Samples (nu,) for which no output answers an input for sure, where that is long; else 0."""
+    seen = RecordData(
+        record.u, record.y, None, record.starts, record.sample_time, record.inputs, record.outputs
+    )
+    found = []
+    for j in range(record.u.shape[1]):
+        waits = [one for one in seen_delays(seen) if one.input == j and one.tested]
+        late = [0 if one.least is None or one.most is None else one.least for one in waits]
+        least = min(late, default=0)
+        found.append(least - LONGEST_DELAY // 2 if least > LONGEST_DELAY else 0)
+    return tuple(found)
+
+
+def _nearby_delays(record: Experiments) -> tuple[int, ...]:
+    """Delays (nu,) [samples], up to `LONGEST_DELAY`, of the best autoregressions with inputs."""
     nu, ny = record.u.shape[1], record.y.shape[1]
     longest = min(LONGEST_DELAY, len(record) // (4 * (nu + ny)) - REGRESSORS)
     if longest < 1:

@@ -92,8 +92,9 @@ class StateSpaceFit(RecordedQuestion, Program):
     direct
         Whether inputs may act at once, through D. Of a loop without a delay they must not.
     delay
-        Delay [samples] of the inputs, one number or one for each; "estimate" finds them up to 100,
-        or N / (4 (nu + ny)) - 4 of N samples for estimation where that is less.
+        Delay [samples] of the inputs, one number or one for each; "estimate" finds them: up to 100,
+        or N / (4 (nu + ny)) - 4 of N samples for estimation where that is less; and longer ones
+        up to an eighth of those samples, where the answer is seen clearly.
     poles
         "stable": inside the unit circle. "marginal": not so far outside that a mode grows more
         than e-fold over the estimation part, as integrators and undamped modes need. "any": of an

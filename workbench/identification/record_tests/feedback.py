@@ -1,0 +1,230 @@
+"""Is the loop open: does what drives the plant come from outside, or is it made of the outputs?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.identification.record_tests.feedback_findings import (
+    closed_loop,
+    of_excitation,
+    static,
+)
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.granger import Prediction, predictions
+from workbench.identification.record_tests.memories import FEWEST_SAMPLES, Memory, memory
+from workbench.identification.record_tests.periods import (
+    between_periods,
+    common_period,
+    period,
+    without_periodic_part,
+)
+from workbench.identification.record_tests.record import RecordData
+from workbench.identification.record_tests.shares import largest_share
+from workbench.identification.record_tests.statics import static_input
+
+CHANCE, TINY_CHANCE = 5e-4, 1e-6
+"""Probability of a false alarm of a record by chance, and one that leaves no doubt."""
+LEAST_EXPLAINED, TINY_EXPLAINED = 0.02, 0.002
+"""Shares of an input's surprise that the outputs must predict in other parts of the record, at each
+of these probabilities: tiny shares come from plants that a few hundred lags do not describe."""
+MOSTLY_EXPLAINED, EXPLAINED_ALONE = 0.5, 0.8
+"""Share of the surprise from which on its colour does not matter, and from which on chance does
+not: a few large surprises cannot make chance small, though the outputs tell each of them."""
+BESIDE_STEPS = 0.25
+"""Share of the small surprises that the outputs predict, but not of the large ones: set-points."""
+REPEATED = 1e-6
+"""Range of what differs from period to period, over an input's deviation, that is rounding."""
+SAYS_NOTHING = 0.5
+"""Largest share of an input that may come from the outputs, from which on nothing is known."""
+Periods = list[list[int | None]]
+"""Period [samples] of each input in each experiment."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is known of one input: why nothing is, or its largest share, or a finding."""
+
+    share: float = 0.0
+    untestable: str = ""
+    finding: Finding | None = None
+    repeats: bool = False
+
+
+def feedback(record: RecordData) -> Tested:
+    """Test whether the inputs come from outside; with an excitation, whether it does.
+
+    Where an input repeats itself to rounding, no noise of the outputs is in it. Where it repeats
+    itself nearly, what differs between its periods is tested in its place. An input is tested by
+    what the past of the outputs tells of it beyond its own past, y of the same sample where
+    `direct` is False (module `granger`).
+
+    The share that is told is an upper bound, at 95 % confidence, of the part of an input's variance
+    that a linear feedback makes of what is new in the outputs, if it forgets within an eighth of
+    the shortest experiment, and within 4,096 samples. What an input owes to the output of the very
+    same sample does not count if `direct` is True: then it cannot be told from the plant's answer.
+
+    On simulated loops with noise the bound holds in 99 of 100; where the disturbance is a few steps
+    of load, which tell too little, in 83.
+
+    With an excitation r the loop may be closed: then r is tested, which must not depend on y.
+
+    Parameters
+    ----------
+    record
+        A record.
+
+    Returns
+    -------
+    Tested
+        With a finding "feedback" that forbids the use of the record, or "static" (it does not),
+        where an input is an exact function of the outputs at the same sample: the plant is static,
+        or what looks like it is -1/K of a static controller K.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification.record_tests.feedback import feedback
+    >>> from workbench.identification.record_tests.record import RecordData
+    >>> rng = np.random.default_rng(0)
+    >>> u, v = rng.standard_normal((2, 1000, 1))
+    >>> y = 0.5 * np.roll(u, 1) + 0.1 * v
+    >>> print(feedback(RecordData(u, y, None, (0,), 1.0, ("u",), ("y",))))
+    open loop: tested; at most 5 % of the variance of 'u' can come from the outputs
+
+    References
+    ----------
+    C. W. J. Granger, Investigating causal relations by econometric models and cross-spectral
+    methods, Econometrica 37 (1969). P. E. Caines, C. W. Chan, Feedback between stationary
+    stochastic processes, IEEE Trans. Automatic Control 20 (1975). L. Ljung, System Identification,
+    2nd ed. (1999), sections 13.4 and 16.6.
+    """
+    if record.r is not None:
+        names = tuple(f"excitation {i + 1}" for i in range(record.r.shape[1]))
+        record = replace(record, u=record.r, inputs=names)
+        assumption = "excitation from outside"
+    else:
+        assumption = "open loop"
+    moving = [i for i, u in enumerate(record.u.T) if np.ptp(u) > 0]
+    seen = [
+        j for j, y in enumerate(record.y.T) if np.isfinite(y).any() and np.nanmin(y) < np.nanmax(y)
+    ]
+    if not moving or not seen:
+        what = "output" if moving else "input"
+        return Tested(assumption, f"no {what} ever changes", testable=False)
+    record = replace(
+        record,
+        u=_scaled(record.u[:, moving]),
+        y=_scaled(record.y[:, seen]),
+        inputs=tuple(record.inputs[i] for i in moving),
+        outputs=tuple(record.outputs[j] for j in seen),
+    )
+    verdicts = _verdicts(record)
+    if record.r is not None:
+        verdicts = [
+            one if one.finding is None else replace(one, finding=of_excitation(one.finding))
+            for one in verdicts
+        ]
+    return _summed_up(assumption, record.inputs, verdicts)
+
+
+def _scaled(signal: RealArray) -> RealArray:
+    """A signal (N, channels) about zero and of size 1, so that no square over- or underflows."""
+    signal = signal / np.nanmax(np.abs(signal), axis=0)
+    signal = signal - np.nanmean(signal, axis=0)
+    return signal / np.nanmax(np.abs(signal), axis=0)
+
+
+def _verdicts(record: RecordData) -> list[Verdict]:
+    """What is known of each input."""
+    known: dict[int, Verdict] = {}
+    periods = [[period(u) for u in record.u[piece].T] for piece in record.pieces()]
+    for i, repeats in enumerate(_repeated(record, periods)):
+        if repeats:
+            known[i] = Verdict(repeats=True)
+        elif static_input(record, i):
+            known[i] = Verdict(finding=static(record.inputs[i], record.direct))
+    if len(known) < len(record.inputs):
+        inner = _between_periods(record, periods)
+        part = inner.u.std(axis=0) / record.u.std(axis=0)
+        rest = memory(inner)
+        for i in set(range(len(record.inputs))) - set(known):
+            known[i] = _verdict(rest, i, record.inputs[i], float(part[i]))
+    return [known[i] for i in sorted(known)]
+
+
+def _between_periods(record: RecordData, periods: Periods) -> RecordData:
+    """What differs between the periods of a record whose inputs repeat, or the record itself."""
+    inputs, outputs, starts = [], [], [0]
+    for piece, own in zip(record.pieces(), periods, strict=True):
+        samples = common_period(record.u[piece], own)
+        u = None if samples is None else between_periods(record.u[piece], samples)
+        if samples is None or u is None:
+            return record
+        inputs.append(u)
+        outputs.append(without_periodic_part(record.y[piece][-len(u) :], samples))
+        starts.append(starts[-1] + len(u))
+    u, y = np.concatenate(inputs), np.concatenate(outputs)
+    return replace(record, u=u, y=y, starts=tuple(starts[:-1]))
+
+
+def _repeated(record: RecordData, periods: Periods) -> list[bool]:
+    """Which inputs repeat themselves to rounding, in each experiment."""
+    alike = np.ones(record.u.shape[1], bool)
+    for piece, own in zip(record.pieces(), periods, strict=True):
+        for i, (u, samples) in enumerate(zip(record.u[piece].T, own, strict=True)):
+            apart = np.inf if samples is None else np.ptp(u[samples:] - u[:-samples])
+            alike[i] &= bool(apart <= REPEATED * u.std())
+    return alike.tolist()
+
+
+def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdict:
+    """What the past of the outputs tells of an input, of whose deviation `part` is tested."""
+    if rest is None:
+        return Verdict(untestable=f"at least {FEWEST_SAMPLES} samples without a break are needed")
+    if rest.u[:, column].std() == 0.0:
+        return Verdict(untestable=f"'{name}' changes at the begin of the record alone")
+    share = part**2 * largest_share(rest.u[:, column], rest.new, rest.first_lag, rest.longest_lag)
+    alike, weighted = predictions(rest, column)
+    explained = _explained(alike, weighted, CHANCE / rest.u.shape[1])
+    if explained is not None:
+        return Verdict(finding=closed_loop(name, explained, share))
+    if alike.doubt and weighted.doubt:
+        return Verdict(untestable=f"'{name}' {alike.doubt}")
+    if share > SAYS_NOTHING:
+        why = f"up to {share:.0%} of the variance of '{name}' may come from the outputs"
+        return Verdict(untestable=why)
+    return Verdict(share)
+
+
+def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float | None:
+    """Share of an input's surprise that the outputs tell, if that can only be feedback."""
+    for found in (alike, weighted):
+        least = TINY_EXPLAINED if found.chance < TINY_CHANCE else LEAST_EXPLAINED
+        significant = found.chance < chance and not found.noisy
+        clear = not found.doubt and found.explained > least
+        told = significant and (clear or found.explained > MOSTLY_EXPLAINED)
+        if not found.rounding and (told or found.explained > EXPLAINED_ALONE):
+            return found.explained
+    small = weighted.explained > max(BESIDE_STEPS, 2.0 * alike.explained)
+    doubtful = weighted.rounding or weighted.swept or weighted.chance_without_noise >= chance
+    return weighted.explained if small and not doubtful else None
+
+
+def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict]) -> Tested:
+    """One statement on all inputs."""
+    findings = tuple(one.finding for one in verdicts if one.finding is not None)
+    said = [finding.message for finding in findings]
+    said += [one.untestable for one in verdicts if one.untestable]
+    for name, one in zip(names, verdicts, strict=True):
+        if one.repeats:
+            said.append(f"'{name}' repeats to rounding: open")
+        elif one.finding is None and not one.untestable:
+            said.append(
+                f"at most {np.ceil(100 * one.share):.0f} % of the variance of '{name}' can come "
+                "from the outputs"
+            )
+    testable = bool(findings) or not any(one.untestable for one in verdicts)
+    return Tested(assumption, "; ".join(said), testable=testable, findings=findings)

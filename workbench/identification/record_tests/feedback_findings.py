@@ -1,0 +1,49 @@
+"""What is said where an input is made of the outputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from workbench.identification.record_tests.finding import Finding
+
+WAY_OUT = (
+    "record what drove the loop and give it as excitation= (Responses.from_files, ClosedLoopFit), "
+    "or open the loop; if the loop was open, y is recorded too early: shift it"
+)
+OTHER_EXCITATION = "give a signal as excitation that does not depend on the outputs"
+
+
+def closed_loop(name: str, explained: float, share: float) -> Finding:
+    """The outputs tell what an input does next."""
+    return Finding(
+        kind="feedback",
+        message=f"the outputs tell beforehand what '{name}' does: {explained:.0%} of what its own "
+        f"past does not tell, and up to {share:.0%} of its variance",
+        where=f"input '{name}'",
+        strength=explained,
+        measure="share of what the input's own past does not tell that the outputs tell",
+        remedy=WAY_OUT,
+        forbids=True,
+    )
+
+
+def static(name: str, direct: bool) -> Finding:
+    """An input is an exact function of the outputs at the same sample."""
+    if direct:
+        message = f"'{name}' is an exact function of the outputs: a static plant, or -1/K"
+    else:
+        message = f"'{name}' is an exact function of the outputs, which answer a sample later"
+    return Finding(
+        kind="static" if direct else "feedback",
+        message=message,
+        where=f"input '{name}'",
+        strength=1.0,
+        measure="share of the input's variance that the outputs of the same sample tell",
+        remedy="if the plant delays by a sample, say direct=False" if direct else WAY_OUT,
+        forbids=not direct,
+    )
+
+
+def of_excitation(found: Finding) -> Finding:
+    """The same of an excitation: what is made of the outputs in any way is none."""
+    return replace(found, kind="feedback", remedy=OTHER_EXCITATION, forbids=True)

@@ -1,0 +1,90 @@
+"""What inputs and outputs remember, row by row: their own past, and what is new in the outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import BoolArray, RealArray
+from workbench.identification.record_tests.lags import growing, held, past, stretches
+from workbench.identification.record_tests.record import RecordData
+
+FEWEST_SAMPLES = 200
+"""Samples of the shortest record that is tested, and of the shortest experiment in it over 4."""
+LONGEST_LAG = 4096
+"""Longest lag [samples]."""
+OF_A_PIECE = 8
+"""Lags are at most this part of the shortest piece, before whose first sample nothing is known."""
+SINGLE_LAGS, SINGLE_LAGS_OF_Y = 32, 8
+"""Single lags of all signals where their own past predicts them, and of y where it predicts u."""
+SAMPLES_OF_A_LAG = 15
+"""Samples for each single lag and channel."""
+ROUNDING = 1e-10
+"""Share of a signal's variance that counts as rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """Rows of signals with their past.
+
+    Parameters
+    ----------
+    u
+        Inputs (N, nu).
+    past_u
+        Their past (N, p).
+    noise
+        Variance that white noise with u's own variance would have in each column of `past_u`.
+    past_y
+        Past of the outputs (N, q), from `first_lag` on.
+    new
+        What is new in the outputs (N, ny): given their past, the past of u, and u itself where it
+        may act at once; 0 where a sample is missing.
+    first_lag, longest_lag
+        Shortest and longest lag [samples] of the outputs.
+    """
+
+    u: RealArray
+    past_u: RealArray
+    noise: RealArray
+    past_y: RealArray
+    new: RealArray
+    first_lag: int
+    longest_lag: int
+
+
+def memory(record: RecordData) -> Memory | None:
+    """The memory of a record; None where it is too short."""
+    pieces = [p for p in stretches(record) if 4 * (p.stop - p.start) >= FEWEST_SAMPLES]
+    total = sum(piece.stop - piece.start for piece in pieces)
+    if total < FEWEST_SAMPLES:
+        return None
+    channels = record.u.shape[1] + record.y.shape[1]
+    longest = min(min(p.stop - p.start for p in pieces) // OF_A_PIECE, LONGEST_LAG)
+    lags = growing(min(SINGLE_LAGS, total // (SAMPLES_OF_A_LAG * channels)), longest)
+    few = growing(SINGLE_LAGS_OF_Y, longest)
+    rows = []
+    for piece in pieces:
+        y, missing = held(record.y[piece])
+        u, y = record.u[piece] - record.u[piece].mean(axis=0), y - y.mean(axis=0)
+        now = [] if record.direct else [y]
+        columns = u, past(u, lags), np.hstack([*now, past(y, few)]), y, past(y, lags), missing
+        rows.append([column[int(lags[-1]) - 1 :] for column in columns])
+    u, past_u, past_y, y, own, missing = (
+        np.concatenate(parts) for parts in zip(*rows, strict=True)
+    )
+    noise = np.repeat(1 / np.diff(lags), u.shape[1]) * np.tile(u.var(axis=0), len(lags) - 1)
+    at_once = [u] if record.direct else []
+    new = _unpredicted(y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1)))
+    return Memory(u, past_u, noise, past_y, new, int(record.direct), longest)
+
+
+def _unpredicted(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:
+    """What is left of y (N, ny) in a regression on what is told, on the rows that are there."""
+    scale = np.sqrt(np.mean(told**2, axis=0)) + np.finfo(float).tiny
+    columns = told[there] / scale
+    gram = columns.T @ columns + ROUNDING * len(columns) * np.eye(columns.shape[1])
+    left = np.zeros_like(y)
+    left[there] = y[there] - columns @ np.linalg.solve(gram, columns.T @ y[there])
+    return left
