@@ -119,11 +119,23 @@ def _periodic(
     thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
     excitation = f"{lines.size} excited lines{thinning}"
     if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
-        found, said = _arbitrary(pairs, frequency, rate)
-        return found, f"{count} periods of {samples} samples; {excitation}; {said}"
+        means = [tuple(mean_period(x, samples) for x in pair) for pair in pairs]
+        found, said = _arbitrary(means, frequency, rate)
+        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
     dropped = ", the first left out as not settled" if unsettled else ""
     return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
+
+
+def mean_period(x: RealArray, samples: int) -> RealArray:
+    """Mean (samples,) of the last whole periods of a signal.
+
+    Its lines are those that the input excites, so that the scatter about a local model tells the
+    distortions of a nonlinear plant, too, which stand at these lines alone.
+    """
+    count = len(x) // samples
+    mean: RealArray = x[-count * samples :].reshape(count, samples).mean(axis=0)
+    return mean
 
 
 def _arbitrary(
@@ -162,11 +174,10 @@ def _arbitrary(
 
 
 def told(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which each region is smaller than its channel's largest response."""
+    """Frequencies (F,) at which each region is smaller than its channel's largest sure response."""
     radius = estimate.radius(TOLD)
-    finite = np.isfinite(radius)
-    largest = np.where(finite, np.abs(estimate.response), 0.0).max(axis=0)
-    known: BoolArray = (finite & (radius < largest)).all(axis=(1, 2))
+    sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
+    known: BoolArray = (radius < sure).all(axis=(1, 2))
     return known
 
 
