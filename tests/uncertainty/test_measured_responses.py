@@ -5,6 +5,7 @@ import warnings
 import control
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.identification import IdentificationWarning, ResponseEstimate
@@ -139,6 +140,20 @@ def test_frequencies_of_which_a_record_tells_nothing_are_left_out_and_said():
     estimates, said = record_responses(records, RATE, 50)
     assert "left out, where a record tells nothing" in said
     assert estimates[0].frequency.size < 50 and estimates[0].frequency[-1] < 100.0
+
+
+def test_resonances_narrower_than_the_distance_of_the_frequencies_are_said():
+    rng = np.random.default_rng(5)
+    u = rng.normal(size=(2, 4000))
+    noise = 1e-3 * rng.normal(size=(2, 4000))
+    sharp = [0.0, 0.0, 0.02], [1.0, -2 * 0.9995 * np.cos(0.5), 0.9995**2]
+    wide = [0.0, 0.0, 0.02], [1.0, -2 * 0.9 * np.cos(0.5), 0.81]
+    texts = [
+        record_responses(list(zip(u, lfilter(*plant, u) + noise, strict=True)), RATE, 50)[1]
+        for plant in (sharp, wide)
+    ]
+    assert "may be higher between them" in texts[0] and "near 77.7" in texts[0]
+    assert "higher between" not in texts[1]
 
 
 def test_records_of_unlike_lengths_are_used_whole():

@@ -33,6 +33,8 @@ MANY_PERIODS = 6
 """Periods whose scatter alone tells the noise well enough."""
 DENSE = 2
 """Distance of neighbouring excited lines up to which bands of lines tell what lies between."""
+NAMED = 4
+"""Most frequencies that a sentence names."""
 TOLD = 0.95
 """Confidence of the regions by which frequencies are left out."""
 FEWEST_SAMPLES = 29
@@ -163,14 +165,30 @@ def _arbitrary(
         )
         for one in found
     ]
-    said = f"local models of several widths, averaged, at {known.sum()} frequencies"
-    if known.all():
-        return kept, said
-    lost = frequency[~known]
-    return kept, (
-        f"{said}; {lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record "
-        "tells nothing: its input excites too few lines, or its noise is larger than any response"
-    )
+    said = [f"local models of several widths, averaged, at {known.sum()} frequencies"]
+    if not known.all():
+        lost = frequency[~known]
+        said.append(
+            f"{lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record tells "
+            "nothing: its input excites too few lines, or its noise is larger than any response"
+        )
+    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in kept]))
+    if narrow.size:
+        places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
+        said.append(
+            f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
+            "may be higher between them"
+        )
+    return kept, "; ".join(said)
+
+
+def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
+    """Frequencies [Hz] whose neighbours lie below half their power, regions counted."""
+    size, radius = np.abs(estimate.response[:, 0, 0]), estimate.radius(TOLD)[:, 0, 0]
+    beside = np.maximum((size + radius)[:-2], (size + radius)[2:])
+    peaks = (size - radius)[1:-1] > np.sqrt(2.0) * beside
+    found: RealArray = estimate.frequency[1:-1][peaks]
+    return found
 
 
 def told(estimate: ResponseEstimate) -> BoolArray:
