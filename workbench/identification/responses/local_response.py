@@ -49,6 +49,7 @@ error leaves a disc more often than a complex one of the same variance."""
 ROUNDING = 1e-9
 """Relative error of a response that rounding may leave."""
 TINY = float(np.finfo(float).tiny)
+"""Least sum of squared residuals by which another one is divided."""
 MOST_LINES = 200
 """Most frequencies, where none are given."""
 LINES_AT_ONCE = 256
@@ -87,8 +88,9 @@ def local_response(
     >>> import control
     >>> import numpy as np
     >>> from workbench.identification import local_response
-    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> u, noise = np.random.default_rng(0).standard_normal((2, 1000))
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> y = y + 0.01 * noise
     >>> found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=[0.1, 0.2])
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
     >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(0.95)[:, 0, 0]).all())
