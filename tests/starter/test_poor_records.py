@@ -8,6 +8,8 @@ from workbench.cli import main
 from workbench.errors import InputError
 from workbench.identification import read_record
 from workbench.starter import write_study
+from workbench.starter.first_look import oddities
+from workbench.uncertainty import Responses
 
 RATE, SAMPLES = 100.0, 600
 
@@ -21,12 +23,17 @@ def table(number):
     return np.column_stack([np.arange(SAMPLES) / RATE, u, y + 1e-4 * rng.standard_normal(SAMPLES)])
 
 
-def refused(folder, change, number=2, header="time,u,y", **given):
-    """The message for three records, one of which is changed."""
+def write(folder, change, number=2, header="time,u,y"):
+    """Three records, one of which is changed."""
     for k in (1, 2, 3):
         columns = change(table(k)) if k == number else table(k)
         form = {"delimiter": ",", "header": header, "comments": "", "fmt": "%.9g"}
         np.savetxt(folder / f"drive{k}.csv", columns, **form)
+
+
+def refused(folder, change, number=2, header="time,u,y", **given):
+    """The message for three records, one of which is changed."""
+    write(folder, change, number, header)
     with pytest.raises(InputError) as refusal:
         write_study(folder / "servo", str(folder / "drive*.csv"), **given)
     assert not (folder / "servo").exists()
@@ -93,7 +100,10 @@ def test_a_constant_column_is_named(tmp_path, column, kind):
 
 
 def test_the_file_with_exchanged_columns_is_named(tmp_path):
-    said = refused(tmp_path, lambda columns: columns[:, [0, 2, 1]])
+    write(tmp_path, lambda columns: columns[:, [0, 2, 1]])
+    names = {"input": "u", "output": "y", "time": "time", "hold": True}
+    found = Responses.from_files(tmp_path / "drive*.csv", **names).within(0.0, 0.1 * RATE)
+    (said,) = oddities(found, ["drive1.csv", "drive2.csv", "drive3.csv"])
     assert "the gain rises with frequency at the end in drive2.csv alone" in said
     assert "are input and output exchanged?" in said
 

@@ -5,6 +5,7 @@ import warnings
 import control
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.identification import IdentificationWarning, ResponseEstimate
@@ -120,6 +121,50 @@ def test_regions_hold_the_truth_as_often_as_they_say(periodic):
     else:  # what smoothing may hide is counted beside the noise: at least as often as is said
         assert shares.mean() > 0.9
         assert shares[np.abs(found.frequency - 20) < 12].min() > 0.8
+
+
+def test_of_few_periods_the_neighbouring_lines_tell_the_noise():
+    records = [(u[-3 * SAMPLES :], y[-3 * SAMPLES :]) for u, y in recorded(2)]
+    estimates, said = record_responses(records, RATE, 40)
+    assert said.startswith("3 periods of 500 samples, averaged; 60 excited lines, 25 taken")
+    found = Responses.from_estimates(estimates)
+    away = np.abs(found.values - truth(found.frequency))
+    assert (away <= region_radius(found, 0.95)).mean() > 0.93
+    assert estimates[0].degrees > 2 * 2  # those of three periods
+
+
+def test_frequencies_of_which_a_record_tells_nothing_are_left_out_and_said():
+    rng = np.random.default_rng(3)
+    slow = np.convolve(rng.normal(size=4000), np.hanning(400), "same")
+    noise = 0.01 * rng.normal(size=(2, 4000))
+    records = [(slow, np.convolve(slow, [0.5, 0.5])[:4000] + one) for one in noise]
+    estimates, said = record_responses(records, RATE, 50)
+    assert "left out, where a record tells nothing" in said
+    assert estimates[0].frequency.size < 50 and estimates[0].frequency[-1] < 100.0
+
+
+def test_resonances_narrower_than_the_distance_of_the_frequencies_are_said():
+    rng = np.random.default_rng(5)
+    u = rng.normal(size=(2, 4000))
+    noise = 1e-3 * rng.normal(size=(2, 4000))
+    sharp = [0.0, 0.0, 0.02], [1.0, -2 * 0.9995 * np.cos(0.5), 0.9995**2]
+    wide = [0.0, 0.0, 0.02], [1.0, -2 * 0.9 * np.cos(0.5), 0.81]
+    texts = [
+        record_responses(list(zip(u, lfilter(*plant, u) + noise, strict=True)), RATE, 50)[1]
+        for plant in (sharp, wide)
+    ]
+    assert "may be higher between them" in texts[0] and "near 77.7" in texts[0]
+    assert "higher between" not in texts[1]
+
+
+def test_records_of_unlike_lengths_are_used_whole():
+    u, y = recorded(4, periodic=False)[0]
+    short, _ = record_responses([(u[:800], y[:800])] * 2, RATE, 20)
+    both, _ = record_responses([(u[:800], y[:800]), (u, y)], RATE, 20)
+    np.testing.assert_array_equal(both[0].frequency, short[0].frequency)
+    assert (both[1].variance != both[0].variance).all()
+    away = np.abs(both[1].response[:, 0, 0] - truth(both[1].frequency)[:, 0])
+    assert (away <= both[1].radius(0.95)[:, 0, 0]).mean() > 0.93
 
 
 def test_an_arbitrary_record_is_said_to_be_one():

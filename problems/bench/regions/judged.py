@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import IdentificationWarning, local_response
 from workbench.identification.responses.local_response import spaced_in_log
-from workbench.identification.responses.of_records import told
+from workbench.identification.responses.of_records import mean_period, told
 from workbench.identification.responses.periodic import ResponseEstimate
 
 from .design import Case
@@ -90,13 +90,16 @@ def records(case: Case, count: int, seed: int) -> tuple[RealArray, RealArray, Re
 
 
 def judged(case: Case, made: tuple[RealArray, RealArray, RealArray], most: int) -> Judged:
-    """What `local_response` says of records of a case."""
+    """What `local_response` says of records of a case, of periodic ones of their mean period."""
+
+    def ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
+        if case.excitation == "multisine":
+            samples = case.samples // PERIODS
+            u, y = (np.stack([mean_period(x, samples) for x in s.T], axis=1) for s in (u, y))
+        return local_response(u, y, 1.0, frequency_hz=frequency)
+
     frequency = places(case, most)
-    return judged_with(_ours, case, made, frequency, truth(case, frequency))
-
-
-def _ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
-    return local_response(u, y, 1.0, frequency_hz=frequency)
+    return judged_with(ours, case, made, frequency, truth(case, frequency))
 
 
 def judged_with(

@@ -50,6 +50,8 @@ MIRRORED = float(stats.chi2.ppf(0.95, 1) / stats.chi2.ppf(0.95, 2) * 2.0)
 error leaves a disc more often than a complex one of the same variance."""
 ROUNDING = 1e-9
 """Relative error of a response that rounding may leave."""
+TINY = float(np.finfo(float).tiny)
+"""Least sum of squared residuals by which another one is divided."""
 MOST_LINES = 200
 """Most frequencies, where none are given."""
 LINES_AT_ONCE = 256
@@ -98,8 +100,9 @@ def local_response(
     >>> import control
     >>> import numpy as np
     >>> from workbench.identification import local_response
-    >>> u = np.random.default_rng(0).standard_normal(1000)
+    >>> u, noise = np.random.default_rng(0).standard_normal((2, 1000))
     >>> y = control.forced_response(control.tf([0.5], [1, -0.5], 1.0), inputs=u).outputs
+    >>> y = y + 0.01 * noise
     >>> found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=[0.1, 0.2])
     >>> exact = 0.5 / (np.exp(1j * found.omega) - 0.5)
     >>> bool((abs(found.response[:, 0, 0] - exact) <= found.radius(0.95)[:, 0, 0]).all())
@@ -187,16 +190,26 @@ def _candidates(
 
 
 def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
-    """Nested fits of one band, of infinite variance where the residuals speak for a larger one."""
-    found = []
-    for k, small in enumerate(nested):
-        rejected = np.zeros(len(small.left), bool)
+    """Nested fits of one band, of infinite variance where the residuals speak for a larger one.
+
+    A fit has no less variance than a smaller one that stands, for the same noise: to linear order
+    a pole beside a line, which follows the noise of that line, promises more than it keeps.
+    """
+    found: list[BandFits] = []
+    for k, fit in enumerate(nested):
+        rejected = np.zeros(len(fit.left), bool)
         for large in nested[k + 1 :]:
-            more = small.free - large.free
+            more = fit.free - large.free
             limit = stats.f.isf(CHANCE, 2 * more, 2 * large.free)
-            rejected |= (small.left - large.left) * large.free > limit * more * large.left
-        variance = np.where(rejected[:, None], np.inf, small.variance)
-        found.append(replace(small, variance=variance))
+            rejected |= (fit.left - large.left) * large.free > limit * more * large.left
+        least = np.zeros(fit.variance.shape)
+        for small in found:
+            noise = fit.left * small.free / np.maximum(small.left * fit.free, TINY)
+            least = np.maximum(
+                least, np.where(np.isfinite(small.variance), small.variance * noise[:, None], 0.0)
+            )
+        variance = np.where(rejected[:, None], np.inf, np.maximum(fit.variance, least))
+        found.append(replace(fit, variance=variance))
     return found
 
 

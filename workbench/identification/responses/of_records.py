@@ -28,6 +28,8 @@ MANY_PERIODS = 6
 """Periods whose scatter alone tells the noise well enough."""
 DENSE = 2
 """Distance of neighbouring excited lines up to which bands of lines tell what lies between."""
+NAMED = 4
+"""Most frequencies that a sentence names."""
 TOLD = 0.95
 """Confidence of the regions by which frequencies are left out."""
 FEWEST_SAMPLES = 29
@@ -86,11 +88,23 @@ def _periodic(
     thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
     excitation = f"{lines.size} excited lines{thinning}"
     if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
-        found, said = _arbitrary(pairs, frequency, rate)
-        return found, f"{count} periods of {samples} samples; {excitation}; {said}"
+        means = [tuple(mean_period(x, samples) for x in pair) for pair in pairs]
+        found, said = _arbitrary(means, frequency, rate)
+        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
     dropped = ", the first left out as not settled" if unsettled else ""
     return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
+
+
+def mean_period(x: RealArray, samples: int) -> RealArray:
+    """Mean (samples,) of the last whole periods of a signal.
+
+    Its lines are those that the input excites, so that the scatter about a local model tells the
+    distortions of a nonlinear plant, too, which stand at these lines alone.
+    """
+    count = len(x) // samples
+    mean: RealArray = x[-count * samples :].reshape(count, samples).mean(axis=0)
+    return mean
 
 
 def _arbitrary(
@@ -119,22 +133,37 @@ def _arbitrary(
         )
         for one in found
     ]
-    said = f"local models of several widths, averaged, at {known.sum()} frequencies"
-    if known.all():
-        return kept, said
-    lost = frequency[~known]
-    return kept, (
-        f"{said}; {lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record "
-        "tells nothing: its input excites too few lines, or its noise is larger than any response"
-    )
+    said = [f"local models of several widths, averaged, at {known.sum()} frequencies"]
+    if not known.all():
+        lost = frequency[~known]
+        said.append(
+            f"{lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record tells "
+            "nothing: its input excites too few lines, or its noise is larger than any response"
+        )
+    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in kept]))
+    if narrow.size:
+        places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
+        said.append(
+            f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
+            "may be higher between them"
+        )
+    return kept, "; ".join(said)
+
+
+def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
+    """Frequencies [Hz] whose neighbours lie below half their power, regions counted."""
+    size, radius = np.abs(estimate.response[:, 0, 0]), estimate.radius(TOLD)[:, 0, 0]
+    beside = np.maximum((size + radius)[:-2], (size + radius)[2:])
+    peaks = (size - radius)[1:-1] > np.sqrt(2.0) * beside
+    found: RealArray = estimate.frequency[1:-1][peaks]
+    return found
 
 
 def told(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which each region is smaller than its channel's largest response."""
+    """Frequencies (F,) at which each region is smaller than its channel's largest sure response."""
     radius = estimate.radius(TOLD)
-    finite = np.isfinite(radius)
-    largest = np.where(finite, np.abs(estimate.response), 0.0).max(axis=0)
-    known: BoolArray = (finite & (radius < largest)).all(axis=(1, 2))
+    sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
+    known: BoolArray = (radius < sure).all(axis=(1, 2))
     return known
 
 
