@@ -22,6 +22,22 @@ from workbench.cli.group import main
 @click.option(
     "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
 )
+@click.option(
+    "--structure",
+    type=click.Choice(["free", "pi", "pid"]),
+    default="free",
+    show_default=True,
+    help="Of the controller; free: the fewest states.",
+)
+@click.option("--bandwidth-hz", type=float, metavar="HZ", help="That is asked for [the largest].")
+@click.option(
+    "--limits",
+    type=float,
+    nargs=2,
+    metavar="LOW HIGH",
+    help="Of the input, absolute [those of the records].",
+)
+@click.option("--effort", type=float, metavar="W", help="Weight of the input [from the gains].")
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.certificate import told_apart
@@ -55,7 +71,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
             fg="red",
         )
         sys.exit(1)
-    click.echo(f"peak of mu  {peak}, certified: every plant of the cover keeps the weights")
+    states = f", with {chosen.states} states and integral action" if chosen.states else ""
+    click.echo(f"peak of mu  {peak}, certified: every plant of the cover keeps the weights{states}")
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 

@@ -12,12 +12,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from workbench.errors import InputError
-from workbench.input_checks import is_real, need_positive
+from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
-from workbench.starter.kept_weights import kept_weights
+from workbench.starter.kept_weights import Structure, kept_weights
+from workbench.starter.rest import refuse_opposite_gains
+from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
 
@@ -41,6 +45,10 @@ def write_study(
     sample_rate: float | None = None,
     period: float | None = None,
     delay: float = 1.0,
+    structure: Structure = "free",
+    bandwidth_hz: float | None = None,
+    limits: tuple[float, float] | None = None,
+    effort: float | None = None,
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
@@ -61,6 +69,14 @@ def write_study(
         Sampling time [s] of the controller's computer; None: that of the records.
     delay
         Delay [samples] of the controller's computer.
+    structure
+        ``"pi"``, ``"pid"``, or ``"free"``: the fewest states that keep the weights.
+    bandwidth_hz
+        Bandwidth that is asked for [Hz]; None: the largest one tried that is kept.
+    limits
+        Least and largest value of the input, absolute; None: those of the records.
+    effort
+        Weight of the input at low frequencies; None: from the gain of the plants.
 
     Returns
     -------
@@ -91,6 +107,9 @@ def write_study(
     >>> choices.unstable_poles
     0
     """
+    need_choice(structure, Structure, "structure")
+    need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)
+    need_positive(effort, "effort", or_none=True)
     target = Path(folder)
     plant = target.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
@@ -107,16 +126,25 @@ def write_study(
     u, y, t = record_columns(paths[0], input, output, time, sample_rate)
     look = first_look(paths, u, y, t, sample_rate)
     every = look.period if period is None else period
+    held = look.limits if limits is None else limits
+    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = Responses.from_files(
         paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
     )
     responses = responses.within(0.0, UNDISTORTED / look.period)
-    notes = oddities(responses, [path.name for path in paths])
+    refuse_opposite_gains(responses, [path.name for path in paths])
+    notes = look.notes + oddities(responses, [path.name for path in paths])
     try:
-        chosen = first_choices(responses, every, delay)
+        chosen = first_choices(responses, every, delay, bandwidth_hz or np.inf)
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes)
+    if bandwidth_hz is not None:
+        chosen = replace(chosen, bandwidth=bandwidth_hz)
+        chosen.reasons["bandwidth"] = "as given"
+    if effort is not None:
+        chosen = replace(chosen, effort=effort)
+        chosen.reasons["effort"] = "as given"
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     package = plant.lower().replace("-", "_")
     told: dict[str, Any] = {
@@ -130,7 +158,10 @@ def write_study(
         "period": every,
         "delay": delay,
         "chosen": chosen,
-        "limits": look.limits,
+        "limits": tuple(map(float, held)),
+        "limits_from": "of the records" if limits is None else "as given",
+        "point": look.point,
+        "structure": structure,
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
         "read": responses.read,
@@ -145,9 +176,12 @@ def write_study(
         def lower(most: float) -> FirstChoices:
             other = first_choices(responses, every, delay, most)
             reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
+            if effort is not None:
+                other, reasons = replace(other, effort=effort), chosen.reasons
             return replace(other, columns=chosen.columns, notes=notes, reasons=reasons)
 
-        chosen = kept_weights(made / "problems" / package / "design.py", chosen, lower)
+        design = made / "problems" / package / "design.py"
+        chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
         _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         made.rename(target)
     return chosen

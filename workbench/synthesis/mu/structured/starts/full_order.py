@@ -46,14 +46,23 @@ def _central(program: MuSynthesis) -> Iterator[StateSpace]:
 
 
 def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
-    """Approximations of a D-K controller with the wanted order."""
-    answer = _iterated(program, context)
-    if answer is None or answer.peak is None:
-        return
+    """Approximations with the wanted order, of a D-K controller and of the H-infinity controller.
+
+    The latter has few states, none of which stand for scalings.
+    """
+    answers = [_iterated(program, context), *map(program.answer, _central(program))]
+    for answer in answers:
+        if answer is not None and answer.peak is not None:
+            yield from _approximations(program, order, answer)
+
+
+def _approximations(program: MuSynthesis, order: int, answer: MuController) -> Iterator[StateSpace]:
+    """Approximations of a controller with the wanted order."""
     K = answer.K
     if K.nstates <= order:
         yield K
         return
+    assert answer.peak is not None
     parts: Matrices = (K.A, K.B, K.C, K.D)
     loop = program.plant.close(K)
     closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
