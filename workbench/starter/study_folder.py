@@ -110,16 +110,16 @@ def write_study(
     need_choice(structure, Structure, "structure")
     need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)
     need_positive(effort, "effort", or_none=True)
+    need_positive(period, "period", or_none=True)
+    need_positive(sample_rate, "sample_rate", or_none=True)
+    if not (is_real(delay) and 0.0 <= delay < math.inf):
+        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
     target = Path(folder)
     plant = target.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
         raise InputError(
             f"{plant!r} names the plant and its problems: letters, digits, - and _, a letter first"
         )
-    need_positive(period, "period", or_none=True)
-    need_positive(sample_rate, "sample_rate", or_none=True)
-    if not (is_real(delay) and 0.0 <= delay < math.inf):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
