@@ -259,8 +259,9 @@ class MuSynthesis(Program):
         return NoStabilisingGain(controlled) if alone else None
 
     def without_demands(self) -> MuSynthesis:
-        """The same synthesis with no start and nothing asked but an integrator."""
+        """The same synthesis with nothing asked of the controller, and no start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
+        free["integral"] = False
         return replace(self, start=None, family=None, random=0, **free)
 
     @cached_property

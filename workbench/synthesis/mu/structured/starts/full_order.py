@@ -50,10 +50,18 @@ def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[Sta
 
     The latter has few states, none of which stand for scalings.
     """
-    answers = [_iterated(program, context), *map(program.answer, _central(program))]
-    for answer in answers:
-        if answer is not None and answer.peak is not None:
-            yield from _approximations(program, order, answer)
+    for found in (_iterated(program, context), _answered_central(program)):
+        if found is not None and found.peak is not None:
+            yield from _approximations(program, order, found)
+
+
+def _answered_central(program: MuSynthesis) -> MuController | None:
+    """The H-infinity controller as an answer; None where it is none."""
+    K = next(_central(program), None)
+    try:
+        return None if K is None else program.answer(K)
+    except SolverError:  # rounding hides whether its loop is stable
+        return None
 
 
 def _approximations(program: MuSynthesis, order: int, answer: MuController) -> Iterator[StateSpace]:
@@ -85,13 +93,9 @@ def _approximations(program: MuSynthesis, order: int, answer: MuController) -> I
 
 
 def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
-    """The answer of D-K iteration in a share of the time left; None where it has none.
-
-    Without a perturbation the H-infinity controller.
-    """
+    """The answer of D-K iteration in a share of the time left; None where it has none."""
     if program.structure is None:
-        K = next(_central(program), None)
-        return None if K is None else program.answer(K)
+        return None  # there is nothing to iterate
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
