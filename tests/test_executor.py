@@ -136,6 +136,17 @@ def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
     assert time.perf_counter() - start < 60  # the task alone takes a minute, or for ever
 
 
+def killed_for(reason):
+    alarm(0.2, reason)
+    spin()
+
+
+def test_a_killed_task_says_why_it_was_killed():
+    words = "killed at its time limit of 5 s and 10 s more, which a first call has for imports"
+    with Workers(1) as executor, pytest.raises(TimeLimitError, match=words):
+        executor.submit(killed_for, words).result()
+
+
 def test_a_killed_task_is_gone(tmp_path):
     with Workers(1) as executor, pytest.raises(TimeLimitError):
         executor.submit(within, 0.5, hang, tmp_path / "pid").result()

@@ -53,6 +53,17 @@ def test_doctor_finds_versions_and_says_what_is_missing(monkeypatch):
     assert not found["slycot"].well and "conda" in found["slycot"].advice
 
 
+def test_doctor_names_every_conic_solver_that_is_installed(monkeypatch):
+    found = {one.topic: one for one in doctor.examination(test=False)}["conic solvers"]
+    for name in doctor.SOLVERS:
+        said = doctor.SOLVERS[name] in found.found
+        assert said == (doctor._version(name) is not None)
+    real = doctor._version
+    monkeypatch.setattr(doctor, "_version", lambda name: None if name == "osqp" else real(name))
+    missing = {one.topic: one for one in doctor.examination(test=False)}["conic solvers"]
+    assert "OSQP" not in missing.found and "brings osqp" in missing.advice
+
+
 def test_doctor_tells_two_distributions_of_one_import_name(monkeypatch):
     monkeypatch.setattr(doctor, "_version", lambda name: "1.0")
     twins = doctor._twins()

@@ -136,6 +136,21 @@ def test_compiling_is_said_beside_what_waits_for_it_and_alone(seen, monkeypatch)
     assert any("compiling" in line and "fast.descend 12/64" in line for line in lines)
 
 
+def test_a_long_compilation_is_told_once_where_nothing_can_be_drawn(monkeypatch, capsys):
+    monkeypatch.setattr(live, "SILENCE", 0.01)
+    monkeypatch.setattr(live, "_outlet", lambda: None)
+    live._announce.cache_clear()
+    for _ in range(2):
+        with live._while_compiling("mu.upper.fast.descend", 12, 64):
+            time.sleep(0.2)
+    assert capsys.readouterr().err.count("workbench: compiling loops") == 1
+    monkeypatch.setattr(live, "SILENCE", 60.0)
+    live._announce.cache_clear()
+    with live._while_compiling("mu.upper.fast.descend", 12, 64):
+        pass
+    assert capsys.readouterr().err == ""
+
+
 NOTEBOOK = """
 import sys, time
 import workbench as wb, xarray as xr

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.certificate import Certificate, Check
+from workbench.certificate import Certificate, Check, told_apart
 from workbench.geometry import SmallestCircle
 from workbench.mu import peak
 from workbench.structure import Complex, Structure
@@ -38,3 +38,24 @@ def test_it_is_printed_and_stored(check, said):
     stored = json.loads(json.dumps(certificate.to_json()))
     assert stored["checks"][0].get("proven", False) is check.proven
     assert Certificate.from_json(stored) == certificate
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "texts"),
+    [
+        (0.99982, 1.0, ("0.9998", "1")),
+        (1.0 + 1e-15, 1.0, ("1.000000000000001", "1")),
+        (0.5, 1.0, ("0.5", "1")),
+        (1.0, 1.0, ("1", "1")),
+        (float("nan"), 1.0, ("nan", "1")),
+        (float("inf"), float("inf"), ("inf", "inf")),
+    ],
+)
+def test_a_value_and_its_limit_are_told_apart(value, limit, texts):
+    assert told_apart(value, limit, digits=3) == texts
+
+
+def test_a_check_that_fails_by_little_says_by_how_little():
+    check = Check("small", "a number", 1.0 + 1e-9, 1.0)
+    assert check.failure == "small: 1.000000001 exceeds 1"
+    assert "1.000000001 <= 1" in check.line

@@ -20,7 +20,7 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 
-def told_apart(value: float, limit: float, digits: int = 6) -> tuple[str, str]:
+def told_apart(value: float, limit: float, *, digits: int = 6) -> tuple[str, str]:
     """Texts of a value and its limit, in so many digits or as many more as tell them apart.
 
     Examples

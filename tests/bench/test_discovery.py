@@ -36,6 +36,13 @@ def test_help_may_be_missing(tmp_path):
     assert (entry.help, entry.summary, entry.slow) == ("", "", False)
 
 
+def test_a_summary_is_a_whole_paragraph_in_one_line(tmp_path):
+    text = '@problem("a/b")\ndef one():\n    """Begins here\n    and ends there.\n\n    More."""\n'
+    (tmp_path / "problems.py").write_text(text)
+    (entry,) = scan(tmp_path, axis_values)
+    assert entry.summary == "Begins here and ends there."
+
+
 def test_a_template_gives_a_name_for_every_place_of_its_axes(tmp_path):
     text = '@problem("a/{x}/{n}", x=("u", "v"), n=("1", "2"), data="d.csv")\ndef f(x, n): ...\n'
     entries = found(tmp_path, text)

@@ -42,7 +42,8 @@ def settled(tmp_path, monkeypatch):
             return replace(choices(), bandwidth=most)
 
         monkeypatch.setattr(kept_weights, "solve", solve)
-        monkeypatch.setattr(kept_weights, "MuSynthesis", lambda plant, target: plant)
+        monkeypatch.setattr(kept_weights, "MuSynthesis", lambda plant, **_: plant)
+        monkeypatch.setattr(kept_weights, "fewest_states", lambda best, plant, found: best)
         return kept_weights.kept_weights(file, choices(), lower), tried
 
     return settle

@@ -52,7 +52,7 @@ def records(tmp_path_factory):
 @pytest.fixture
 def untried(monkeypatch):
     """Studies are written with their first choices, and nothing is solved."""
-    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, *_: chosen)
 
 
 def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path):
@@ -81,7 +81,7 @@ def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path
 @pytest.fixture
 def study(records, tmp_path, monkeypatch):
     """A study in its folder, with its first choices."""
-    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower: chosen)
+    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, *_: chosen)
     write_study(tmp_path / "my-servo", str(records))
     monkeypatch.chdir(tmp_path / "my-servo")
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
@@ -158,6 +158,43 @@ def test_another_sampling_frequency_than_the_column_of_time_tells_is_refused(rec
     with pytest.raises(InputError, match=r"'t \[s\]' rises by 0.005 s a sample, 200 Hz"):
         write_study(tmp_path / "servo", str(records), sample_rate=150.0)
     assert not (tmp_path / "servo").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"limits": (5.0, -5.0)}, "each lowest below its highest"),
+        ({"limits": (50.0, 100.0)}, "is not between the limits 50 and 100: limits are absolute"),
+        ({"structure": "pidd"}, "structure"),
+        ({"bandwidth_hz": 0.0}, "bandwidth_hz is 0.0"),
+        ({"effort": -1.0}, "effort is -1.0"),
+    ],
+)
+def test_demands_that_do_not_fit_are_named(records, tmp_path, given, message):
+    with pytest.raises(InputError, match=message):
+        write_study(tmp_path / "servo", str(records), **given)
+    assert not (tmp_path / "servo").exists()
+
+
+def test_gains_of_opposite_sign_are_refused_and_why(tmp_path):
+    write_records(tmp_path / "records", count=3)
+    file = tmp_path / "records/drive1.csv"
+    table = np.loadtxt(file, delimiter=",", skiprows=1) * [1, 1, -1]
+    header = "t [s],torque [N m],speed [rad/s]"
+    np.savetxt(file, table, delimiter=",", header=header, comments="")
+    with pytest.raises(InputError, match=r"opposite sign .*drive0.*drive1.*no fixed linear"):
+        write_study(tmp_path / "servo", str(tmp_path / "records/*.csv"))
+
+
+@pytest.mark.usefixtures("untried")
+def test_what_is_asked_stands_in_the_study(records, tmp_path):
+    asked = {"structure": "pid", "bandwidth_hz": 0.7, "limits": (-9.0, 11.0), "effort": 0.02}
+    write_study(tmp_path / "servo", str(records), **asked)
+    text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
+    for line in ('STRUCTURE, STATES = "pid"', "BANDWIDTH = 0.7", "LOWEST, HIGHEST = -9.0, 11.0",
+                 "EFFORT = 0.02", "POINT = WorkingPoint("):  # fmt: skip
+        assert line in text
+    assert 'u_unit="N m", y_unit="rad/s"' in text
 
 
 def test_one_record_in_two_files_is_refused(tmp_path):

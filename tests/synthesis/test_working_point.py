@@ -123,6 +123,8 @@ def test_absolute_signals_of_the_code_are_read_back():
     for old, new in (("_rest[1] = {50.0f}", "_rest[1] = {49.0f}"), ("{100.0f}", "{90.0f}")):
         assert not absolute_signals_agree(code.replace(old, new), wanted, np.float32).holds
     assert not absolute_signals_agree(code, wanted | {"change": None}, np.float32).holds
+    turned = Implementation(-PI, MODEL, PERIOD, 0.0, "float", sign=1, working_point=POINT)
+    assert solve(turned).certificate.holds  # whose first factor is negative
 
 
 def test_the_comment_shows_how_to_call_it():

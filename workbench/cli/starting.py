@@ -51,6 +51,22 @@ def share(text: str | None, option: str) -> float | None:
     metavar="SHARE",
     help="Of their frequencies: 5%.",
 )
+@click.option(
+    "--structure",
+    type=click.Choice(["free", "pi", "pid"]),
+    default="free",
+    show_default=True,
+    help="Of the controller; free: the fewest states.",
+)
+@click.option("--bandwidth-hz", type=float, metavar="HZ", help="That is asked for [the largest].")
+@click.option(
+    "--limits",
+    type=float,
+    nargs=2,
+    metavar="LOW HIGH",
+    help="Of the input, absolute [those of the records].",
+)
+@click.option("--effort", type=float, metavar="W", help="Weight of the input [from the gains].")
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.certificate import told_apart
@@ -86,7 +102,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
             fg="red",
         )
         sys.exit(1)
-    click.echo(f"peak of mu  {peak}, certified: every plant of the cover keeps the weights")
+    states = f", with {chosen.states} states and integral action" if chosen.states else ""
+    click.echo(f"peak of mu  {peak}, certified: every plant of the cover keeps the weights{states}")
     click.echo(f"\nnext: cd {folder}; workbench run '{folder.name}/*'   (README.md says more)")
 
 

@@ -99,7 +99,7 @@ def print_details(one: Run) -> None:
             click.echo(f"  optimality gap {value}{f' <= {limit}' if gap.required else ''}")
         for fact in one.certificate.facts:
             click.echo(f"  {fact}")
-    if one.certificate is None or one.outcome is not Outcome.SOLVED:
+    if one.info["message"] and (one.certificate is None or one.outcome is not Outcome.SOLVED):
         click.echo(f"  {one.info['message']}")
     if one.outcome is not Outcome.SOLVED:
         click.echo(f"  {one.outcome.advice}")

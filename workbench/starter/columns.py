@@ -18,7 +18,7 @@ from workbench.identification.files.variables import read_table
 TIME = ("t", "time", "zeit", "seconds", "timestamp")
 INPUT = (
     "u", "in", "input", "torque", "force", "current", "voltage", "command", "reference", "drive",
-    "excitation", "control", "valve", "pwm", "duty",
+    "excitation", "control", "valve", "pwm", "duty", "power", "heater", "pump",
 )  # fmt: skip
 OUTPUT = (
     "y", "out", "output", "position", "speed", "velocity", "angle", "place", "displacement",

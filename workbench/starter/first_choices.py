@@ -59,8 +59,9 @@ class FirstChoices:
     nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
     at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
     records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
-    of it gave. ``peak``: certified peak of mu of a first
-    controller, below 1 where it keeps the weights; NaN before one was tried.
+    of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
+    weights; NaN before one was tried. ``states``: the fewest of a controller that keeps them; 0
+    before one was tried.
 
     Examples
     --------
@@ -85,6 +86,7 @@ class FirstChoices:
     notes: tuple[str, ...] = ()
     tested: tuple[str, ...] = field(default=(), kw_only=True)
     peak: float = np.nan
+    states: int = 0
 
 
 def first_choices(
@@ -128,7 +130,8 @@ def first_choices(
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
     below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
-    effort = EFFORT * float(np.abs(nominal.response(2 * np.pi * below)).min())
+    least = float(np.abs(nominal.response(2 * np.pi * below)).min())
+    effort = float(f"{EFFORT * least:.3g}")
     reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
     band = float(used.frequency[0]), float(used.frequency[-1])
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)

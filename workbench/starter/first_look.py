@@ -12,6 +12,8 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.identification.experiments.alike import read_alike
 from workbench.starter.first_choices import FEWEST
+from workbench.starter.rest import working_point
+from workbench.synthesis import WorkingPoint
 from workbench.uncertainty import Responses
 
 UNDISTORTED = 0.1
@@ -31,12 +33,15 @@ class FirstLook:
     """What the records of a study have in common.
 
     ``columns``: which of them is what, in words. ``period``: sampling time [s] of the first record.
-    ``limits``: least and largest value of the input in all records.
+    ``limits``: least and largest value of the input in all records. ``point``: where they rest.
+    ``notes``: what is odd about that.
     """
 
     columns: str
     period: float
     limits: tuple[float, float]
+    point: WorkingPoint
+    notes: tuple[str, ...] = ()
 
 
 def first_look(
@@ -72,7 +77,7 @@ def first_look(
     instants = f"at {1 / period:.6g} Hz" if time is None else f"time {time!r}"
     assumed = [one for one in (str(read[0].attrs["assumed"]), *alike) if one]
     columns = "; ".join([f"input {input!r}, output {output!r}, {instants}", *assumed])
-    return FirstLook(columns, period, (low, high))
+    return FirstLook(columns, period, (low, high), *working_point(read))
 
 
 def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:

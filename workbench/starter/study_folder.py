@@ -12,13 +12,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from workbench.errors import InputError
 from workbench.identification.record_tests.report import as_names
-from workbench.input_checks import is_real, need_positive
+from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
-from workbench.starter.kept_weights import kept_weights
+from workbench.starter.kept_weights import Structure, kept_weights
+from workbench.starter.rest import refuse_opposite_gains
+from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
 
@@ -46,6 +50,10 @@ def write_study(
     delay: float = 1.0,
     spread: float | None = None,
     resonance_shift: float | None = None,
+    structure: Structure = "free",
+    bandwidth_hz: float | None = None,
+    limits: tuple[float, float] | None = None,
+    effort: float | None = None,
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
@@ -73,6 +81,14 @@ def write_study(
     spread, resonance_shift
         How far plants lie from those with records, as of `Responses.from_files`; of one record one
         of them is needed.
+    structure
+        ``"pi"``, ``"pid"``, or ``"free"``: the fewest states that keep the weights.
+    bandwidth_hz
+        Bandwidth that is asked for [Hz]; None: the largest one tried that is kept.
+    limits
+        Least and largest value of the input, absolute; None: those of the records.
+    effort
+        Weight of the input at low frequencies; None: from the gain of the plants.
 
     Returns
     -------
@@ -103,16 +119,19 @@ def write_study(
     >>> choices.unstable_poles
     0
     """
+    need_choice(structure, Structure, "structure")
+    need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)
+    need_positive(effort, "effort", or_none=True)
+    need_positive(period, "period", or_none=True)
+    need_positive(sample_rate, "sample_rate", or_none=True)
+    if not (is_real(delay) and 0.0 <= delay < math.inf):
+        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
     target = Path(folder)
     plant = target.name
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
         raise InputError(
             f"{plant!r} names the plant and its problems: letters, digits, - and _, a letter first"
         )
-    need_positive(period, "period", or_none=True)
-    need_positive(sample_rate, "sample_rate", or_none=True)
-    if not (is_real(delay) and 0.0 <= delay < math.inf):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
@@ -120,6 +139,8 @@ def write_study(
     look = first_look(paths, u, y, t, sample_rate)
     every = look.period if period is None else period
     stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
+    held = look.limits if limits is None else limits
+    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = Responses.from_files(
         paths,
         input=u,
@@ -132,19 +153,25 @@ def write_study(
         **stated,
     )
     responses = responses.within(0.0, UNDISTORTED / look.period)
-    notes = tuple(filter(None, [responses.assumption])) + oddities(
-        responses, [name.partition(" [")[0] for name in responses.plants]
-    )
+    refuse_opposite_gains(responses, list(responses.plants))
+    notes = tuple(filter(None, [responses.assumption])) + look.notes
+    notes += oddities(responses, [name.partition(" [")[0] for name in responses.plants])
     notes += tuple(
         f"{name}: {finding}"
         for name, report in responses.reports.items()
         for finding in report.findings
     )
     try:
-        chosen = first_choices(responses, every, delay)
+        chosen = first_choices(responses, every, delay, bandwidth_hz or np.inf)
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     chosen = replace(chosen, columns=look.columns, notes=notes, tested=responses.tested)
+    if bandwidth_hz is not None:
+        chosen = replace(chosen, bandwidth=bandwidth_hz)
+        chosen.reasons["bandwidth"] = "as given"
+    if effort is not None:
+        chosen = replace(chosen, effort=effort)
+        chosen.reasons["effort"] = "as given"
     chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     named: dict[str, Any] = {"excitation": excitation} if excitation is not None else {}
     if assume:
@@ -163,7 +190,10 @@ def write_study(
         "period": every,
         "delay": delay,
         "chosen": chosen,
-        "limits": look.limits,
+        "limits": tuple(map(float, held)),
+        "limits_from": "of the records" if limits is None else "as given",
+        "point": look.point,
+        "structure": structure,
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
         "read": responses.read,
@@ -178,11 +208,14 @@ def write_study(
         def lower(most: float) -> FirstChoices:
             other = first_choices(responses, every, delay, most)
             reasons = {**chosen.reasons, "effort": other.reasons["effort"]}
+            if effort is not None:
+                other, reasons = replace(other, effort=effort), chosen.reasons
             return replace(
                 other, columns=chosen.columns, notes=notes, tested=chosen.tested, reasons=reasons
             )
 
-        chosen = kept_weights(made / "problems" / package / "design.py", chosen, lower)
+        design = made / "problems" / package / "design.py"
+        chosen = kept_weights(design, chosen, None if bandwidth_hz else lower, structure)
         _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         made.rename(target)
     return chosen

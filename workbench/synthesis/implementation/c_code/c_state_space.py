@@ -31,7 +31,7 @@ def step_code(
     for i in range(p):
         terms = [*zip(K.C[i], x, strict=True), *zip(K.D[i], y, strict=True)]
         rest = f"{name}_rest[{i}] + " if actuator.point else ""
-        lines.append(f"u[{i}] = {rest}{_sum(terms, number)};")
+        lines.append(f"u[{i}] = {rest}{_sum(terms, number)};".replace("+ -", "- "))
     if H is not None:
         for i in range(p):
             lines += [f"const {name}_real w{i} = u[{i}];", *_limited(i, name, actuator)]

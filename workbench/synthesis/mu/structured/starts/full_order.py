@@ -46,14 +46,31 @@ def _central(program: MuSynthesis) -> Iterator[StateSpace]:
 
 
 def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[StateSpace]:
-    """Approximations of a D-K controller with the wanted order."""
-    answer = _iterated(program, context)
-    if answer is None or answer.peak is None:
-        return
+    """Approximations with the wanted order, of a D-K controller and of the H-infinity controller.
+
+    The latter has few states, none of which stand for scalings.
+    """
+    for found in (_iterated(program, context), _answered_central(program)):
+        if found is not None and found.peak is not None:
+            yield from _approximations(program, order, found)
+
+
+def _answered_central(program: MuSynthesis) -> MuController | None:
+    """The H-infinity controller as an answer; None where it is none."""
+    K = next(_central(program), None)
+    try:
+        return None if K is None else program.answer(K)
+    except SolverError:  # rounding hides whether its loop is stable
+        return None
+
+
+def _approximations(program: MuSynthesis, order: int, answer: MuController) -> Iterator[StateSpace]:
+    """Approximations of a controller with the wanted order."""
     K = answer.K
     if K.nstates <= order:
         yield K
         return
+    assert answer.peak is not None
     parts: Matrices = (K.A, K.B, K.C, K.D)
     loop = program.plant.close(K)
     closed: Matrices = (loop.A, loop.B, loop.C, loop.D)
@@ -76,13 +93,9 @@ def _reduced(program: MuSynthesis, order: int, context: Context) -> Iterator[Sta
 
 
 def _iterated(program: MuSynthesis, context: Context) -> MuController | None:
-    """The answer of D-K iteration in a share of the time left; None where it has none.
-
-    Without a perturbation the H-infinity controller.
-    """
+    """The answer of D-K iteration in a share of the time left; None where it has none."""
     if program.structure is None:
-        K = next(_central(program), None)
-        return None if K is None else program.answer(K)
+        return None  # there is nothing to iterate
     try:
         left = SHARE_OF_TIME * context.seconds_left("D-K for a start")
         options = replace(context.options, time_limit=None if np.isinf(left) else max(left, 1e-3))
