@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, signal
 
-from workbench.identification.record_tests.record import Record
+from workbench.identification.record_tests.record import RecordData
 
 PLANTS = ("lag", "dead time", "resonance", "integrator", "two inputs")
 EXCITATIONS = (
@@ -25,7 +25,7 @@ DRIVEN = ("prbs", "steps", "dither", "nothing")
 class Log:
     """A record, what it is, and which share of u's variance comes from the disturbance of y."""
 
-    record: Record
+    record: RecordData
     what: str
     share: float = 0.0
 
@@ -33,7 +33,7 @@ class Log:
 def as_record(u, y, direct=True, starts=(0,), r=None):
     u, y = (np.asarray(x, float).reshape(len(x), -1) for x in (u, y))
     names = [tuple(f"{name}{i}" for i in range(x.shape[1])) for name, x in (("u", u), ("y", y))]
-    return Record(u, y, r, starts, 1.0, *names, direct)
+    return RecordData(u, y, r, starts, 1.0, *names, direct)
 
 
 def plant(kind, rng):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 from simulated_logs import as_record, closed_log, excitation, held, open_log
 
-from workbench.identification.record_tests.feedback import feedback
+from workbench.identification.record_tests.feedback import open_loop
 from workbench.identification.record_tests.report import reported
 
 JUDGED_OPEN = range(63_000_000, 63_000_500)
@@ -19,7 +19,7 @@ JUDGED_CLOSED = range(63_500_000, 63_500_300)
 
 
 def is_found(record):
-    return any(finding.kind == "feedback" for finding in feedback(record).findings)
+    return any(finding.kind == "feedback" for finding in open_loop(record).findings)
 
 
 def wrong(logs, truth):
@@ -61,7 +61,7 @@ def regulated(steps=0.0, *, direct=False, n=2000, seed=0):
 
 @pytest.mark.parametrize("steps", [0.0, 0.1, 0.3, 1.0, 3.0, 10.0])
 def test_a_regulated_plant_is_found_out_whatever_its_set_points_do(steps):
-    tested = feedback(regulated(steps))
+    tested = open_loop(regulated(steps))
     (finding,) = tested.findings
     assert finding.kind == "feedback" and finding.forbids
     assert "excitation=" in finding.remedy and "u0" in finding.where
@@ -69,11 +69,11 @@ def test_a_regulated_plant_is_found_out_whatever_its_set_points_do(steps):
 
 @pytest.mark.parametrize("steps", [0.0, 1.0])
 def test_an_exact_function_of_the_output_is_a_static_plant_or_a_controller(steps):
-    (finding,) = feedback(regulated(steps, direct=True)).findings
+    (finding,) = open_loop(regulated(steps, direct=True)).findings
     assert finding.kind == "static" and not finding.forbids
     assert "-1/K" in finding.message
     record = open_log(3, "white", spoiled=False, plant="lag").record
-    assert not feedback(replace(record, direct=True)).findings
+    assert not open_loop(replace(record, direct=True)).findings
 
 
 def plant(u, noise=0.01, seed=0):
@@ -84,10 +84,10 @@ def plant(u, noise=0.01, seed=0):
 def test_an_input_that_repeats_to_rounding_is_open():
     rng = np.random.default_rng(0)
     u = np.tile(rng.standard_normal(250), 8)
-    tested = feedback(as_record(u, plant(u)))
+    tested = open_loop(as_record(u, plant(u)))
     assert tested.testable and tested.result == "'u0' repeats to rounding: open"
     noisy = u + 0.05 * rng.standard_normal(len(u))
-    assert not feedback(as_record(noisy, plant(u))).findings
+    assert not open_loop(as_record(noisy, plant(u))).findings
 
 
 def test_feedback_is_found_between_periods():
@@ -105,29 +105,29 @@ def test_feedback_is_found_between_periods():
 def test_what_cannot_be_tested_does_not_pass(kind):
     rng = np.random.default_rng(5)
     u = excitation(kind, 2000, 4, rng)
-    tested = feedback(as_record(u, plant(u)))
+    tested = open_loop(as_record(u, plant(u)))
     assert not tested.testable and not tested.findings
     assert str(tested).startswith("open loop: not testable; 'u0' ")
 
 
 def test_nothing_to_test_is_said():
     u = np.random.default_rng(0).standard_normal(1000)
-    assert "no input" in feedback(as_record(0 * u, u)).result
-    assert "no output" in feedback(as_record(u, np.nan * u)).result
+    assert "no input" in open_loop(as_record(0 * u, u)).result
+    assert "no output" in open_loop(as_record(u, np.nan * u)).result
     for record in (as_record(u[:100], u[:100]), as_record(u, u, starts=tuple(range(0, 1000, 40)))):
-        tested = feedback(replace(record, y=plant(record.u[:, 0])[:, None]))
+        tested = open_loop(replace(record, y=plant(record.u[:, 0])[:, None]))
         assert not tested.testable and "200 samples" in tested.result
 
 
 def test_with_an_excitation_the_excitation_is_tested():
     closed = regulated(1.0)
     r = np.random.default_rng(9).standard_normal((len(closed.u), 1))
-    tested = feedback(replace(closed, r=r))
+    tested = open_loop(replace(closed, r=r))
     assert tested.testable and not tested.findings
     assert tested.assumption == "excitation from outside"
-    (finding,) = feedback(replace(closed, r=-closed.y)).findings
+    (finding,) = open_loop(replace(closed, r=-closed.y)).findings
     assert finding.forbids and "excitation 1" in finding.where
-    (finding,) = feedback(replace(closed, r=-closed.y, direct=True)).findings
+    (finding,) = open_loop(replace(closed, r=-closed.y, direct=True)).findings
     assert finding.kind == "feedback" and finding.forbids and "excitation" in finding.remedy
 
 
@@ -136,12 +136,12 @@ def test_noise_of_the_sensor_of_u_is_no_feedback():
     rng = np.random.default_rng(2)
     u = signal.lfilter([1], [1, -0.95], rng.standard_normal(5000))
     measured = u + 0.1 * u.std() * rng.standard_normal(5000)
-    assert not feedback(as_record(measured, plant(u, 0.001))).findings
+    assert not open_loop(as_record(measured, plant(u, 0.001))).findings
 
 
 def test_an_output_that_leads_is_told_to_be_shifted():
     u = np.random.default_rng(3).standard_normal(2000)
-    (finding,) = feedback(as_record(u[:-3], plant(u)[3:])).findings
+    (finding,) = open_loop(as_record(u[:-3], plant(u)[3:])).findings
     assert "too early" in finding.remedy
 
 
@@ -149,7 +149,7 @@ def test_a_share_is_below_its_bound():
     """Of what feedback is not found, the bound of the share holds."""
     for seed in range(40):
         log = closed_log(seed, 0.03, n=1500, driven="dither", plant="lag", controller="P")
-        tested = feedback(log.record)
+        tested = open_loop(log.record)
         if not tested.findings:
             bound = float(tested.result.split("at most ")[1].split(" %")[0]) / 100
             assert bound >= log.share, log.what
@@ -160,20 +160,20 @@ def test_a_share_is_below_its_bound():
 def test_units_and_offsets_change_nothing(seed, unit, offset):
     record = open_log(seed, "coloured", n=600).record
     moved = replace(record, u=unit * (record.u + offset), y=(record.y - offset) / unit)
-    assert str(feedback(moved)) == str(feedback(record))
+    assert str(open_loop(moved)) == str(open_loop(record))
 
 
 def test_order_of_inputs_changes_nothing():
     log = closed_log(4, plant="two inputs", n=2000)
     swapped = replace(log.record, u=log.record.u[:, ::-1], inputs=log.record.inputs[::-1])
-    told = feedback(log.record).findings
-    assert {finding.where for finding in feedback(swapped).findings} == {f.where for f in told}
+    told = open_loop(log.record).findings
+    assert {finding.where for finding in open_loop(swapped).findings} == {f.where for f in told}
 
 
 def test_a_long_record_takes_a_second():
     u = np.random.default_rng(0).standard_normal(1_000_000)
     record, begin = as_record(u, plant(u)), process_time()
-    assert not feedback(record).findings
+    assert not open_loop(record).findings
     assert process_time() - begin < 3.0  # about 1 s where nothing else runs
 
 

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated_logs import as_record
 
-from workbench.identification.record_tests.lags import MOST_NUMBERS, growing, held, past, stretches
+from workbench.identification.record_tests.lags import (
+    MOST_NUMBERS,
+    growing,
+    last_known,
+    past,
+    stretches,
+)
 
 
 @given(st.integers(1, 40), st.integers(1, 200))
@@ -30,7 +36,7 @@ def test_the_past_is_a_mean_of_earlier_samples():
 
 def test_missing_samples_hold_the_last_value():
     nan = np.nan
-    found, missing = held(np.array([[nan, 1.0], [2.0, nan], [nan, nan], [3.0, 4.0]]))
+    found, missing = last_known(np.array([[nan, 1.0], [2.0, nan], [nan, nan], [3.0, 4.0]]))
     assert found.tolist() == [[2.0, 1.0], [2.0, 1.0], [2.0, 1.0], [3.0, 4.0]]
     assert missing.sum() == 4
 

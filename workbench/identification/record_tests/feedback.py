@@ -13,7 +13,7 @@ from workbench.identification.record_tests.feedback_findings import (
     static,
 )
 from workbench.identification.record_tests.finding import Finding, Tested
-from workbench.identification.record_tests.granger import Prediction, predictions
+from workbench.identification.record_tests.granger import Prediction, input_predictions
 from workbench.identification.record_tests.memories import FEWEST_SAMPLES, Memory, memory
 from workbench.identification.record_tests.periods import (
     between_periods,
@@ -53,7 +53,7 @@ class Verdict:
     repeats: bool = False
 
 
-def feedback(record: RecordData) -> Tested:
+def open_loop(record: RecordData) -> Tested:
     """Test whether the inputs come from outside; with an excitation, whether it does.
 
     Where an input repeats itself to rounding, no noise of the outputs is in it. Where it repeats
@@ -187,7 +187,7 @@ def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdic
     if rest.u[:, column].std() == 0.0:
         return Verdict(untestable=f"'{name}' changes at the begin of the record alone")
     share = part**2 * largest_share(rest.u[:, column], rest.new, rest.first_lag, rest.longest_lag)
-    alike, weighted = predictions(rest, column)
+    alike, weighted = input_predictions(rest, column)
     explained = _explained(alike, weighted, CHANCE / rest.u.shape[1])
     if explained is not None:
         return Verdict(finding=closed_loop(name, explained, share))

@@ -109,7 +109,7 @@ class Prediction:
         return ""
 
 
-def predictions(rows: Memory, channel: int) -> tuple[Prediction, Prediction]:
+def input_predictions(rows: Memory, channel: int) -> tuple[Prediction, Prediction]:
     """By least squares, and by weights that take large surprises down."""
     u = rows.u[:, channel]
     scale = np.sqrt(np.mean(rows.past_u**2, axis=0)) + np.finfo(float).tiny

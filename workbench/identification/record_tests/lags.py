@@ -38,7 +38,7 @@ def past(signal: RealArray, firsts: IntegerArray) -> RealArray:
     return ((ends[:, :-1] - ends[:, 1:]) / np.diff(firsts)[:, None]).reshape(len(signal), -1)
 
 
-def held(signal: RealArray) -> tuple[RealArray, BoolArray]:
+def last_known(signal: RealArray) -> tuple[RealArray, BoolArray]:
     """A signal (N, channels) whose missing samples hold the last value, and which are missing.
 
     Only earlier samples tell what a missing one is, so that nothing is known before its time.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import BoolArray, RealArray
-from workbench.identification.record_tests.lags import growing, held, past, stretches
+from workbench.identification.record_tests.lags import growing, last_known, past, stretches
 from workbench.identification.record_tests.record import RecordData
 
 FEWEST_SAMPLES = 200
@@ -66,7 +66,7 @@ def memory(record: RecordData) -> Memory | None:
     few = growing(SINGLE_LAGS_OF_Y, longest)
     rows = []
     for piece in pieces:
-        y, missing = held(record.y[piece])
+        y, missing = last_known(record.y[piece])
         u, y = record.u[piece] - record.u[piece].mean(axis=0), y - y.mean(axis=0)
         now = [] if record.direct else [y]
         columns = u, past(u, lags), np.hstack([*now, past(y, few)]), y, past(y, lags), missing

@@ -10,7 +10,7 @@ from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
-from workbench.identification.record_tests.feedback import feedback
+from workbench.identification.record_tests.feedback import open_loop
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import flags
 from workbench.identification.record_tests.gaps import complete_outputs, instants
@@ -23,7 +23,7 @@ from workbench.identification.record_tests.stuck import stuck
 from workbench.input_checks import as_list
 
 TESTS: tuple[Callable[[RecordData], Tested], ...] = (
-    feedback,
+    open_loop,
     flags,
     excitation,
     apart,

@@ -63,7 +63,7 @@ def loop_model(
     orders = (ORDERS.get(method, ORDERS["two-stage"]),)
     common: dict[str, Any] = {"orders": orders, "direct": False, "sample_time": signals.step}
     if method == "open-loop":
-        program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, **common)
+        program: StateSpaceFit = StateSpaceFit(signals.u, signals.y, assume="open loop", **common)
         solution = solve(program, "output-error", options)
     else:
         program = ClosedLoopFit(
