@@ -140,7 +140,7 @@ def test_frequencies_of_which_a_record_tells_nothing_are_left_out_and_said():
     records = [(slow, np.convolve(slow, [0.5, 0.5])[:4000] + one) for one in noise]
     estimates, said = record_responses(records, RATE, 50)
     assert "left out, where a record tells nothing" in said
-    assert estimates[0].frequency.size < 50 and estimates[0].frequency[-1] < 100.0
+    assert estimates[0].frequency.size < 50 and estimates[0].frequency[-1] < 250.0
 
 
 def test_resonances_narrower_than_the_distance_of_the_frequencies_are_said():

@@ -28,6 +28,8 @@ MANY_PERIODS = 6
 """Periods whose scatter alone tells the noise well enough."""
 DENSE = 2
 """Distance of neighbouring excited lines up to which bands of lines tell what lies between."""
+LARGER_BY_FAR = 30.0
+"""Radius of a region over the largest sure response from which it says nothing of a plant."""
 NAMED = 4
 """Most frequencies that a sentence names."""
 TOLD = 0.95
@@ -138,7 +140,7 @@ def _arbitrary(
         lost = frequency[~known]
         said.append(
             f"{lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record tells "
-            "nothing: its input excites too few lines, or its noise is larger than any response"
+            "nothing: its input excites too few lines, or its noise is far larger than any response"
         )
     narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in kept]))
     if narrow.size:
@@ -160,10 +162,10 @@ def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
 
 
 def told(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which each region is smaller than its channel's largest sure response."""
+    """Frequencies (F,) at which no region is far larger than any sure response of its channel."""
     radius = estimate.radius(TOLD)
     sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
-    known: BoolArray = (radius < sure).all(axis=(1, 2))
+    known: BoolArray = (radius < LARGER_BY_FAR * sure).all(axis=(1, 2))
     return known
 
 
