@@ -5,7 +5,7 @@ They are where a designer starts, not where one ends; each says where its number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -81,10 +81,10 @@ class FirstChoices:
     bandwidth: float
     effort: float
     reasons: dict[str, str]
-    columns: str = ""
-    notes: tuple[str, ...] = ()
-    peak: float = np.nan
-    states: int = 0
+    columns: str = field(default="", kw_only=True)
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+    peak: float = field(default=np.nan, kw_only=True)
+    states: int = field(default=0, kw_only=True)
 
 
 def first_choices(
