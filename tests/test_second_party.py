@@ -32,10 +32,17 @@ from workbench.geometry import SmallestCircle
 from workbench.program import Task
 from workbench.solvers import Options
 from workbench.study import Study
-from workbench.synthesis import LoopShaping, MixedSensitivity, lqg
+from workbench.synthesis import (
+    Implementation,
+    LoopShaping,
+    MixedSensitivity,
+    WorkingLoop,
+    WorkingPoint,
+    lqg,
+)
 from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
-from workbench.uncertainty import MatrixSets
+from workbench.uncertainty import MatrixSets, Responses
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 LAG = control.tf([1.0], [1.0, 1.0])
@@ -79,6 +86,14 @@ def cvxpy_problem() -> Certificate:
     return wb.solve(cp.Problem(cp.Minimize(cp.norm(x)), [x[0] + 2 * x[1] == 5])).certificate
 
 
+def working_loop() -> Certificate:
+    omega = np.geomspace(0.01, 10, 40)
+    plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T)
+    K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
+    board = wb.solve(Implementation(K, LAG, period=0.1, working_point=point))
+    return wb.solve(WorkingLoop(plants, board)).certificate
+
+
 PROGRAMS = {
     "ConicProgram": lambda: conic([[-1.0], [1.0]], [-2.0, 5.0]).certificate,
     "CvxpyProgram": cvxpy_problem,
@@ -90,6 +105,7 @@ PROGRAMS = {
     "LoopShaping": lambda: wb.solve(LoopShaping(LAG)).certificate,
     "MixedSensitivity": lambda: wb.solve(MixedSensitivity(LAG, W_S=0.5, W_KS=0.5)).certificate,
     "H2Synthesis": lambda: lqg(LAG, 1.0, 1.0, 1.0, 1.0).certificate,
+    "WorkingLoop": working_loop,
     "ParameterFit": lambda: ANSWERS["fit_parameters"]().certificate,
 }
 """Small instances of Programs of which no answer is stored."""

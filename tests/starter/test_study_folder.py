@@ -164,7 +164,7 @@ def test_another_sampling_frequency_than_the_column_of_time_tells_is_refused(rec
     ("given", "message"),
     [
         ({"limits": (5.0, -5.0)}, "each lowest below its highest"),
-        ({"limits": (50.0, 100.0)}, "is not between the limits 50 and 100: limits are absolute"),
+        ({"limits": (50.0, 100.0)}, "is not between the limits 50 N m and 100 N m: limits"),
         ({"structure": "pidd"}, "structure"),
         ({"bandwidth_hz": 0.0}, "bandwidth_hz is 0.0"),
         ({"effort": -1.0}, "effort is -1.0"),

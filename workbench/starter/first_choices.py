@@ -82,11 +82,11 @@ class FirstChoices:
     bandwidth: float
     effort: float
     reasons: dict[str, str]
-    columns: str = ""
-    notes: tuple[str, ...] = ()
+    columns: str = field(default="", kw_only=True)
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
     tested: tuple[str, ...] = field(default=(), kw_only=True)
-    peak: float = np.nan
-    states: int = 0
+    peak: float = field(default=np.nan, kw_only=True)
+    states: int = field(default=0, kw_only=True)
 
 
 def first_choices(

@@ -11,12 +11,14 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import need_kind, need_positive
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis.implementation.board_loop import BoardLoop
+from workbench.synthesis.implementation.c_code.c_state_space import start_gains
 from workbench.synthesis.implementation.program import Implementation
 from workbench.synthesis.implementation.working_point.actuator import Actuator
 from workbench.synthesis.implementation.working_point.constant_signals import ConstantSignals
@@ -241,6 +243,31 @@ class WorkingLoop(Study):
         left = float(self._left(signals, step_size).max())
         return left - (0.0 if self.constant is None else self.constant.error)
 
+    def second_opinion(self, answer: Dataset) -> list[Check]:
+        """The controls by the controller's difference equation, as long as no limit is met."""
+        K, act = self.board.answer.K, self.actuator
+        assert act.point is not None
+        apart = 0.0
+        for one in answer["signals"].values:
+            y, u = one
+            error = act.sign * (y - answer["setpoint"].values)
+            wanted = act.point.u[0] + _by_difference_equation(K, error)
+            met = np.zeros(u.size, bool)
+            if act.lowest is not None and act.highest is not None:
+                met |= (u <= act.lowest[0]) | (u >= act.highest[0])
+            if act.step is not None:
+                change = np.abs(np.diff(u, prepend=act.point.u[0]))
+                met |= change >= act.step[0] * (1 - 1e-9)
+            until = int(np.argmax(met)) if met.any() else u.size
+            size = max(float(np.ptp(u)), 1e-300)
+            apart = max(apart, float(np.abs(u[:until] - wanted[:until]).max(initial=0.0)) / size)
+        statement = "largest difference of a control from the controller's difference equation"
+        over = "for each plant, until a limit is met"
+        return [
+            *super().second_opinion(answer),
+            Check("controls", statement, apart, 1e-4, over=over),
+        ]
+
     @metric
     def static_error(self, signals: DataArray, step_size: DataArray) -> float:
         return float(self._left(signals, step_size).max())
@@ -329,3 +356,22 @@ def _axis(name: str, unit: str) -> str:
 def _finite_at_zero(plant: StateSpace) -> bool:
     """Whether a plant has a static gain."""
     return bool(np.abs(plant.poles()).min(initial=np.inf) > 0)
+
+
+def _by_difference_equation(K: StateSpace, error: RealArray) -> RealArray:
+    """The answer (samples,) of a controller to errors, from a start without a bump."""
+    from scipy.signal import lfilter, lfiltic, ss2tf
+
+    b, a = ss2tf(K.A, K.B, K.C, K.D)
+    if not error[0]:
+        found: RealArray = lfilter(b[0], a, error)
+        return found
+    # From rest at this error the first controls follow from the state of the start.
+    x, first = start_gains(K)[0][:, 0] * error[0], []
+    for one in error[: len(a) - 1]:
+        first.append(float(K.C[0] @ x + K.D[0, 0] * one))
+        x = K.A @ x + K.B[:, 0] * one
+    count = len(first)
+    past = lfiltic(b[0], a, first[::-1], error[:count][::-1])
+    found = np.append(first, lfilter(b[0], a, error[count:], zi=past)[0])
+    return found

@@ -1,0 +1,61 @@
+"""The loop about its working point: what it stores, draws and says, and what it refuses."""
+
+from functools import cache
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.errors import InputError
+from workbench.synthesis import Implementation, WorkingLoop, WorkingPoint
+from workbench.uncertainty import CircleCover, Responses
+
+OMEGA = np.geomspace(0.01, 10, 60)
+PLANTS = Responses(OMEGA, np.array([gain / (1j * OMEGA + 1) for gain in (0.9, 1.0, 1.1)]).T)
+POINT = WorkingPoint(50.0, 20.0, u_unit="%", y_unit="K")
+
+
+@cache
+def board(leak=0.0, **more):
+    cover = wb.solve(CircleCover(PLANTS, order=1))
+    K = control.tf([2.0, 1.0], [1.0, leak])
+    given = {"limits": (0.0, 100.0), "working_point": POINT} | more
+    return wb.solve(Implementation(K, cover, period=0.1, **given))
+
+
+def test_it_rests_steps_and_settles_within_its_limits():
+    done = wb.solve(WorkingLoop(PLANTS, board(rate_limit=50.0)))
+    assert done.certificate.holds, done.certificate
+    y, u = (done.answer["signals"].sel(signal=name).values for name in "yu")
+    assert (y[:, 0] == 20.0).all() and (u[:, 0] == 50.0).all()
+    assert u.max() <= 100.0
+    assert done.metrics["static_error"] < 1e-3
+    assert "extrapolated" in done.task.tables(done.answer)["constant-signals"]
+    assert list(done.task.figures(done.answer)) == ["working-point"]
+
+
+def test_an_offset_without_an_integrator_is_that_of_the_certificate():
+    made = board(leak=0.1)
+    done = wb.solve(WorkingLoop(PLANTS, made, step=1.0))
+    assert done.certificate.holds, done.certificate
+    static = float(np.real(made.answer.K(1.0)))
+    assert done.metrics["static_error"] == pytest.approx(1 / (1 + 0.9 * static), rel=1e-2)
+    assert done.metrics["static_error"] < made.metrics["static_error"]
+
+
+def test_a_control_that_is_another_is_found():
+    done = wb.solve(WorkingLoop(PLANTS, board(), step=1.0))
+    signals = done.answer["signals"].copy()
+    signals.loc[{"signal": "u"}] += 0.01 * (np.arange(signals.sizes["time"]) > 50)
+    moved = done.task.second_opinion(done.answer.assign(signals=signals))
+    assert not moved[-1].holds
+
+
+def test_misuse_is_named():
+    with pytest.raises(InputError, match="an answered Implementation is needed"):
+        WorkingLoop(PLANTS, None)
+    with pytest.raises(InputError, match="needs a working point"):
+        WorkingLoop(PLANTS, board(working_point=None, limits=None))
+    with pytest.raises(InputError, match=r"step is 0\.0"):
+        WorkingLoop(PLANTS, board(), step=0.0)
