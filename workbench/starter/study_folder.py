@@ -127,10 +127,10 @@ def write_study(
     look = first_look(paths, u, y, t, sample_rate)
     every = look.period if period is None else period
     held = look.limits if limits is None else limits
-    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = Responses.from_files(
         paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
     )
+    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = responses.within(0.0, UNDISTORTED / look.period)
     refuse_opposite_gains(responses, [path.name for path in paths])
     notes = look.notes + oddities(responses, [path.name for path in paths])
