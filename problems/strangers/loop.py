@@ -126,6 +126,12 @@ class StrangerLoop(Study):
         return xr.Dataset(
             {
                 "excess": (units, excess[used].max(axis=0)),
+                "excess_everywhere": (units, excess.max(axis=0)),
+                "worst_frequency": (
+                    units,
+                    omega[excess.argmax(axis=0)] / (2 * np.pi),
+                    {"units": "Hz"},
+                ),
                 "weight": (units, weights),
                 "verdict": (("measure", "unit"), np.array([said[name] for name in MEASURES])),
                 "certified_bandwidth": (
@@ -180,6 +186,8 @@ class StrangerLoop(Study):
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         told = {name: value for name, _, value in self._promises(answer)}
+        if told:  # outside of the measured band nothing is promised
+            told["cover_everywhere"] = float(answer["excess_everywhere"].max())
         return {"worst": self._worst(answer), **told}
 
     def tables(self, answer: Dataset) -> dict[str, str]:

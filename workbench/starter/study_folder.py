@@ -140,7 +140,6 @@ def write_study(
     every = look.period if period is None else period
     stated: dict[str, Any] = {"spread": spread, "resonance_shift": resonance_shift}
     held = look.limits if limits is None else limits
-    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = Responses.from_files(
         paths,
         input=u,
@@ -152,6 +151,7 @@ def write_study(
         hold=True,
         **stated,
     )
+    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
     responses = responses.within(0.0, UNDISTORTED / look.period)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes

@@ -60,7 +60,8 @@ def linear_plants(plant: Stranger, p: Parameters) -> list[LinearPlant]:
     A = jacobian(lambda z: plant.slope(z, u, still, smooth), x)
     B = jacobian(lambda z: plant.slope(x, z, still, smooth), u)
     C = jacobian(lambda z: plant.output(z, smooth), x)
-    delay = getattr(p, "delay", still)
+    step = plant.period / plant.substeps
+    delay = step * np.round(getattr(p, "delay", still) / step)  # as the rig waits
     return [
         LinearPlant(A[:, :, k], B[:, :, k], C[:, :, k], float(delay[k])) for k in range(x.shape[1])
     ]
