@@ -95,7 +95,7 @@ def signal(kind, rng, n):
         return np.repeat(rng.choice([-1.0, 1.0], n // clock + 1), clock)[:n]
     if kind in ("periodic multisine", "one multisine", "crested multisine"):
         period = n if kind == "one multisine" else n // int(rng.integers(3, 9))
-        lines = np.arange(1, int(period * rng.uniform(0.05, 0.4)), rng.choice([1, 2]))
+        lines = np.arange(1, max(2, int(period * rng.uniform(0.05, 0.4))), rng.choice([1, 2]))
         phases = rng.uniform(0, 2 * np.pi, len(lines)) * (kind != "crested multisine")
         spectrum = np.zeros(period // 2 + 1, complex)
         spectrum[lines] = np.exp(1j * phases)

@@ -18,8 +18,8 @@ from workbench.identification.record_tests.spikes import spikes
 from workbench.identification.record_tests.stuck import stuck
 
 TESTS = (
-    flags, excitation, apart, spikes, clipping, stuck, quantisation, complete_outputs,
-    instants, drift, long_record, prompt_outputs, nonlinearity,
+    flags, excitation, apart, spikes, clipping, stuck, quantisation, complete_outputs, instants,
+    drift, long_record, prompt_outputs, nonlinearity,
 )  # fmt: skip
 SEED = 4711
 """Of the judgement; 631 to 635 were those of the development."""

@@ -76,6 +76,12 @@ def test_an_exact_function_of_the_output_is_a_static_plant_or_a_controller(steps
     assert not open_loop(replace(record, direct=True)).findings
 
 
+def test_a_ramp_fits_its_delayed_output_and_is_no_feedback():
+    u = np.abs(np.arange(2000) % 400 - 200.0)[:1900]
+    u[1000:] += 0.3 * np.arange(900)
+    assert not open_loop(as_record(u[1:], u[:-1], direct=False)).findings
+
+
 def plant(u, noise=0.01, seed=0):
     v = np.random.default_rng(seed).standard_normal(len(u))
     return signal.lfilter([0.0, 0.2], [1.0, -0.8], u) + noise * v
@@ -117,6 +123,18 @@ def test_nothing_to_test_is_said():
     for record in (as_record(u[:100], u[:100]), as_record(u, u, starts=tuple(range(0, 1000, 40)))):
         tested = open_loop(replace(record, y=plant(record.u[:, 0])[:, None]))
         assert not tested.testable and "200 samples" in tested.result
+
+
+def test_many_inputs_and_outputs_that_miss_an_experiment():
+    rng = np.random.default_rng(4)
+    u = rng.standard_normal((1000, 8))
+    tested = open_loop(as_record(u, rng.standard_normal((1000, 2))))
+    assert tested.testable and "of any input can come" in tested.result
+    few = open_loop(as_record(rng.standard_normal((400, 20)), rng.standard_normal((400, 3))))
+    assert not few.testable and "many channels" in few.result
+    y = plant(u[:, 0])
+    y[:400] = np.nan
+    assert open_loop(as_record(u[:, 0], y, starts=(0, 400))).testable
 
 
 def test_with_an_excitation_the_excitation_is_tested():

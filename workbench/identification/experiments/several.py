@@ -192,7 +192,7 @@ class Experiments:
 
 def as_experiments(
     u: Any,
-    y: Any,
+    y: Any = None,
     sample_time: float | None = None,
     samples: SamplesAlong | None = None,
     *,

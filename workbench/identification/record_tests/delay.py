@@ -23,7 +23,7 @@ from workbench.identification.record_tests.impulse import (
 )
 from workbench.identification.record_tests.record import RecordData, once
 
-STARTED = 1 / 16
+STARTED = 1 / 8
 """Share of the answer within 2 d that has come within d, at most, for d to be a delay."""
 CERTAIN = 3.0
 """Standard deviations by which the answer within d may be larger than it was found."""
@@ -128,7 +128,7 @@ def prompt_outputs(record: RecordData) -> Tested:
         if not one.tested:
             told.append(f"{pair}: no answer is seen")
         elif one.least is None or one.most is None:
-            told.append(f"{pair}: no delay")
+            told.append(f"{pair}: no delay is certain")
         else:
             span = f"{one.least}" if one.least == one.most else f"{one.least} to {one.most}"
             told.append(f"{pair}: {span} samples")

@@ -183,7 +183,9 @@ def _repeated(record: RecordData, periods: Periods) -> list[bool]:
 def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdict:
     """What the past of the outputs tells of an input, of whose deviation `part` is tested."""
     if rest is None:
-        return Verdict(untestable=f"at least {FEWEST_SAMPLES} samples without a break are needed")
+        many = "and more for many channels"
+        why = f"at least {FEWEST_SAMPLES} samples without a break are needed, {many}"
+        return Verdict(untestable=why)
     if rest.u[:, column].std() == 0.0:
         return Verdict(untestable=f"'{name}' changes at the begin of the record alone")
     share = part**2 * largest_share(rest.u[:, column], rest.new, rest.first_lag, rest.longest_lag)
@@ -204,7 +206,7 @@ def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float 
     for found in (alike, weighted):
         least = TINY_EXPLAINED if found.chance < TINY_CHANCE else LEAST_EXPLAINED
         significant = found.chance < chance and not found.noisy
-        clear = not found.doubt and found.explained > least
+        clear = not found.doubt and not found.clocked and found.explained > least
         told = significant and (clear or found.explained > MOSTLY_EXPLAINED)
         if not found.rounding and (told or found.explained > EXPLAINED_ALONE):
             return found.explained
@@ -217,14 +219,21 @@ def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict])
     """One statement on all inputs."""
     findings = tuple(one.finding for one in verdicts if one.finding is not None)
     said = [finding.message for finding in findings]
-    said += [one.untestable for one in verdicts if one.untestable]
-    for name, one in zip(names, verdicts, strict=True):
-        if one.repeats:
-            said.append(f"'{name}' repeats to rounding: open")
-        elif one.finding is None and not one.untestable:
-            said.append(
-                f"at most {np.ceil(100 * one.share):.0f} % of the variance of '{name}' can come "
-                "from the outputs"
-            )
+    said += dict.fromkeys(one.untestable for one in verdicts if one.untestable)
+    known = [
+        (name, one)
+        for name, one in zip(names, verdicts, strict=True)
+        if one.finding is None and not one.untestable
+    ]
+    said += [f"'{name}' repeats to rounding: open" for name, one in known if one.repeats]
+    shares = {name: one.share for name, one in known if not one.repeats}
+    if shares:
+        most = np.ceil(100 * max(shares.values()))
+        which = (
+            "any input"
+            if len(shares) == len(names) > 1
+            else " or ".join(f"'{name}'" for name in shares)
+        )
+        said.append(f"at most {most:.0f} % of the variance of {which} can come from the outputs")
     testable = bool(findings) or not any(one.untestable for one in verdicts)
     return Tested(assumption, "; ".join(said), testable=testable, findings=findings)

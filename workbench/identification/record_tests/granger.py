@@ -94,17 +94,22 @@ class Prediction:
         return self.noise > MOSTLY_NOISE or self.amplified_noise > AMPLIFIED_NOISE
 
     @property
+    def clocked(self) -> bool:
+        """Whether the surprise is large and coloured, as that of levels that a clock changes."""
+        return self.size >= LARGE_SIZE and self.coloured > COLOURED_LARGE
+
+    @property
     def doubt(self) -> str:
         """Why nothing follows from a small chance; empty if it does."""
         if self.rounding:
             return "is predicted to rounding by its own past"
-        if self.swept:
-            return "is a sweep: it is predicted by its own past nearby"
         if self.effective < FEWEST_EFFECTIVE:
             return f"changes by itself at about {self.effective:.0f} samples only"
+        if self.swept:
+            return "is a sweep: it is predicted by its own past nearby"
         if self.noisy:
             return "moves little beyond what may be white noise of its sensor"
-        if self.coloured > (COLOURED if self.size < LARGE_SIZE else COLOURED_LARGE):
+        if self.size < LARGE_SIZE and self.coloured > COLOURED:
             return "is too smooth: what its own past does not tell of it is not white"
         return ""
 

@@ -20,6 +20,8 @@ SINGLE_LAGS, SINGLE_LAGS_OF_Y = 32, 8
 """Single lags of all signals where their own past predicts them, and of y where it predicts u."""
 SAMPLES_OF_A_LAG = 15
 """Samples for each single lag and channel."""
+ROWS_OF_A_COLUMN = 5
+"""Fewest rows for each column of the inputs' past: with fewer, chance fits too much."""
 ROUNDING = 1e-10
 """Share of a signal's variance that counts as rounding."""
 
@@ -56,7 +58,7 @@ class Memory:
 
 def memory(record: RecordData) -> Memory | None:
     """The memory of a record; None where it is too short."""
-    pieces = [p for p in stretches(record) if 4 * (p.stop - p.start) >= FEWEST_SAMPLES]
+    pieces = [p for p in stretches(record) if _tells(record.y[p])]
     total = sum(piece.stop - piece.start for piece in pieces)
     if total < FEWEST_SAMPLES:
         return None
@@ -74,10 +76,17 @@ def memory(record: RecordData) -> Memory | None:
     u, past_u, past_y, y, own, missing = (
         np.concatenate(parts) for parts in zip(*rows, strict=True)
     )
+    if len(u) < ROWS_OF_A_COLUMN * past_u.shape[1]:
+        return None
     noise = np.repeat(1 / np.diff(lags), u.shape[1]) * np.tile(u.var(axis=0), len(lags) - 1)
     at_once = [u] if record.direct else []
     new = _unpredicted(y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1)))
     return Memory(u, past_u, noise, past_y, new, int(record.direct), longest)
+
+
+def _tells(y: RealArray) -> bool:
+    """Whether outputs are long enough for a piece, with a sample of each."""
+    return 4 * len(y) >= FEWEST_SAMPLES and not np.isnan(y).all(axis=0).any()
 
 
 def _unpredicted(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:

@@ -11,8 +11,9 @@ ROUNDING = 1e-6
 """Rounding of a signal, relative to its standard deviation."""
 FEWEST_LEVELS = 64
 """Levels of a signal from which on their distance is the step of a converter."""
-OF_A_MOVE = 0.1
-"""Largest misfit relative to what an input moves between samples: less is no coincidence."""
+OF_A_BEND = 0.1
+"""Largest misfit relative to what a move differs from the one before: less is no coincidence, while
+moves that go on (ramps) or are none fit what a plant makes of them, too."""
 MOST = 0.75
 """Share of the samples that must fit: elsewhere set-points change, or experiments end."""
 MOST_MOVES = 20_000
@@ -32,7 +33,8 @@ def static_input(record: RecordData, channel: int) -> bool:
         return False
     scale = y.std(axis=0) + np.finfo(float).tiny
     some = slice(None, None, len(u) // MOST_MOVES + 1)
-    moves, columns = np.diff(u)[some], (np.diff(y, axis=0) / scale)[some]
+    moves, columns = np.diff(u)[1:][some], (np.diff(y, axis=0) / scale)[1:][some]
+    bends = np.abs(np.diff(u, 2))[some]
     least = ROUNDING * u.std()
     weight = np.ones(len(moves))
     for _ in range(PASSES):
@@ -43,9 +45,7 @@ def static_input(record: RecordData, channel: int) -> bool:
     steps = (abs(gain) * _step(channel[some]) for gain, channel in outputs)
     rounding = least + _step(u[some]) + sum(steps)
     fits = misfit <= rounding
-    return bool(
-        np.mean(fits) >= MOST and rounding <= OF_A_MOVE * np.sqrt(np.mean(moves[fits] ** 2))
-    )
+    return bool(np.mean(fits) >= MOST and rounding <= OF_A_BEND * np.median(bends[fits]))
 
 
 def _step(signal: RealArray) -> float:

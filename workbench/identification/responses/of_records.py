@@ -90,7 +90,7 @@ def _periodic(
     thinning = f", {chosen.size} taken" if chosen.size < lines.size else ""
     excitation = f"{lines.size} excited lines{thinning}"
     if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
-        means = [tuple(mean_period(x, samples) for x in pair) for pair in pairs]
+        means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
@@ -98,7 +98,7 @@ def _periodic(
     return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
 
 
-def mean_period(x: RealArray, samples: int) -> RealArray:
+def mean_of_periods(x: RealArray, samples: int) -> RealArray:
     """Mean (samples,) of the last whole periods of a signal.
 
     Its lines are those that the input excites, so that the scatter about a local model tells the
@@ -120,7 +120,7 @@ def _arbitrary(
         averaged_models(u[:, None], y[:, None], 1.0 / rate, frequency_hz=frequency)
         for u, y in pairs
     ]
-    known = np.all([told(one) for one in found], axis=0)
+    known = np.all([informative(one) for one in found], axis=0)
     if known.sum() < 2:
         raise InputError(
             f"the records tell of {known.sum()} common frequencies; two are needed: excite more "
@@ -161,7 +161,7 @@ def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
     return found
 
 
-def told(estimate: ResponseEstimate) -> BoolArray:
+def informative(estimate: ResponseEstimate) -> BoolArray:
     """Frequencies (F,) at which no region is far larger than any sure response of its channel."""
     radius = estimate.radius(TOLD)
     sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
