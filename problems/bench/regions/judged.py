@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import BoolArray, ComplexArray, RealArray
 from workbench.identification import IdentificationWarning, local_response
 from workbench.identification.responses.local_response import spaced_in_log
-from workbench.identification.responses.of_records import mean_period, told
+from workbench.identification.responses.of_records import informative, mean_of_periods
 from workbench.identification.responses.periodic import ResponseEstimate
 
 from .design import Case
@@ -95,7 +95,7 @@ def judged(case: Case, made: tuple[RealArray, RealArray, RealArray], most: int) 
     def ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
         if case.excitation == "multisine":
             samples = case.samples // PERIODS
-            u, y = (np.stack([mean_period(x, samples) for x in s.T], axis=1) for s in (u, y))
+            u, y = (np.stack([mean_of_periods(x, samples) for x in s.T], axis=1) for s in (u, y))
         return local_response(u, y, 1.0, frequency_hz=frequency)
 
     frequency = places(case, most)
@@ -119,7 +119,7 @@ def judged_with(
         away = np.abs(found.response[:, 0] - exact)
         held.append(away <= reach)
         radius.append(reach)
-        kept.append(told(found))
+        kept.append(informative(found))
     parts = np.array(held), np.array(radius), np.array(kept)
     return Judged(frequency, *parts, exact, _clear(case, made, frequency, exact))
 
