@@ -61,6 +61,29 @@ def test_noise_narrows_the_band():
         first_choices(plants(values, variance=100.0), period=1e-4)
 
 
+def test_a_band_goes_on_beyond_an_antiresonance_that_noise_hides():
+    omega = np.geomspace(1.0, 300.0, 120)
+    s = 1j * omega[:, None]
+    zero, pole = 80.0 * (1 + 0.02 * SPREAD[0]), 160.0 * (1 + 0.02 * SPREAD[0])
+    values = (s**2 / zero**2 + 0.01 * s / zero + 1) / (s**2 / pole**2 + 0.02 * s / pole + 1)
+    values = values / (s + 3.0)
+    rng = np.random.default_rng(3)
+    noise = rng.normal(size=(*values.shape, 2)) @ [1, 1j] / np.sqrt(2)
+    for size in (3e-4, 3e-2):
+        seen = Responses(omega, values + size * noise, variance=size**2, degrees=60)
+        chosen = first_choices(seen, period=1e-4)
+        assert chosen.band[1] > 160.0 / (2 * np.pi)
+        assert "too, a plant's 95 % region" in chosen.reasons["band"]
+
+
+def test_a_line_that_noise_shows_by_chance_leads_no_band_on():
+    values = (1 + 0.02 * SPREAD[0]) / (S + 1) ** 3
+    variance = np.full(values.shape, 1e-6)
+    variance[-4] = 1e-20  # one line at the end
+    band = first_choices(plants(values, variance=variance, degrees=20), period=1e-4).band
+    assert band[1] < OMEGA[-10] / (2 * np.pi)
+
+
 def test_the_phase_counts_from_frequency_zero():
     omega = np.geomspace(0.01, 1e5, 200)
     for zeros, poles, start, end in (

@@ -24,6 +24,10 @@ from workbench.uncertainty.responses.regions import region_radius
 
 CONFIDENCE = 0.95
 """Probability of the regions that count as what the plants may be."""
+HIDDEN = 0.5
+"""Radius of a region over the response from which noise hides a plant."""
+BESIDE = 3
+"""Frequencies in a row at which a plant is seen, and not by chance."""
 FEWEST = 8
 """Least number of frequencies that noise leaves."""
 LARGEST_ORDER = 6
@@ -138,10 +142,16 @@ def first_choices(
 
 
 def _seen(responses: Responses) -> tuple[Responses, str]:
-    """The responses in the longest band in which noise hides no plant, and how it was found."""
-    radius = region_radius(responses, CONFIDENCE)
-    hidden = (responses.present & (radius >= 0.5 * np.abs(responses.values))).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], hidden, [True]])))
+    """The responses in the longest band in which noise hides no plant, and how it was found.
+
+    Where plants are seen on both sides, as about an antiresonance, the band goes on: what lies
+    beyond belongs to the plants, and a controller would meet it.
+    """
+    radius = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0)
+    size = np.where(responses.present, np.abs(responses.values), 0.0)
+    hidden = np.asarray((responses.present & (radius >= HIDDEN * size)).any(axis=1), dtype=bool)
+    bridged = hidden & ~_bridges(hidden, radius.max(axis=1), size.max(axis=1))
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], bridged, [True]])))
     runs = edges.reshape(-1, 2)
     widths = [np.log(responses.omega[end - 1] / responses.omega[start]) for start, end in runs]
     start, end = runs[int(np.argmax(widths))] if widths else (0, 0)
@@ -152,12 +162,26 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
             "average longer"
         )
     first, last = responses.frequency[start], responses.frequency[end - 1]
-    text = (
-        "all that is given"
-        if not hidden.any()
-        else f"elsewhere a plant's {100 * CONFIDENCE:g} % region is wider than half its response"
-    )
+    wider = f"a plant's {100 * CONFIDENCE:g} % region is wider than half its response"
+    text = f"elsewhere {wider}" if bridged.any() else "all that is given"
+    inside = responses.frequency[start:end][hidden[start:end]]
+    if inside.size:
+        text += f"; at {inside.size} frequencies from {inside[0]:.4g} Hz on, too, {wider}"
     return responses.within(first, last), text
+
+
+def _bridges(hidden: np.ndarray, radius: RealArray, size: RealArray) -> np.ndarray:
+    """Hidden frequencies (F,) below others at which plants are seen, larger than regions here.
+
+    A few lines count as seen by chance; as many as `BESIDE` in a row do not.
+    """
+    seen = ~hidden
+    row = np.convolve(seen, np.ones(BESIDE), "valid") == BESIDE
+    sure = np.convolve(row, np.ones(BESIDE)) > 0
+    beyond = np.maximum.accumulate(np.where(sure, size, 0.0)[::-1])[::-1]
+    before = np.cumsum(sure) > 0
+    found: np.ndarray = hidden & before & (radius < HIDDEN * beyond)
+    return found
 
 
 def _nominal(responses: Responses) -> tuple[Rational, str]:
