@@ -73,7 +73,7 @@ def test_chosen_lines_are_those_of_the_whole():
         np.testing.assert_allclose(getattr(some, name), getattr(whole, name)[at - 1], rtol=1e-9)
 
 
-def test_a_long_record_takes_little_more_memory_than_its_spectra():
+def test_a_long_record_takes_little_more_memory_than_its_report():
     rng = np.random.default_rng(4)
     u = rng.normal(size=(400_000, 1))
     y = lfilter([0.5], [1.0, -0.5], u, axis=0)
@@ -81,7 +81,7 @@ def test_a_long_record_takes_little_more_memory_than_its_spectra():
     local_polynomial(u, y, at=np.array([5, 50, 500]))
     held = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert held <= 8 * (u.nbytes + y.nbytes)
+    assert held <= 12 * (u.nbytes + y.nbytes)  # the spectra alone take 8
 
 
 @pytest.mark.parametrize(
