@@ -91,8 +91,12 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
-    for sentence in chosen.tested:
+    # What was tested and is usual stands in the README; a loop that may be closed is the worst.
+    first = [one for one in chosen.tested if "open loop" in one or ": tested;" not in one]
+    for sentence in first:
         click.echo(f"assumed  {sentence}")
+    if others := len(chosen.tested) - len(first):
+        click.echo(f"assumed  {others} more, tested: {folder}/README.md")
     peak, _ = told_apart(chosen.peak, 1.0, digits=3)
     if not chosen.peak < 1:
         click.secho(
