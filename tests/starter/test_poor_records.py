@@ -102,7 +102,9 @@ def test_a_constant_column_is_named(tmp_path, column, kind):
 def test_the_file_with_exchanged_columns_is_named(tmp_path):
     write(tmp_path, lambda columns: columns[:, [0, 2, 1]])
     names = {"input": "u", "output": "y", "time": "time", "hold": True}
-    with pytest.raises(InputError, match=r"drive2\.csv: feedback: .* are input and output exchanged"):
+    with pytest.raises(
+        InputError, match=r"drive2\.csv: feedback: .* are input and output exchanged"
+    ):
         Responses.from_files(tmp_path / "drive*.csv", **names)
     names["assume"] = "open loop"
     found = Responses.from_files(tmp_path / "drive*.csv", **names).within(0.0, 0.1 * RATE)

@@ -124,7 +124,9 @@ def test_bad_excitations_are_named(case, files, closed):
 
 
 def test_init_takes_the_excitation_and_the_study_names_it(files, closed, tmp_path, monkeypatch):
-    monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, lower, structure: chosen)
+    monkeypatch.setattr(
+        study_folder, "kept_weights", lambda design, chosen, lower, structure: chosen
+    )
     asked = ["init", str(tmp_path / "oven"), "--data", files[0], "--input", "power"]
     asked += ["--output", "temp", "--time", "t"]
     said = CliRunner().invoke(main, asked)
