@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -240,6 +240,8 @@ class BandCover:
         plain_at: BoundsAt | None = None,
         holds: Holds | None = None,
     ) -> None:
+        if system.vanishes():  # what is left of it in doubles is rounding
+            found = replace(found, M=0.0 * found.M, upper=0.0 * found.upper)
         self.system, self.bounds_at, self.plain_at = system, bounds_at, plain_at
         self.tolerance, self.found, self.holds = tolerance, found, holds
         size = float(np.abs(found.M).max())

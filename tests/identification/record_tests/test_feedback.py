@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 from simulated_logs import as_record, closed_log, excitation, held, open_log
 
-from workbench.identification.record_tests.feedback import open_loop
+from workbench.identification.record_tests.loop.feedback import open_loop
 from workbench.identification.record_tests.report import reported
 
 JUDGED_OPEN = range(63_000_000, 63_000_500)

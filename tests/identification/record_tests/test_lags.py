@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulated_logs import as_record
 
-from workbench.identification.record_tests.lags import (
+from workbench.identification.record_tests.loop.lags import (
     MOST_NUMBERS,
     growing,
     last_known,

@@ -10,10 +10,10 @@ from workbench.identification.record_tests.clipping import clipping
 from workbench.identification.record_tests.collinear import apart
 from workbench.identification.record_tests.delay import prompt_outputs
 from workbench.identification.record_tests.excitation import excitation
-from workbench.identification.record_tests.feedback import open_loop
 from workbench.identification.record_tests.finding import Finding, Tested
 from workbench.identification.record_tests.flags import flags
 from workbench.identification.record_tests.gaps import complete_outputs, instants
+from workbench.identification.record_tests.loop.feedback import open_loop
 from workbench.identification.record_tests.nonlinearity import nonlinearity
 from workbench.identification.record_tests.quantisation import quantisation
 from workbench.identification.record_tests.record import RecordData

@@ -61,8 +61,8 @@ def lqg(
     >>> from workbench.synthesis import lqg
     >>> G = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0)
     >>> answer = lqg(G, Q=[[1, 0], [0, 0]], R=1, W=[[0, 0], [0, 1]], V=1)
-    >>> round(answer.norm**2, 4), answer.holds  # 3 sqrt(2)
-    (4.2426, True)
+    >>> round(answer.norm**2, 4), answer.holds  # 6 sqrt(2)
+    (8.4853, True)
     """
     G = as_system(plant, "plant")
     n, m, p = G.nstates, G.ninputs, G.noutputs

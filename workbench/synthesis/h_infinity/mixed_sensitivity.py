@@ -58,8 +58,8 @@ class MixedSensitivity(HinfSynthesis):
     (True, True)
     >>> from workbench.synthesis import PI
     >>> program = MixedSensitivity(G, control.tf([0.5, 1.0], [1.0, 0.01]), 0.1, family=PI())
-    >>> wb.solve(program).answer.K.poles().tolist()  # an integrator
-    [0j]
+    >>> bool(wb.solve(program).answer.K.poles()[0] == 0)  # an integrator
+    True
     """
 
     G: StateSpace

@@ -167,6 +167,7 @@ class HinfSynthesis(ControllerSynthesis):
                 f"gamma is {self.gamma!r}; levels below {LEAST_GAMMA} cannot be told from 0"
             )
         object.__setattr__(self, "plant", visible(self.plant))
+        _ = self._tested  # raises for hidden modes
         self._set_form()
 
     @cached_property

@@ -20,6 +20,8 @@ from workbench.systems.realisation import Matrices, in_series, realisation
 
 ContinuationMethod = Literal["zoh", "tustin", "matched"]
 """Ways back to continuous time: from a hold, a bilinear transform, or matched poles and zeros."""
+AT_ZERO = 1e-13
+"""Size of a zero that counts as one at 0, up to rounding."""
 AT_MINUS_ONE = 1e-4
 """Distance from z = -1 up to which a zero is one at infinity; rounding moves repeated ones far."""
 REAL_ANGLE = 1e-6
@@ -125,6 +127,7 @@ def _matched_back(K: StateSpace) -> Matrices:
     poles, every = _poles_and_zeros(K)
     infinite = np.abs(every + 1.0) <= AT_MINUS_ONE
     zeros = every[~infinite]
+    zeros = np.where(np.abs(zeros) <= AT_ZERO, 0.0, zeros)
     for zero in zeros:
         if not zero or abs(np.angle(zero)) > math.pi - REAL_ANGLE:
             raise InputError(

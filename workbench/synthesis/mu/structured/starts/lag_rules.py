@@ -24,6 +24,8 @@ from workbench.systems.generalised_plant import response
 
 CLOSED_LOOP_TIMES = tuple(np.geomspace(0.1, 10.0, 7))
 """Closed-loop time constants over the plant's own time: its dead time, or a tenth of its lag."""
+FARTHEST = 1e8
+"""Size of a zero over the largest pole above which it is one at infinity, moved by rounding."""
 AT_ZERO = 1e-9
 """Size of poles and zeros that count as 0, over the largest."""
 FILTER_SHARE = 0.1
@@ -90,7 +92,7 @@ def _targets(search: Search) -> Iterator[StateSpace]:
 def lag_model(H: StateSpace) -> LagModel | None:
     """The lags, integrators and dead time that a plant amounts to; None where they are no model."""
     poles, zeros = H.poles(), H.zeros()
-    zeros = zeros[np.isfinite(zeros)]
+    zeros = zeros[np.abs(zeros) <= FARTHEST * np.abs(poles).max(initial=0.0)]
     largest = float(np.abs(np.concatenate([poles, zeros])).max(initial=0.0))
     small = AT_ZERO * largest
     integrators = int((np.abs(poles) <= small).sum())

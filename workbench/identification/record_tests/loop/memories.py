@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import BoolArray, RealArray
-from workbench.identification.record_tests.lags import growing, last_known, past, stretches
+from workbench.identification.record_tests.loop.lags import growing, last_known, past, stretches
 from workbench.identification.record_tests.record import RecordData
 
 FEWEST_SAMPLES = 200

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import stats
 
 from workbench.arrays import RealArray
-from workbench.identification.record_tests.memories import ROUNDING, Memory
+from workbench.identification.record_tests.loop.memories import ROUNDING, Memory
 
 NOISE_SHARE = 0.01
 """Largest share of a recorded u's variance that noise of its sensor may have."""

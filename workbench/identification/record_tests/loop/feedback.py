@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.identification.record_tests.feedback_findings import (
+from workbench.identification.record_tests.finding import Finding, Tested
+from workbench.identification.record_tests.loop.feedback_findings import (
     closed_loop,
     of_excitation,
     static,
 )
-from workbench.identification.record_tests.finding import Finding, Tested
-from workbench.identification.record_tests.granger import Prediction, input_predictions
-from workbench.identification.record_tests.memories import FEWEST_SAMPLES, Memory, memory
+from workbench.identification.record_tests.loop.granger import Prediction, input_predictions
+from workbench.identification.record_tests.loop.memories import FEWEST_SAMPLES, Memory, memory
+from workbench.identification.record_tests.loop.shares import largest_share
+from workbench.identification.record_tests.loop.statics import static_input
 from workbench.identification.record_tests.periods import (
     between_periods,
     common_period,
@@ -22,8 +24,6 @@ from workbench.identification.record_tests.periods import (
     without_periodic_part,
 )
 from workbench.identification.record_tests.record import RecordData
-from workbench.identification.record_tests.shares import largest_share
-from workbench.identification.record_tests.statics import static_input
 
 CHANCE, TINY_CHANCE = 5e-4, 1e-6
 """Probability of a false alarm of a record by chance, and one that leaves no doubt."""
@@ -41,6 +41,12 @@ SAYS_NOTHING = 0.5
 """Largest share of an input that may come from the outputs, from which on nothing is known."""
 Periods = list[list[int | None]]
 """Period [samples] of each input in each experiment."""
+
+
+UNDISTURBED = 1e-6
+"""Deviation of what is new in the outputs, over their size, below which nothing disturbs them."""
+HARMLESS_EXPLAINED, HARMLESS_SHARE = 0.01, 0.05
+"""Shares of an input that outputs tell, of its surprise and of its variance, that do no harm."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def open_loop(record: RecordData) -> Tested:
     Examples
     --------
     >>> import numpy as np
-    >>> from workbench.identification.record_tests.feedback import feedback
+    >>> from workbench.identification.record_tests.loop.feedback import feedback
     >>> from workbench.identification.record_tests.record import RecordData
     >>> rng = np.random.default_rng(0)
     >>> u, v = rng.standard_normal((2, 1000, 1))
@@ -191,7 +197,9 @@ def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdic
     share = part**2 * largest_share(rest.u[:, column], rest.new, rest.first_lag, rest.longest_lag)
     alike, weighted = input_predictions(rest, column)
     explained = _explained(alike, weighted, CHANCE / rest.u.shape[1])
-    if explained is not None:
+    if rest.new.std(axis=0).max() < UNDISTURBED:
+        explained = None  # outputs that inputs make alone bring nothing back
+    if explained is not None and (explained > HARMLESS_EXPLAINED or share > HARMLESS_SHARE):
         return Verdict(finding=closed_loop(name, explained, share))
     if alike.doubt and weighted.doubt:
         return Verdict(untestable=f"'{name}' {alike.doubt}")
