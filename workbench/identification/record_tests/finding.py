@@ -25,6 +25,17 @@ class Finding:
         What to do.
     forbids
         Whether nothing may be estimated from the record as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import record_report
+    >>> u = np.random.default_rng(0).standard_normal(500)
+    >>> y = np.convolve(u, [0.5, 0.3])[:500]
+    >>> y[[100, 300]] = -9999.0
+    >>> finding = record_report(u, y).findings[0]
+    >>> finding.kind, finding.forbids
+    ('flags', True)
     """
 
     kind: str
@@ -54,6 +65,15 @@ class Tested:
         Whether the record allows the test.
     findings
         What stands against the assumption.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from workbench.identification import record_report
+    >>> u = np.random.default_rng(0).standard_normal(500)
+    >>> tested = record_report(u, np.convolve(u, [0.5, 0.3])[:500]).tested[0]
+    >>> tested.assumption, tested.testable
+    ('open loop', True)
     """
 
     assumption: str
