@@ -13,7 +13,6 @@ from workbench import Check, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.study import Study
 from workbench.tables import markdown
 
 from .chain import Delivered, RefusedError, Way, delivered
@@ -25,13 +24,11 @@ from .judge import (
     grid,
     true_responses,
 )
-from .simulators.named import STRANGERS
 from .simulators.stranger import Stranger
+from .study import DELAY, StrangerStudy
 
 LEAST_BANDWIDTH = 0.5
 """Certified bandwidth that is asked for, over that of a SIMC controller."""
-DELAY = 1.0
-"""Delay of the controller's computer [samples]: the default of `workbench init`."""
 MEASURES = ("bump", "overshoot", "settling", "error", "cycle", "limits", "away")
 """Verdicts of the simulated loop; each is at most 1 where the loop does what is demanded."""
 
@@ -66,21 +63,10 @@ def loop(plant: str) -> StrangerLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class StrangerLoop(Study):
+class StrangerLoop(StrangerStudy):
     """One stranger, from its loggers' files to the C file in the loop with each nonlinear unit."""
 
-    plant: str
-
     headline: ClassVar[str] = "worst"
-
-    @property
-    def stranger(self) -> Stranger:
-        """The plant."""
-        return STRANGERS[self.plant]
-
-    @property
-    def quantifier(self) -> str:
-        return "for these units"
 
     def compute(self, context: Context) -> Dataset:
         with tempfile.TemporaryDirectory(prefix="stranger-") as place:

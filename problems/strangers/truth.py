@@ -11,19 +11,17 @@ from scipy.linalg import expm
 from workbench import Check, figures, problem
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.study import Study
 
 from .judge import bandwidth_of_simc, grid, true_responses
 from .simulators.linear import linear_plants
-from .simulators.named import STRANGERS
 from .simulators.rig import Rig
 from .simulators.stranger import Array, Stranger
+from .study import DELAY, StrangerStudy
 
 SMALL, SAMPLES, HALF_PERIOD = 1e-4, 60, 7
 """Size of a test signal over the input's range, its length and half period [samples]."""
 NONLINEAR = 0.05
 """Largest difference of equations and linear plants for such a signal, over the largest answer."""
-DELAY = 1.0
 
 
 @problem(
@@ -49,21 +47,10 @@ def truth(plant: str) -> StrangerTruth:
 
 
 @dataclass(frozen=True, eq=False)
-class StrangerTruth(Study):
+class StrangerTruth(StrangerStudy):
     """Responses of the true linear plants, and whether the equations answer alike near rest."""
 
-    plant: str
-
     headline: ClassVar[str] = "apart"
-
-    @property
-    def stranger(self) -> Stranger:
-        """The plant."""
-        return STRANGERS[self.plant]
-
-    @property
-    def quantifier(self) -> str:
-        return "for these units"
 
     def compute(self, context: Context) -> Dataset:
         import xarray as xr

@@ -1,0 +1,29 @@
+"""What the studies of a stranger share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.study import Study
+
+from .simulators.named import STRANGERS
+from .simulators.stranger import Stranger
+
+DELAY = 1.0
+"""Delay of the controller's computer [samples]: the default of `workbench init`."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrangerStudy(Study):
+    """A study of the units of one stranger, by its name."""
+
+    plant: str
+
+    @property
+    def stranger(self) -> Stranger:
+        """The plant."""
+        return STRANGERS[self.plant]
+
+    @property
+    def quantifier(self) -> str:
+        return "for these units"
