@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
 from functools import wraps
+from hashlib import blake2b
 from typing import TypeVar
+
+import numpy as np
 
 from workbench.arrays import RealArray
 
@@ -61,6 +64,17 @@ class RecordData:
     direct: bool = True
     order: int | None = None
     times: RealArray | None = None
+
+    def key(self) -> Hashable:
+        """What tells records apart: a hash of the samples, and all that is known beside them."""
+        hashed = blake2b(digest_size=16)
+        for signal in (self.u, self.y, self.r, self.times):
+            known = None if signal is None else np.ascontiguousarray(signal)
+            hashed.update(repr(None if known is None else (known.shape, known.dtype.str)).encode())
+            if known is not None:
+                hashed.update(known.data)
+        settings = (self.starts, self.sample_time, self.inputs, self.outputs)
+        return hashed.digest(), settings, self.direct, self.order
 
     def pieces(self) -> Iterator[slice]:
         """Samples of each experiment."""

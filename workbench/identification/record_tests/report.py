@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from workbench.errors import InputError, UnknownNameError
@@ -39,6 +39,9 @@ TESTS: tuple[Callable[[RecordData], Tested], ...] = (
     nonlinearity,
 )
 """Each test takes a record and says what became of one assumption."""
+REMEMBERED = 32
+"""Number of reports that are remembered: several estimators often take one record."""
+_KNOWN: dict[Hashable, RecordReport] = {}
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,5 +157,11 @@ def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def reported(record: RecordData) -> RecordReport:
-    """The report of a record."""
-    return RecordReport(tuple(test(record) for test in TESTS))
+    """The report of a record; that of one that was reported lately is remembered."""
+    key = (TESTS, record.key())
+    found = _KNOWN.get(key)
+    if found is None:
+        found = _KNOWN[key] = RecordReport(tuple(test(record) for test in TESTS))
+        for old in list(_KNOWN)[:-REMEMBERED]:
+            _KNOWN.pop(old, None)
+    return found

@@ -64,6 +64,7 @@ def test_without_noise_only_spectra_and_what_still_rings_are_off():
     assert max(errors.values()) < 2e-3
 
 
+@pytest.mark.slow  # of its simulations and of the reports of 16 long records
 def test_the_run_is_stored_and_shown(solved):
     program, solution = solved
     stored = program.from_dataset(program.to_dataset(solution.answer))
@@ -74,6 +75,7 @@ def test_the_run_is_stored_and_shown(solved):
     assert program.figures(stored).keys() == {"responses", "errors"}
 
 
+@pytest.mark.slow  # of its simulations and of the reports of 16 long records
 def test_wrong_answers_fail_their_checks(solved):
     program, solution = solved
     answer = solution.answer
@@ -101,6 +103,7 @@ def test_draws_of_drives_are_independent():
     assert len(np.unique(seeds)) == 2 * 2 * DRAWS
 
 
+@pytest.mark.slow  # of its simulations and of the reports of 16 long records
 def test_the_size_of_errors_is_over_the_frequencies(solved):
     error = solved[1].answer["error"]
     assert rms(error).dims == ("noise", "draw", "response")
