@@ -50,6 +50,20 @@ def test_regions_hold_the_truth_in_every_third_of_the_band(plant, excitation):
     assert np.mean(inside) > 0.93 and min(thirds) > 0.85
 
 
+@pytest.mark.parametrize("samples", [1000, 2000, 4000])
+@pytest.mark.parametrize("between", ["held", "straight"])
+def test_a_record_without_noise_keeps_its_lines(between, samples):
+    """The largest models are open there: common factors of theirs leave nothing that counts."""
+    u = np.random.default_rng(0).standard_normal(samples)
+    plant = LAG if between == "held" else ([0.5, 0.5], [1.0, -0.97])
+    y = lfilter(*plant, u)
+    found = local_response(u[:, None], y[:, None], 1.0, frequency_hz=FREQUENCY)
+    away = np.abs(found.response[:, 0, 0] - truth(plant, FREQUENCY))
+    radius = found.radius(0.95)[:, 0, 0]
+    assert (radius < 1e-3 * np.abs(truth(plant, FREQUENCY))).all()
+    assert (away <= radius).mean() > 0.93
+
+
 def test_regions_of_polynomials_in_narrow_bands_lose_it():
     """The reason for all this: bias that residuals do not show."""
     lines = np.arange(2, 60)

@@ -59,13 +59,14 @@ def test_a_controller_without_a_real_pole_stays():
 
 def test_integral_action_is_certified_and_costs_little():
     without = wb.solve(MuSynthesis(weighted(0.9, 0.01))).answer
+    best = None
     for more in ({}, {"order": 2, "stable": True}, {"target": 1.0}):
         done = wb.solve(MuSynthesis(weighted(0.9, 1e-6), integral=True, **more))
         assert done.certificate.holds, done.certificate
         assert any(check.name == "integral action" for check in done.certificate.checks)
         assert has_integrator(done.answer.lti.A)
         assert done.answer.upper < 1.0
-    best = wb.solve(MuSynthesis(weighted(0.9, 1e-6), integral=True)).answer
+        best = best or done.answer  # the first, of which nothing else is asked
     assert best.upper < 1.02 * without.upper
 
 

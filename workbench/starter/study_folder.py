@@ -109,15 +109,16 @@ def write_study(
     >>> import numpy as np
     >>> from workbench.starter import write_study
     >>> rng, time = np.random.default_rng(0), np.arange(2000) * 0.01
-    >>> u = rng.standard_normal(2000)
+    >>> u = np.tile(rng.standard_normal(250), 8)
     >>> for k in (1, 2, 3):
     ...     y = control.forced_response(control.tf([8 + k], [1, 9]), time, u).outputs
     ...     columns = np.c_[time, u, y]
     ...     np.savetxt(f"drive{k}.csv", columns, delimiter=",", header="time,u,y", comments="")
     ...
-    >>> choices = write_study("my-servo", "drive*.csv", input="u", output="y", time="time")
-    >>> choices.unstable_poles
-    0
+    >>> columns = {"input": "u", "output": "y", "time": "time"}
+    >>> choices = write_study("servo", "drive*.csv", **columns, structure="pi", bandwidth_hz=0.5)
+    >>> choices.unstable_poles, choices.peak < 1
+    (0, True)
     """
     need_choice(structure, Structure, "structure")
     need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)

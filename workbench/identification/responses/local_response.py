@@ -192,6 +192,9 @@ def _candidates(
 def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
     """Nested fits of one band, of infinite variance where the residuals speak for a larger one.
 
+    A larger one that leaves its coefficients open takes no place: without noise the largest one
+    always leaves less, by coefficients that nothing determines.
+
     A fit has no less variance than a smaller one that stands, for the same noise: to linear order
     a pole beside a line, which follows the noise of that line, promises more than it keeps.
     """
@@ -201,7 +204,8 @@ def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
         for large in nested[k + 1 :]:
             more = fit.free - large.free
             limit = stats.f.isf(CHANCE, 2 * more, 2 * large.free)
-            rejected |= (fit.left - large.left) * large.free > limit * more * large.left
+            worse = (fit.left - large.left) * large.free > limit * more * large.left
+            rejected |= worse & np.isfinite(large.variance).all(axis=1)
         least = np.zeros(fit.variance.shape)
         for small in found:
             noise = fit.left * small.free / np.maximum(small.left * fit.free, TINY)

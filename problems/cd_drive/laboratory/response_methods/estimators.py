@@ -25,7 +25,7 @@ from ...drive.actuator import SERIES_RESISTANCE
 from ..bench_setup import RATE
 from ..coil_current import RESONANCE, rational_current
 from ..record import CoilRecord
-from .excitations import Excited
+from .excitations import OPEN, Excited
 
 BY_RECORD = ("least_squares", "instruments", "prediction_errors")
 """Estimators of a record; each has regions of its own."""
@@ -60,7 +60,7 @@ def estimates(
     # Filters in both channels leave their ratio as it is; without them few samples would alias.
     gain, driven = excited.laboratory.coil_gain, excited.played[excitation].exact[:, 1]
     u, v = (decimate(one, FEWER, ftype="fir") for one in (driven, record.v_r / gain))
-    short = SampledRecord(u, v, RATE / FEWER, "first-order")
+    short = SampledRecord(u, v, RATE / FEWER, "first-order", assume=OPEN)
     rate = 2 * np.pi * RESONANCE[excited.laboratory.axis]
     start = filtered_least_squares(short, (2, 2), np.poly([-rate, -rate]))
     found = [start, refined_instruments(short, start), output_error(short, start)]

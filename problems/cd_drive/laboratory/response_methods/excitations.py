@@ -28,6 +28,8 @@ from ..experiment import CoilSignals, Laboratory
 from ..record import CoilRecord
 
 EXCITATIONS = ("step", "sines", "noise")
+OPEN = "open loop"
+"""What the record is known to be: the coil is driven by a generator."""
 SEGMENTS = {"spectra_half_s": 0.5, "spectra_1s": 1.0, "spectra_2s": 2.0, "spectra_4s": 4.0}
 """Estimates by spectra, and the lengths of their segments [s]."""
 RESPONSES = ("step", "sines", *SEGMENTS)
@@ -116,7 +118,8 @@ class Excited:
             return {"sines": self._alone(self._by_sines(u[rest:], v[rest:]))}
         every = {}
         for name, duration in SEGMENTS.items():
-            found = spectral_response(u[rest:], v[rest:], RATE, round(duration * RATE))
+            averaged = round(duration * RATE)
+            found = spectral_response(u[rest:], v[rest:], RATE, averaged, assume=OPEN)
             at = np.rint(self.frequency * duration).astype(int) - 1
             own = ResponseEstimate(
                 found.frequency[at], found.response[at], found.variance[at], found.degrees
