@@ -72,6 +72,11 @@ def test_code_of_a_page_runs(page, project):
                     exec(compile(directives_aside(text), f"{page.name}:{number}", "exec"), space)
 
 
+def test_the_readme_prints_what_it_says():
+    (text,) = [text for language, text in blocks(ROOT / "README.md") if language in PYTHON]
+    session(text, {}, "README.md")
+
+
 def session(text, space, name):
     """Run a session of an interpreter and compare what it prints."""
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
