@@ -1,9 +1,8 @@
-"""CONTRIBUTING.md is true: its examples run in order in one project, its picture is the house."""
+"""What contributors read is true: its examples run in one project, its map is current."""
 
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,8 @@ from workbench.cli import main
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+PAGE = (ROOT / "docs" / "how-to" / "extend.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 MOST_LINES = {"method": 15, "study": 25}
 """Lines of an example that are neither blank nor the name of its file: of a Study, of any other."""
 
@@ -92,12 +92,20 @@ def test_examples_are_formatted(tmp_path):
         assert done.returncode == 0, done.stdout
 
 
-def test_the_picture_is_the_house():
-    table = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
-    rooms, *_ = table["importlinter"]["contracts"]
-    picture = TEXT.partition("    workbench/\n")[2].partition("\n\n")[0]
-    shown = [re.split(r"\s{2,}", line.strip())[0] for line in picture.splitlines()]
-    assert shown == rooms["layers"]
+def test_the_map_is_the_house(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_tools")
+    import house
+
+    drawn = house.PICTURE.read_text(encoding="utf-8")
+    assert drawn == house.drawn(), "draw it anew: python docs/_tools/house.py"
+
+
+def test_files_and_links_exist():
+    reading = (ROOT / "docs" / "reference" / "reading.md").read_text(encoding="utf-8")
+    for file in re.findall(r"^\d\. `([\w/.]+)`", reading, re.MULTILINE):
+        assert (ROOT / file).is_file(), file
+    for link in re.findall(r"\]\(([^)#]+)\)", TEXT):
+        assert (ROOT / link).exists(), link
 
 
 def test_targets_exist():

@@ -1,4 +1,4 @@
-"""The one idea.
+"""The one idea: a Program is data with checks, methods answer it, a certificate decides.
 
 A `Program` is one family of optimisation problems: its data and a check of any answer.
 A *method* is anything that answers a Program. What a method says is never believed; a small kernel

@@ -45,7 +45,8 @@ def directives_aside(text):
 
 def with_code():
     for page in PAGES:
-        if blocks(page) and page.name not in {"solvers.md", "clusters.md"}:  # of test_guides
+        if blocks(page) and page.name not in {"solvers.md", "clusters.md", "extend.md"}:
+            # These have tests of their own: test_guides, test_contributing.
             text = page.read_text(encoding="utf-8")
             name = page.relative_to(DOCS).as_posix()
             marks = [pytest.mark.slow] if SLOW in text else []
