@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Figure, StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import (
@@ -236,6 +236,18 @@ class GeneralisedPlant:
         inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]
         outputs = list(self.system.input_labels[-self.controls :])
         return control.ss(K, inputs=inputs, outputs=outputs)
+
+    def diagram(self) -> Figure:
+        """The block diagram of the plant, its perturbation and its controller, by signal names."""
+        from workbench.figures.diagrams import plant_diagram
+
+        rows, columns = self._delta
+        outputs = [own_name(label) for label in self.system.output_labels]
+        inputs = [own_name(label) for label in self.system.input_labels]
+        z, w = rows + self.performance, columns + self.exogenous
+        return plant_diagram(
+            self.structure is not None, inputs[columns:w], outputs[rows:z], inputs[w:], outputs[z:]
+        )
 
     def partition(self, N: Array) -> tuple[Array, Array, Array, Array]:
         """The parts N11, N12, N21, N22 of responses of N = close(K), (..., outputs, inputs).
