@@ -1,4 +1,9 @@
 """What is trusted: code that decides whether an answer holds, and nothing else.
 
-It imports the ground and `workbench.systems`; methods and checks import it; it imports no method.
+Takes: an answer and the data of its problem.
+Gives: bounds rounded outward, and proofs that a stored answer carries with it.
+Rests on: bounds of rounding errors, discs that enclose all eigenvalues, and ball arithmetic
+    (python-flint). Hamiltonian matrices carry a bound from one frequency to an interval.
+
+It imports the ground and `workbench.systems`. Methods and checks import it; it imports no method.
 """

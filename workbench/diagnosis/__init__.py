@@ -1,4 +1,10 @@
-"""Diagnosis: faults modelled, detected, told apart, estimated, and what to put in their place."""
+"""Diagnosis: faults modelled, detected, told apart, estimated, and what to put in their place.
+
+Takes: plants with faults and disturbances, requirements, records of residuals.
+Gives: residual generators, fault filters for every plant of a set, thresholds, estimators.
+Rests on: null spaces of rational matrices (exact decoupling), H-infinity and mu for filters, and
+    the laws of CUSUM and likelihood-ratio tests.
+"""
 
 from typing import TYPE_CHECKING
 

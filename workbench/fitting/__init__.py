@@ -1,4 +1,10 @@
-"""Rational fits: magnitudes, also as covers, and complex responses."""
+"""Rational fits: magnitudes, also as covers, and complex responses.
+
+Takes: a magnitude or response at frequencies, an order, and which roots may be unstable.
+Gives: a rational function and its error; a cover lies above the data, between them too.
+Rests on: differential correction, which finds the global minimax fit of a magnitude; vector fitting
+    and local descent for complex responses.
+"""
 
 from typing import TYPE_CHECKING
 

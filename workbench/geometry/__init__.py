@@ -1,4 +1,9 @@
-"""Smallest circles, narrowest stadiums and those of smallest area around complex points."""
+"""Smallest circles, narrowest stadiums and those of smallest area around complex points.
+
+Takes: complex points of shape (..., N), a set in each row.
+Gives: the sets, each certified to contain its points and to be the smallest.
+Rests on: weak duality for circles; convex hulls and rotating calipers for stadiums.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,10 @@
-"""The structured singular value: certified bounds at frequencies and over all of them."""
+"""The structured singular value: certified bounds at frequencies and over all of them.
+
+Takes: complex matrices, systems and uncertain systems.
+Gives: upper bounds with multipliers, lower bounds with perturbations, margins, worst cases.
+Rests on: D and G scalings, a convex upper bound of mixed mu; a Hamiltonian matrix that carries a
+    bound over an interval of frequency; branch and bound over real parameters.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,9 @@
-"""Scalar optics of a scanning spot: spots on a detector, and layers of pits that reflect it."""
+"""Scalar optics of a scanning spot: spots on a detector, and layers of pits that reflect it.
+
+Takes: wavelength, aperture, defocus, and the layer.
+Gives: the light on each part of a detector.
+Rests on: scalar diffraction in Fraunhofer's approximation.
+"""
 
 from typing import TYPE_CHECKING
 

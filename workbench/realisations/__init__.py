@@ -1,4 +1,9 @@
-"""What the states of a system are worth: Gramians, Hankel values, parts, minimal ones; proven."""
+"""What the states of a system are worth: Gramians, Hankel values, parts, minimal ones; proven.
+
+Takes: linear systems, continuous or sampled, integrators included.
+Gives: smaller systems and parts, with proven bounds of the difference.
+Rests on: Lyapunov equations, and the H-infinity norm of what was left out.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,9 @@
-"""Sampled-data loops: discretisation, converters, noise, controllers and strategies, scores."""
+"""Sampled-data loops: discretisation, converters, noise, controllers and strategies, scores.
+
+Takes: a plant, a controller in parts, disturbances, and when the parts are switched.
+Gives: signals, sample by sample, and scores of ensembles with intervals.
+Rests on: exact discretisation under a hold, and compiled loops.
+"""
 
 from typing import TYPE_CHECKING
 

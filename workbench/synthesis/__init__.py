@@ -1,4 +1,10 @@
-"""Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
+"""Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported.
+
+Takes: a generalised plant, perhaps with uncertainty; the order or family of the controller.
+Gives: a controller with its certified norm or peak of mu, and C code of it.
+Rests on: two Riccati equations or linear matrix inequalities (H-infinity, H2); D-K iteration and
+    nonsmooth descent, which end in local optima; duality for limits of every controller.
+"""
 
 from typing import TYPE_CHECKING
 

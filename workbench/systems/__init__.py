@@ -1,4 +1,9 @@
-"""Linear systems: realisations, interconnections, sampling, norms, crossings of loops."""
+"""Linear systems: realisations, interconnections, sampling, norms, crossings of loops.
+
+Takes: systems of python-control, arrays, and names of signals.
+Gives: connected systems, generalised plants, responses, crossings.
+Rests on: state-space algebra; Gramians and Hamiltonian matrices for norms.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,10 @@
-"""Uncertainty models: covers of response sets, parametric models, generalised plants."""
+"""Uncertainty models: covers of response sets, parametric models, generalised plants.
+
+Takes: responses of several plants, or models with uncertain parameters.
+Gives: a nominal with weights whose set contains every plant; linear fractional forms.
+Rests on: smallest sets at each frequency and minimax fits above them; containment is decided from
+    the responses, and between them for known plants.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,1 +1,5 @@
-"""Feedback from records of states and inputs, for every plant that the records allow."""
+"""Feedback from records of states and inputs, for every plant that the records allow.
+
+The matrix S-lemma (van Waarde, Camlibel and Mesbahi, 2022) turns a bound on the noise into one
+linear matrix inequality.
+"""
