@@ -134,7 +134,7 @@ def these(count: int, one: str, several: str) -> str:
 
 
 def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
-    """The checks, each of which quantifies over this where it does not say over what it does.
+    """The checks, with ``over`` filled in where a check does not say what it quantifies over.
 
     Examples
     --------

@@ -81,7 +81,7 @@ def watched_by(watcher: Watcher) -> None:
 
 @cache
 def _listen() -> None:
-    """Have the watchers told of what Numba compiles; what it finds on disk, it does not compile."""
+    """Report compilations of Numba to the watchers; code that is found on disk is not reported."""
     from numba.core import event
 
     class Listener(event.Listener):

@@ -134,9 +134,8 @@ class Solution:
     def outcome(self) -> Outcome:
         """Set by the certificate, whatever the method said.
 
-        But a valid answer of a method that the clock stopped is no more than its best so far,
-        unless the gap shows that there is no better one. The claim that there is no answer counts
-        for nothing without a proof.
+        After a time limit a valid answer counts as the best so far, unless the gap proves that it
+        is optimal. The claim that there is no answer counts for nothing without a proof.
         """
         if self.proof is not None and self.certificate is not None:
             if self.certificate.holds:

@@ -47,8 +47,8 @@ LONGEST_CHAIN = 100
 class Bench:
     """Settings of runs: results folder, options, progress display, reuse of stored answers.
 
-    ``stored_only``: what a problem is fed with must be there; it is not run for it. ``executor``:
-    where parts of the work go.
+    ``stored_only``: results that a problem needs must be stored already; none is computed.
+    ``executor`` runs parts of the work.
     """
 
     store: Store

@@ -2,9 +2,9 @@
 
     e = d + f - H G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,
 
-with the disturbance d, the fault f and a filter H of the measurement inside the loop. F S is both
-what of the fault is estimated and what of the disturbance leaks into the estimate. Before F the
-filter H is left out: the fault is estimated as H lets it through.
+with the disturbance d, the fault f and a filter H of the measurement inside the loop. F S maps the
+fault and the disturbance alike to the estimate: what it estimates of one it leaks of the other.
+No H stands before F: d and f are what H lets through of disturbance and fault.
 """
 
 from __future__ import annotations

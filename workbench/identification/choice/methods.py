@@ -228,7 +228,7 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
 
 
 def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
-    """Fitting function of a model from physics; without a model where it is not what is known."""
+    """Fitting function of a model from physics; None for a model that violates what is known."""
 
     def fit(record: Experiments) -> InnovationsModel | None:
         found = physical.fitted(

@@ -26,8 +26,8 @@ from workbench.systems.conversion import as_system
 class Element(ABC):
     """An uncertain element; two with one name must be equal.
 
-    ``owner`` is the model that an element belongs to whose name is no name of its own, such as
-    "complex": that of another model is another element.
+    ``owner`` is the model that the element belongs to. It tells elements of equal default names
+    apart: "complex" of one model is another element than "complex" of another model.
     """
 
     name: str

@@ -49,9 +49,8 @@ LOST_STEP = 0.05
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
 PREDICTED_STEP = 0.6
-"""Largest step of the predictor that the corrector's aim counts on; one that the last step of the
-path did not reach is not counted on either. To look for the longest step takes longer and serves no
-better."""
+"""Largest step of the predictor that the corrector aims for, capped by the last accepted step. A
+search for the longest step takes longer and gives no better bounds."""
 STEP_TRIALS = 5
 """Trials that find the longest step."""
 FALL = 0.83
