@@ -16,8 +16,8 @@ from test_partial_fractions import (
 
 from workbench.certify import norms
 from workbench.certify.modes.band_peak import (
-    _below,
     _Intervals,
+    _is_below,
     _positive,
     largest_singular_value,
     proven_peak,
@@ -105,7 +105,7 @@ def test_it_is_the_norm_by_intervals(outputs, inputs, monkeypatch):
 
 
 def test_norms_of_many_modes_take_no_eigenvalues_of_a_hamiltonian(monkeypatch):
-    monkeypatch.setattr(norms, "_covered", None)
+    monkeypatch.setattr(norms, "_norm_by_intervals", None)
     for seed in range(3):
         assert certified_norm(control.ss(*modal(seed, pairs=20))) > 0.0
         parts = modal(10 + seed, pairs=20)
@@ -157,7 +157,7 @@ def test_a_quadratic_is_below_where_it_is_everywhere():
         half = 0.25
         u = half * np.linspace(-1, 1, 41)[:, None, None, None]
         square = rng.uniform(0.3, 3, 100) * np.linalg.norm(g[0], 2, axis=(1, 2)) ** 2
-        found = _below(square, tuple(g), half)
+        found = _is_below(square, tuple(g), half)
         assert 5 < found.sum() < 95
         g0, g1, g2 = g
         bend = g0.conj().mT @ g2 + g2.conj().mT @ g0 + g1.conj().mT @ g1

@@ -114,7 +114,7 @@ def test_improved_discs_contain_the_eigenvalues_found_one_by_one(seed, monkeypat
     level = 1.01 * np.linalg.norm(given.D, 2) + 1e-3
     improved = hamiltonian.ball_discs(given, parts, level, math.inf)
     with monkeypatch.context() as patch:
-        patch.setattr(hamiltonian, "_improved", lambda T: None)
+        patch.setattr(hamiltonian, "_improved_discs", lambda T: None)
         isolated = hamiltonian.ball_discs(given, parts, level, math.inf)
     assert not improved.doubtful()
     away = np.abs(isolated.centre[:, None] - improved.centre)

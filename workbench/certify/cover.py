@@ -105,14 +105,14 @@ def refined_bounds(
         if settled is not None:
             unsettled = ~settled(found) & (steps > 0)
             steps -= 1
-        new = _wanted(found, unsettled)
+        new = _frequencies_to_add(found, unsettled)
         if not new.size or len(found.omega) >= MOST_GRID_POINTS:
             break
         found = found.joined(bounds_at(new))
     return found
 
 
-def _wanted(found: FrequencyBounds, unsettled: BoolArray | None) -> RealArray:
+def _frequencies_to_add(found: FrequencyBounds, unsettled: BoolArray | None) -> RealArray:
     """Frequencies to add: in unsettled gaps (F - 1,), or between too different neighbours, and
     beside maxima.
     """
@@ -315,11 +315,11 @@ class BandCover:
         if ends is None and doubt:
             ends = self._in_balls(multipliers, omega)
         if ends is None or _log_width(*ends) < WIDE_INTERVAL:
-            beside = self._beside(omega)
+            beside = self._finite_frequency(omega)
             plain = self._plain(beside)
             if plain is not None and (ends is None or _log_width(*plain[0]) > _log_width(*ends)):
                 omega, (ends, multipliers) = beside, plain
-        if not self._covered(ends, omega, multipliers):
+        if not self._close_interval(ends, omega, multipliers):
             self.beta *= 1 + self.tolerance
 
     def _widest(self, worst: int) -> int:
@@ -349,7 +349,7 @@ class BandCover:
 
         return int(inside[max(sorted(tried), key=lambda place: (*reached(place), place == own))])
 
-    def _beside(self, omega: float) -> float:
+    def _finite_frequency(self, omega: float) -> float:
         """A frequency; of 0 and infinity, where scalings may grow without limit, one in its gap."""
         for low, high in self.open:
             if low == omega == 0.0 and high < math.inf:
@@ -381,7 +381,7 @@ class BandCover:
         self.failures_of_balls += ends is None
         return ends
 
-    def _covered(
+    def _close_interval(
         self,
         ends: tuple[float, float] | None,
         omega: float,
@@ -419,15 +419,15 @@ class BandCover:
         omega, half = (low + high) / 2, (high - low) / 2
         slopes = change[0] / half, change[1] / half, change[2] / half
         ends, doubt = proven_in_doubles(self.system, middle, self.beta, omega, slopes, half)
-        if self._covered(ends, omega, middle, slopes):
+        if self._close_interval(ends, omega, middle, slopes):
             return
         if ends is None and doubt:
             index = self._at(omega)
             fixed = self._multipliers(index)
-            if self._covered(self._in_balls(fixed, omega), omega, fixed):
+            if self._close_interval(self._in_balls(fixed, omega), omega, fixed):
                 return
         plain = self._plain(omega)
-        if plain is not None and self._covered(plain[0], omega, plain[1]):
+        if plain is not None and self._close_interval(plain[0], omega, plain[1]):
             return
         self.open.remove(gap)
         between = _middle(low, high) if low > 0 else omega

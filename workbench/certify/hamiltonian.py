@@ -79,10 +79,10 @@ def _discs(A: Matrix, B: Matrix, C: Matrix, D: Matrix, F: Matrix, omega: float) 
         H = _square(A, -Q, -A.conjugate().transpose()) - _rows(B, -S) * back
     except ZeroDivisionError:
         return None
-    return _improved(H * acb(0, -1)) or _isolated(H * acb(0, -1))
+    return _improved_discs(H * acb(0, -1)) or _isolating_discs(H * acb(0, -1))
 
 
-def _improved(T: Matrix) -> Discs | None:
+def _improved_discs(T: Matrix) -> Discs | None:
     """Discs of the pencil W T V - s W V, for eigenvectors V improved in balls and W near V^-1.
 
     None where a disc that meets the axis stays large.
@@ -101,7 +101,7 @@ def _improved(T: Matrix) -> Discs | None:
     return None
 
 
-def _isolated(T: Matrix) -> Discs | None:
+def _isolating_discs(T: Matrix) -> Discs | None:
     """A disc for each eigenvalue by itself; None where they are not found apart."""
     t = T.eig(multiple=True, nonstop=True)
     centre = np.array([complex(one.mid()) for one in t])

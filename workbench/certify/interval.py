@@ -239,7 +239,7 @@ def _form(
     return found if all(part.finite for part in parts) else None
 
 
-def _shifted(A: Enclosure, omega: float) -> Enclosure:
+def _minus_j_omega(A: Enclosure, omega: float) -> Enclosure:
     """A - j omega."""
     return A - exact(1j * omega * np.eye(len(A.mid)))
 
@@ -248,7 +248,7 @@ def _holds_at(form: _Form, omega: float) -> tuple[bool, bool]:
     """Whether Phi(omega) > 0 is proven, and whether it is clearly false."""
     M = form.D
     if math.isfinite(omega) and len(form.A.mid):
-        states = solution(_shifted(form.A, omega), form.B)
+        states = solution(_minus_j_omega(form.A, omega), form.B)
         if states is None:
             return False, False
         M = M - form.C @ states
@@ -308,7 +308,7 @@ def _fixed_discs(form: _Form, omega: float) -> Discs:
     A = form.A
     zero, wide, high = (exact(np.zeros((n, columns))) for columns in (n, c, r))
     minus, none = exact(-np.eye(c)), exact(np.zeros((c, c)))
-    (yy, yu), (uy, uu) = _divided(real_part(form.fixed), c)
+    (yy, yu), (uy, uu) = _four_blocks(real_part(form.fixed), c)
     return real_discs(
         stacked_enclosures([[A, zero], [zero, -A.H]]),
         stacked_enclosures([[form.B, wide, wide], [high, wide, -form.C.H]]),
@@ -321,25 +321,25 @@ def _fixed_discs(form: _Form, omega: float) -> Discs:
 def _linear_discs(form: _Form, slope: Enclosure, omega: float, half: float) -> Discs:
     """Discs that contain all t of size up to `half` at which L(omega + t) is singular."""
     n, r = form.B.mid.shape
-    A = _shifted(form.A, omega)
+    A = _minus_j_omega(form.A, omega)
     zero, high, one = exact(np.zeros((n, n))), exact(np.zeros((n, r))), exact(1j * np.eye(n))
-    (Q, S), (_, R) = _eliminated(form, form.fixed)
+    (Q, S), (_, R) = _form_of_outputs(form, form.fixed)
     L = stacked_enclosures([[A, zero, form.B], [-Q, -A.H, -S], [S.H, form.B.H, R]])
-    (Q, S), (_, R) = _eliminated(form, slope)
+    (Q, S), (_, R) = _form_of_outputs(form, slope)
     L_1 = stacked_enclosures(
         [[one, zero, high], [Q, one, S], [-S.H, high.H, -R]]
     )  # L = L_0 - t L_1
     return linear_discs(L, L_1, half)
 
 
-def _eliminated(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:
+def _form_of_outputs(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:
     """Q, S, S^H and R of a form of (y, u)."""
     n, r = form.B.mid.shape
     N = stacked_enclosures([[form.C, form.D], [exact(np.zeros((r, n))), exact(np.eye(r))]])
-    return _divided(N.H @ (weight @ N), n)
+    return _four_blocks(N.H @ (weight @ N), n)
 
 
-def _divided(matrix: Enclosure, n: int) -> list[list[Enclosure]]:
+def _four_blocks(matrix: Enclosure, n: int) -> list[list[Enclosure]]:
     """The four blocks of a matrix that is divided after its first n rows and columns."""
     parts = slice(None, n), slice(n, None)
     return [

@@ -135,11 +135,11 @@ def structured_bound(
     for start in range(0, len(value), CHUNK_MATRICES):
         some = slice(start, start + CHUNK_MATRICES)
         M, D_left, D_right, G = (part[some] for part in parts)
-        value[some] = _certified(M, structure, D_left, D_right, G, allowances)
+        value[some] = _certified_chunk(M, structure, D_left, D_right, G, allowances)
     return value.reshape(batch)
 
 
-def _certified(
+def _certified_chunk(
     M: ComplexArray,
     structure: Structure,
     D_left: ComplexArray,
@@ -175,7 +175,7 @@ def _certified(
             square = np.array(square)
             square[doubtful] = np.minimum(
                 square[doubtful],
-                _searched(
+                _least_proven_level(
                     A[doubtful],
                     spread[doubtful],
                     R[doubtful],
@@ -247,7 +247,7 @@ def _largest(
     return proper, top, rounding + allowance * stretch * _norm(N)
 
 
-def _searched(
+def _least_proven_level(
     A: ComplexArray,
     spread: NDArray[np.float64],
     R: ComplexArray,
@@ -290,9 +290,9 @@ def _searched(
     guess = np.where((guess > 0) & (nearer > 0) & np.isfinite(nearer), nearer, guess)
 
     sharp = SHARPNESS if allowances <= 1.0 else SAID_SHARPNESS
-    low, high, found, held = _around(holds, guess, sharp)
+    low, high, found, held = _bounds_near_guess(holds, guess, sharp)
     rest = np.flatnonzero(~found)
-    low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
+    low[rest], high[rest], found[rest] = _bracket(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
         open_ = np.flatnonzero(found & (high - low > ENOUGH_SHARP * sharp * high))
         if not open_.size:
@@ -310,7 +310,7 @@ Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
 """Whether a t (f,) is proven for the matrices of some numbers (f,)."""
 
 
-def _around(
+def _bounds_near_guess(
     holds: Test, guess: NDArray[np.float64], sharp: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
     """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found.
@@ -338,7 +338,7 @@ def _around(
     return low, high, found, held
 
 
-def _bracketed(
+def _bracket(
     holds: Test, count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Bounds (F,), a factor 2^8 apart, of the least t at which a test holds, and where it does.

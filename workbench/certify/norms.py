@@ -77,7 +77,7 @@ def _certified_norm(loop: StateSpace) -> float:
         found = _peak_of_fractions(system.enclosures)
         if found is not None:
             return found
-    return _covered(system)
+    return _norm_by_intervals(system)
 
 
 def _peak_of_fractions(parts: Sequence[Enclosure]) -> float | None:
@@ -86,7 +86,7 @@ def _peak_of_fractions(parts: Sequence[Enclosure]) -> float | None:
     return None if fractions is None else proven_peak(fractions, NORM_TOLERANCE)
 
 
-def _covered(system: StableSystem) -> float:
+def _norm_by_intervals(system: StableSystem) -> float:
     """The norm by intervals on which the multipliers prove it."""
     c, r = system.D.shape
 

@@ -199,13 +199,13 @@ class _Proposal:
 
         It is cheaper than a box; where real blocks nearly suffice, the box is the sharper proof.
         """
-        return self._scaled(WIDTHS[:1], WIDTHS[0])
+        return self._scaled_sizes(WIDTHS[:1], WIDTHS[0])
 
     def root_farther_away(self) -> RealArray | None:
         """Sizes as `nearest_root`, where a multiple root or rounding moved it away from 1."""
-        return self._scaled(WIDTHS, WIDTHS[-1])
+        return self._scaled_sizes(WIDTHS, WIDTHS[-1])
 
-    def _scaled(self, widths: tuple[float, ...], reachable: float) -> RealArray | None:
+    def _scaled_sizes(self, widths: tuple[float, ...], reachable: float) -> RealArray | None:
         """Sizes with the complex blocks scaled by a root of f, at most |s| as large.
 
         f is evaluated at the distances `widths` from 1; a root is looked for up to a few times

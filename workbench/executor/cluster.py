@@ -101,7 +101,7 @@ class Cluster(Executor):
         try:
             if self._own is not None:
                 self._client.wait_for_workers(self._own.workers, timeout=START)
-            answers = self._client.run(_settled, self._arrive, self._threads, on_error="return")
+            answers = self._client.run(_arrive_once, self._arrive, self._threads, on_error="return")
         except CommClosedError:
             raise self._lost() from None
         for worker, answer in answers.items():
@@ -201,7 +201,7 @@ _home: list[tuple[Arrive, int, Any]] = []
 """Where this worker has arrived: what it ran for that, its threads, and their limits."""
 
 
-def _settled(arrive: Arrive, threads: int) -> None:
+def _arrive_once(arrive: Arrive, threads: int) -> None:
     """Arrive once in this process."""
     if _home and _home[0][:2] == (arrive, threads):
         return
@@ -212,6 +212,6 @@ def _settled(arrive: Arrive, threads: int) -> None:
 
 def _do(content: bytes, arrive: Arrive, threads: int) -> Any:
     """A task, on a worker."""
-    _settled(arrive, threads)
+    _arrive_once(arrive, threads)
     function, arguments, keywords = pickle.loads(content)
     return function(*arguments, **keywords)

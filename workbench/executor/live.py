@@ -123,7 +123,7 @@ def _while_compiling(name: str, done: int, total: int) -> Iterator[None]:
     with _display("compiling", 0.0):
         display = _displays[0] if _displays else None
         if display is None:
-            with _announced():
+            with _announce_compilation():
                 yield
             return
         before, display.compiling = display.compiling, (name, done, total)
@@ -137,7 +137,7 @@ watched_by(_while_compiling)
 
 
 @contextmanager
-def _announced() -> Iterator[None]:
+def _announce_compilation() -> Iterator[None]:
     """Have a line tell of the first compilation in this process that takes longer than `SILENCE`.
 
     A worker is silent: what it prints is the answer's, and its pool shows how far the work is.

@@ -35,8 +35,8 @@ def least_boundary_part(system: StateSpace) -> Matrices:
     for _ in range(k - 1):
         own.append(a * own[-1])
         seen.append(seen[-1] * a)
-    reached = _beside(own)
-    shown = _beside([part.transpose() for part in seen]).transpose()
+    reached = _side_by_side(own)
+    shown = _side_by_side([part.transpose() for part in seen]).transpose()
     H = shown * reached
     columns, rows = _pivots(H), _pivots(H.transpose())
     if not rows:
@@ -48,7 +48,7 @@ def least_boundary_part(system: StateSpace) -> Matrices:
     return A, B, C, 0.0 * D
 
 
-def _beside(parts: Sequence[fmpq_mat]) -> fmpq_mat:
+def _side_by_side(parts: Sequence[fmpq_mat]) -> fmpq_mat:
     """Matrices side by side."""
     rows = [part.tolist() for part in parts]
     return fmpq_mat([[x for part in rows for x in part[i]] for i in range(parts[0].nrows())])

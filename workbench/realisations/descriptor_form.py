@@ -65,7 +65,7 @@ def from_descriptor(
     rate = _speed(given[0], given[1])
     timed = (given[0] * rate, *given[1:])
     parts = _regular(_balanced(timed))
-    lowered, known = _lowered(parts), [_response(timed, s) for s in TEST_POINTS]
+    lowered, known = _without_algebraic_states(parts), [_response(timed, s) for s in TEST_POINTS]
     states = (np.eye(len(lowered[0])), *lowered)
     for s, before in zip(TEST_POINTS, known, strict=True):
         apart = np.abs(_response(states, s) - before).max(initial=0.0)
@@ -118,7 +118,7 @@ def _regular(parts: Descriptor) -> Descriptor:
     return parts
 
 
-def _lowered(parts: Descriptor) -> Matrices:
+def _without_algebraic_states(parts: Descriptor) -> Matrices:
     """A, B, C and D of states: constraints are removed, algebraic equations are solved.
 
     A constraint of states that inputs move at once is none of the transposed system, if no output
@@ -126,12 +126,12 @@ def _lowered(parts: Descriptor) -> Matrices:
     """
     turned = stuck = False
     while True:
-        parts, rank = _separated(parts)
+        parts, rank = _with_identity_first(parts)
         _, A, B, _, _ = parts
         W, sizes, _ = np.linalg.svd(A[rank:, rank:])
         free = int((sizes > _least(A)).sum())
         if free == len(sizes):
-            A, B, C, D = _solved(parts, rank)
+            A, B, C, D = _without_last_states(parts, rank)
             return (A.T, C.T, B.T, D.T) if turned else (A, B, C, D)
         none = W[:, free:].T @ B[rank:]
         turn, moved, _ = np.linalg.svd(none)
@@ -148,7 +148,7 @@ def _lowered(parts: Descriptor) -> Matrices:
             parts, turned, stuck = _transposed(parts), not turned, True
 
 
-def _separated(parts: Descriptor) -> tuple[Descriptor, int]:
+def _with_identity_first(parts: Descriptor) -> tuple[Descriptor, int]:
     """The system with E = diag(1, 0), and the rank of E."""
     E, A, B, C, D = parts
     U, values, Vh = np.linalg.svd(E)
@@ -159,7 +159,7 @@ def _separated(parts: Descriptor) -> tuple[Descriptor, int]:
     return (np.diag((np.arange(len(E)) < rank).astype(float)), A, B, C @ Vh.T, D), rank
 
 
-def _solved(parts: Descriptor, rank: int) -> Matrices:
+def _without_last_states(parts: Descriptor, rank: int) -> Matrices:
     """The system without the states that its last equations give."""
     _, A, B, C, D = parts
     last = np.linalg.solve(A[rank:, rank:], np.hstack([A[rank:, :rank], B[rank:]]))

@@ -96,7 +96,7 @@ def inside(form: Any, x: RealArray, claimed: float) -> Check:
                 member = rng.choice([-1.0, 1.0], size=cone.rows)
             else:
                 own = _member(cone, rng) if number else _worst_member(cone, slack[rows])
-                member = _doubled(cone, own)
+                member = _with_doubled_off_diagonal(cone, own)
             allowed = sizes[rows] if cone.kind.name in ROWS_ALONE else sizes[rows].max()
             weight = float(np.sum(np.abs(_weight(cone, member)) * allowed))
             if weight > 0:
@@ -116,7 +116,7 @@ def _worst_member(cone: Any, s: RealArray) -> RealArray:
     return np.array([v[i] * v[j] for i, j in _triangle(cone.size)])
 
 
-def _doubled(cone: Any, member: RealArray) -> RealArray:
+def _with_doubled_off_diagonal(cone: Any, member: RealArray) -> RealArray:
     """A member with its entries off the diagonal doubled, as products of matrices count them."""
     if cone.kind.name != "SEMIDEFINITE":
         return member
@@ -141,7 +141,9 @@ def falls(form: Any, x: Sequence[Any], ray: Sequence[Any]) -> Check:
         point = start + step * way
         slack, size = form.b - form.A @ point, np.abs(form.b) + abs(form.A) @ np.abs(point)
         for cone, rows in form.blocks:
-            worst = max(worst, _outside(cone, slack[rows]) / max(float(size[rows].max()), 1.0))
+            worst = max(
+                worst, _distance_outside(cone, slack[rows]) / max(float(size[rows].max()), 1.0)
+            )
     statement = "most that a point along the ray lies outside of a cone, relative; 1: nothing falls"
     return Check("along the ray", statement, worst, SAMPLED_ROUNDING, over=f"at {STEPS}")
 
@@ -175,7 +177,7 @@ def _member(cone: Any, rng: np.random.Generator) -> RealArray:
     return np.array([v[i] * v[j] for i, j in _triangle(cone.size)])
 
 
-def _outside(cone: Any, s: RealArray) -> float:
+def _distance_outside(cone: Any, s: RealArray) -> float:
     """How far s lies outside of a cone."""
     kind = cone.kind.name
     if kind == "ZERO":

@@ -61,13 +61,15 @@ def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScore
     """
     if not len(error):
         raise InputError("the error has no samples, so there is nothing to score")
-    outside, losses, longest, square = _counted(np.asarray(error, float), acceptable, lost)
+    outside, losses, longest, square = _counts_outside(np.asarray(error, float), acceptable, lost)
     samples = len(error)
     return ErrorScores(outside / samples, float(losses), longest, math.sqrt(square / samples))
 
 
 @compiled
-def _counted(error: RealArray, acceptable: float, lost: float) -> tuple[int, int, int, float]:
+def _counts_outside(
+    error: RealArray, acceptable: float, lost: float
+) -> tuple[int, int, int, float]:
     """Samples outside, losses, the longest stretch outside, and the sum of the squares."""
     outside, losses, longest, stretch, square, away = 0, 0, 0, 0, 0.0, False
     for value in error:

@@ -134,7 +134,7 @@ def _product(
 
 
 @inlined
-def _outside(k: int, fraction: float, exogenous: RealArray, outside: RealArray) -> None:
+def _set_exogenous(k: int, fraction: float, exogenous: RealArray, outside: RealArray) -> None:
     """Set the exogenous signals at a fraction of sample k."""
     for i in range(len(outside)):
         old = exogenous[k, i]
@@ -168,10 +168,10 @@ def move(
     for w in range(len(weights)):
         held = k - age[w]
         _product(w, 0, held, x, plant, output, at)
-        _outside(k, fraction[2 * w], exogenous, outside)
+        _set_exogenous(k, fraction[2 * w], exogenous, outside)
         call4(sense, at, outside, sense_parameters, middle)
         _product(w, len(at), held, x, plant, output, at)
-        _outside(k, fraction[2 * w + 1], exogenous, outside)
+        _set_exogenous(k, fraction[2 * w + 1], exogenous, outside)
         call4(sense, at, outside, sense_parameters, end)
         _product(w, 2 * len(at), held, x, plant, output, after)
         for i in range(len(x)):

@@ -85,7 +85,7 @@ def largest_excess(
     """
     worst = Excess(LEVEL_TOLERANCE - 1, 0.0, 0)
     for index, compared in enumerate(_comparisons(plants, nominal, W_c, W_r, multiplicative)):
-        worst = _raised(compared, worst, index)
+        worst = _excess_with_plant(compared, worst, index)
         if math.isinf(worst.value):
             break
     return worst
@@ -191,7 +191,7 @@ class _Comparison:
         return found
 
 
-def _raised(compared: _Comparison, worst: Excess, index: int) -> Excess:
+def _excess_with_plant(compared: _Comparison, worst: Excess, index: int) -> Excess:
     """The worst excess with a further plant, whose radius is raised until no point is outside."""
     tolerance = LEVEL_TOLERANCE
     for step in range(MOST_STEPS):

@@ -111,7 +111,7 @@ class _Intervals:
         beside = (2 * second + third) * third + rounding * (limit**2 + total**2)
         square = limit**2 / UPWARD - beside * UPWARD
         g0, g1, g2 = (part[tried] for part in expansion)
-        found[tried] = _below(square[tried], (g0, g1, g2), half)
+        found[tried] = _is_below(square[tried], (g0, g1, g2), half)
         return found
 
 
@@ -133,7 +133,7 @@ def _table(level: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
     return value, first, second, third
 
 
-def _below(square: RealArray, expansion: Expansion, half: float) -> BoolArray:
+def _is_below(square: RealArray, expansion: Expansion, half: float) -> BoolArray:
     """Whether |g_0 + g_1 u + g_2 u^2|^2, up to u^2, is below `square` (S,) for |u| <= half (S,)."""
     g0, g1, g2 = expansion
 

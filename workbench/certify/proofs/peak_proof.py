@@ -76,8 +76,8 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
         found.append(scaled_interval(stable, structure, proof.scalings, proof.beta))
     for low, high in gaps([ends for ends in found if ends is not None], proof.band):
         about = [one for one in intervals if one.low <= high and low <= one.high]
-        if not _closed(stable, structure, about, (low, high), proof.beta):
-            nearest = _nearest(about, _between(low, high))
+        if not _gap_is_proven(stable, structure, about, (low, high), proof.beta):
+            nearest = _nearest(about, _middle_frequency(low, high))
             if not nearest or (high == proof.band[1] and nearest[0].high < high):
                 return f"no interval covers the frequencies above {low:.6g} rad/s"
             return (
@@ -134,7 +134,7 @@ def _nearest(intervals: list[CertifiedInterval], omega: float) -> list[Certified
     return sorted(intervals, key=lambda one: abs(one.omega - omega))
 
 
-def _closed(
+def _gap_is_proven(
     system: StableSystem,
     structure: Structure,
     about: list[CertifiedInterval],
@@ -143,7 +143,7 @@ def _closed(
 ) -> bool:
     """Whether multipliers of the intervals `about` a gap prove beta on all of it, also by balls."""
     pieces = [gap]
-    for one in _nearest(about, _between(*gap)):
+    for one in _nearest(about, _middle_frequency(*gap)):
         if one.slopes is None and pieces:
             (D_left, D_right, G), _ = _multipliers(structure, one, one.omega)
             ends = proven_in_balls(system, (D_left, D_right, G), beta, one.omega)
@@ -152,7 +152,7 @@ def _closed(
         if not pieces:
             return True
         low, high = pieces.pop()
-        omega = _between(low, high)
+        omega = _middle_frequency(low, high)
         for one in _nearest(about, omega):
             (D_left, D_right, G), slopes = _multipliers(structure, one, omega)
             ends = None
@@ -177,6 +177,6 @@ def _closed(
     return not pieces
 
 
-def _between(low: float, high: float) -> float:
+def _middle_frequency(low: float, high: float) -> float:
     """A frequency in the middle of a piece."""
     return math.inf if math.isinf(high) else (low + high) / 2

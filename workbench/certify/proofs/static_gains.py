@@ -126,7 +126,7 @@ def _resultant(p: fmpq_poly, n: fmpq_poly) -> fmpq_poly:
             points.append(k)
             values.append(_sylvester(even, odd, order))
         k = -k if k > 0 else 1 - k
-    return _through(points, values)
+    return _interpolating_polynomial(points, values)
 
 
 def _sylvester(even: fmpq_poly, odd: fmpq_poly, order: int) -> fmpq:
@@ -143,7 +143,7 @@ def _sylvester(even: fmpq_poly, odd: fmpq_poly, order: int) -> fmpq:
     return fmpq_mat(size, size, rows).det() if size else fmpq(1)
 
 
-def _through(points: list[int], values: list[fmpq]) -> fmpq_poly:
+def _interpolating_polynomial(points: list[int], values: list[fmpq]) -> fmpq_poly:
     """The polynomial through values at points, by Newton's divided differences."""
     table = list(values)
     for level in range(1, len(points)):

@@ -55,7 +55,7 @@ def boundary_projector(A: RealArray, sampled: bool) -> fmpq_mat | None:
     if not n:
         return None
     p = fmpq_poly(a.charpoly())
-    common = _on_boundary(p.gcd(_mirrored(p, sampled)), sampled)
+    common = _on_boundary(p.gcd(_mirrored_polynomial(p, sampled)), sampled)
     if common.degree() < 1:
         return None
     rest = p
@@ -75,7 +75,7 @@ def boundary_projector(A: RealArray, sampled: bool) -> fmpq_mat | None:
     return found
 
 
-def _mirrored(p: fmpq_poly, sampled: bool) -> fmpq_poly:
+def _mirrored_polynomial(p: fmpq_poly, sampled: bool) -> fmpq_poly:
     """p(-s), or z^n p(1 / z)."""
     coefficients = p.coeffs()
     if sampled:
@@ -92,7 +92,7 @@ def _on_boundary(common: fmpq_poly, sampled: bool) -> fmpq_poly:
     """
     found = fmpq_poly([1])
     for factor, _ in common.factor()[1] if common.degree() > 0 else ():
-        mirrored = _mirrored(factor, sampled)
+        mirrored = _mirrored_polynomial(factor, sampled)
         if mirrored * factor[factor.degree()] != factor * mirrored[mirrored.degree()]:
             continue
         with ctx.workprec(BITS):

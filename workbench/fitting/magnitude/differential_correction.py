@@ -146,7 +146,7 @@ def _differential_correction(
         found = solver(step)
         if found is None:
             break
-        new_error, new_fit = _along(target, error, step, found)
+        new_error, new_fit = _line_search(target, error, step, found)
         if asked < error:
             plain = 0
             unreachable = asked if found[2] < 0 else unreachable
@@ -164,7 +164,7 @@ def _differential_correction(
     return fit
 
 
-def _along(
+def _line_search(
     target: Target, error: float, step: CorrectionStep, found: tuple[RealArray, RealArray, float]
 ) -> tuple[float, Rational]:
     """Error and fit at the end of a step or, if the error does not fall there, on the way to it.

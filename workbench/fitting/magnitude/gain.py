@@ -70,7 +70,7 @@ class Target:
         u, data = np.log(self.omega), np.log(self.magnitude)
         steps = np.linspace(0, 1, VALLEY_SAMPLES, endpoint=False)
         fine = (u[:-1, None] + np.diff(u)[:, None] * steps).ravel()
-        fine = np.unique(np.concatenate([fine, u[-1:], _beside(shape, u)]))
+        fine = np.unique(np.concatenate([fine, u[-1:], _frequencies_near_roots(shape, u)]))
 
         def height(v: RealArray) -> RealArray:
             return np.log(np.abs(shape.response(np.exp(v)))) - np.interp(v, u, data)
@@ -95,7 +95,7 @@ class Target:
         ), least
 
 
-def _beside(shape: Rational, u: RealArray) -> RealArray:
+def _frequencies_near_roots(shape: Rational, u: RealArray) -> RealArray:
     """Logarithms of frequencies close around each complex root, within the range of u.
 
     They resolve each resonance, however sharp.

@@ -42,9 +42,9 @@ def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] |
         return moved, -(of_N @ center[0] + of_D @ center[1])
 
     signs = [
-        _beside(row, side)
+        _row_on_all_variables(row, side)
         for side, basis in enumerate(bases)
-        for row in (basis.at_zero, basis.at_infinity, *basis(_undamped(basis.roots)))
+        for row in (basis.at_zero, basis.at_infinity, *basis(_undamped_frequencies(basis.roots)))
     ]
     rows = np.vstack(
         [
@@ -65,7 +65,7 @@ def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] |
         found = center[0] + y[:n], center[1] + plane @ y[n:-1]
         best = (*found, float(y[-1]))
         added = [
-            _beside(row, side)
+            _row_on_all_variables(row, side)
             for side, basis in enumerate(bases)
             for row in basis(basis.negative(found[side]))
         ]
@@ -75,12 +75,12 @@ def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] |
     return best
 
 
-def _undamped(roots: ComplexArray) -> RealArray:
+def _undamped_frequencies(roots: ComplexArray) -> RealArray:
     """Frequencies [rad/s] of lightly damped roots, near which a sign may change."""
     return roots.imag[(roots.imag > 0) & (np.abs(roots.real) < 0.05 * np.abs(roots))]
 
 
-def _beside(row: RealArray, side: int) -> RealArray:
+def _row_on_all_variables(row: RealArray, side: int) -> RealArray:
     """Row on all variables (N, D and t) from a row on the coefficients of N (side 0) or D (1)."""
     row = row / np.linalg.norm(row)
     blank = np.zeros_like(row)

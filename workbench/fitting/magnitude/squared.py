@@ -59,7 +59,7 @@ class SquaredBasis:
 
     def __init__(self, roots: ComplexArray, omega: RealArray) -> None:
         self.roots, self.omega = roots, omega
-        self.nodes = _apart(roots, omega[0] / NODE_RANGE, omega[-1] * NODE_RANGE)
+        self.nodes = _separate_nodes(roots, omega[0] / NODE_RANGE, omega[-1] * NODE_RANGE)
         triangle = np.linalg.qr(self._fractions(omega), mode="r")
         self._inverse = np.linalg.inv(triangle / np.sqrt(omega.size))
         self.columns = self(omega)
@@ -78,8 +78,8 @@ class SquaredBasis:
             raise LinAlgError("the zeros of a polynomial do not converge")
         found = _near(real, imaginary, share, far)
         poles, constant, residues = _secular(self.nodes, self._inverse @ coefficients)
-        pairs = _polished(found[found.imag > 0], poles, constant, residues)
-        single = _polished(found[found.imag == 0], poles, constant, residues).real
+        pairs = _polished_zeros(found[found.imag > 0], poles, constant, residues)
+        single = _polished_zeros(found[found.imag == 0], poles, constant, residues).real
         beyond = np.full(self.nodes.size - single.size - 2 * pairs.size, -far)
         return np.concatenate([single, pairs, pairs.conj(), beyond]) * middle
 
@@ -136,7 +136,7 @@ def _crossings(zeros: ComplexArray) -> RealArray:
     return np.sort(np.sqrt(zeros.real[(zeros.imag == 0) & (zeros.real > 0)]))
 
 
-def _apart(roots: ComplexArray, low: float, high: float) -> ComplexArray:
+def _separate_nodes(roots: ComplexArray, low: float, high: float) -> ComplexArray:
     """Nodes near the roots: sizes within [low, high], no two nodes close, +j first in pairs."""
     nodes: list[complex] = []
     upper = roots[roots.imag >= 0]
@@ -224,7 +224,7 @@ def _near(real: RealArray, imaginary: RealArray, share: RealArray, far: float) -
 
 
 @unchecked
-def _polished(
+def _polished_zeros(
     zeros: ComplexArray, xi: ComplexArray, constant: float, residues: ComplexArray
 ) -> ComplexArray:
     """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))), refined by Newton's method.

@@ -107,16 +107,16 @@ def _least_area(
     """Lower bound on the area for one set (N,), (N,) of unit size, angles from first to last."""
     answer, near = met, FIRST_CLOSENESS * met
     while near > close:
-        met = _searched(x, y, centred, first, last, met, near)[1]
+        met = _bounds_by_search(x, y, centred, first, last, met, near)[1]
         near *= 0.1
-    least = _searched(x, y, centred, first, last, met, close)[0]
+    least = _bounds_by_search(x, y, centred, first, last, met, close)[0]
     # the cuts hold for radii larger by their rounding, whose area is larger by that of the margin
     around = 4.0 + 2.0 * math.sqrt(math.pi * answer)
     return max(least - around * RADIUS_ROUNDING, 0.0)
 
 
 @compiled
-def _searched(
+def _bounds_by_search(
     x: np.ndarray,
     y: np.ndarray,
     centred: bool,
@@ -159,7 +159,7 @@ def _searched(
         c, s = math.cos(middle), math.sin(middle)
         cut, width = (slope, re, im), (across_re, across_im)
         known = cuts[: min(made_cuts, KEPT_CUTS)]
-        bound = max(bound, _mixed(cut, width, known, (c, s), radius, half, small, large))
+        bound = max(bound, _area_of_two_cuts(cut, width, known, (c, s), radius, half, small, large))
         kept = made_cuts % KEPT_CUTS
         cuts[kept, 0], cuts[kept, 1], cuts[kept, 2] = slope, c * re - s * im, s * re + c * im
         made_cuts += 1
@@ -195,7 +195,7 @@ def _searched(
 
 
 @compiled
-def _mixed(
+def _area_of_two_cuts(
     cut: tuple[float, float, float],
     width: tuple[float, float],
     known: np.ndarray,

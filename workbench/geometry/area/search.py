@@ -63,13 +63,15 @@ def smallest_area(
     if angle is None:
         angles = _directions(corners, centred)
         areas = _areas(x, y, centred, largest, angles)
-        finer = [_between(angles, k, FINER) for k in _minima(areas)]
+        finer = [_angles_between(angles, k, FINER) for k in _minima(areas)]
         angles = np.unique(np.concatenate([angles, *finer]) % np.pi)
         areas = _areas(x, y, centred, largest, angles)
         best = angles[np.argmin(areas)], areas.min()
         for k in _minima(areas):
-            low, high = _between(angles, k, 2)
-            best = min(best, _refined(x, y, centred, largest, low, high), key=lambda each: each[1])
+            low, high = _angles_between(angles, k, 2)
+            best = min(
+                best, _refined_angle(x, y, centred, largest, low, high), key=lambda each: each[1]
+            )
         found = float(best[0] % np.pi)
     else:
         found = float(angle)
@@ -98,7 +100,7 @@ def _minima(areas: np.ndarray) -> np.ndarray:
     return worth[np.argsort(areas[worth])][:REFINED]
 
 
-def _between(angles: np.ndarray, k: int, count: int) -> np.ndarray:
+def _angles_between(angles: np.ndarray, k: int, count: int) -> np.ndarray:
     """So many angles [rad] from the one before a place to the one after it.
 
     Angles that differ by rounding only are passed over: between them a minimum has no room.
@@ -121,7 +123,7 @@ def _areas(
 
 
 @compiled
-def _refined(
+def _refined_angle(
     x: np.ndarray, y: np.ndarray, centred: bool, largest: float, low: float, high: float
 ) -> tuple[float, float]:
     """Angle [rad] between two of least area, by golden sections, and that area."""

@@ -43,7 +43,7 @@ def loops_held(parts: Any, K: Any, delay: float, sign: int, claimed: float) -> C
     """
     period, fastest, count = float(K.dt), -math.inf, 0
     for Delta in _perturbations(min(claimed, 1e6) * INSIDE, 1 / period):
-        loop = _closed(_held(_with(parts, Delta), period, delay), K, sign)
+        loop = _closed_transition(_held(_with(parts, Delta), period, delay), K, sign)
         rate, rounding = growth(loop, period)
         fastest, count = max(fastest, rate - rounding), count + 1
     return Check(
@@ -62,11 +62,11 @@ def _perturbations(size: float, rate: float) -> Iterator[Realisation]:
         gain = size * (1 if k % 2 else -1)
         system = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])
         for pole in rate * REACH ** rng.uniform(-1, 1, size=0 if k < 2 else 1 + k % 3):
-            system = _followed(system, pole)
+            system = _before_all_pass(system, pole)
         yield system
 
 
-def _followed(system: Realisation, pole: float) -> Realisation:
+def _before_all_pass(system: Realisation, pole: float) -> Realisation:
     """A system followed by (a - s) / (a + s) = 2 a / (a + s) - 1."""
     A, B, C, D = system
     whole = np.block([[A, np.zeros((len(A), 1))], [C, np.array([[-pole]])]])
@@ -118,7 +118,7 @@ def _driven(A: RealArray, B: RealArray, time: float) -> tuple[RealArray, RealArr
     return whole[:n, :n], whole[:n, n:]
 
 
-def _closed(plant: Realisation, K: Any, sign: int) -> RealArray:
+def _closed_transition(plant: Realisation, K: Any, sign: int) -> RealArray:
     """Transition of the loop over a sample; the plant answers no sooner than at the next one."""
     A, B, C, _ = plant
     a, b, c, d = (np.asarray(getattr(K, part), dtype=float) for part in "ABCD")
