@@ -28,11 +28,13 @@ HANGS = 600
 """Seconds after which a process counts as one that hangs, on a machine that does much else."""
 
 
-CHOSEN = "--chosen"
+CHOSEN, SAMPLED = "--chosen", "--sampled"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(CHOSEN, help="Run the tests alone that this file of tests/changed.py names.")
+    told = "Run a few cases of each test with parameters, other ones after each commit (lanes.py)."
+    parser.addoption(SAMPLED, action="store_true", help=told)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -42,14 +44,27 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ[lanes.ENVIRONMENT] = "1"
     else:
         os.environ.pop(lanes.ENVIRONMENT, None)
+    if config.getoption(SAMPLED):
+        os.environ.setdefault(lanes.TURN, str(lanes.turn_of(config.rootpath)))
 
 
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """How to try the same cases again."""
+    if config.getoption(SAMPLED):
+        return f"cases in turn: {lanes.TURN}={os.environ[lanes.TURN]} tries the same ones again"
+    return None
+
+
+@pytest.hookimpl(trylast=True)  # after the marks have chosen
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of `make quick`: the tests that an edit reaches, the nearest first."""
+    """Of `make quick`: what an edit reaches, the nearest first; of `make test`: a sample."""
     if told := config.getoption(CHOSEN):
         from quick.order import keep_chosen
 
         config.hook.pytest_deselected(items=keep_chosen(items, Path(told), config.rootpath))
+    if config.getoption(SAMPLED):
+        turn = int(os.environ[lanes.TURN])
+        config.hook.pytest_deselected(items=lanes.keep_sample(items, turn))
 
 
 @pytest.fixture(scope="session")

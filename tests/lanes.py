@@ -1,14 +1,28 @@
-"""Parameters that the quick tests try in part and `make test-all` as a whole."""
+"""What `make test` tries in part, and `make test-all` as a whole.
+
+`make test` takes `MOST` cases of each test with parameters: the first, which is the plainest, and
+others in turn, so that each comes up once in so many commits. The turn is the number of commits, or
+what `TURN` says; so a second run at the same commit takes the same cases. `make quick` and pytest
+by itself try all cases of what they run.
+"""
 
 import os
-from collections.abc import Iterable
-from typing import Any
+import subprocess
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 from hypothesis import settings
 
 ENVIRONMENT = "WORKBENCH_TESTS_QUICK"
 """Set to 1 by conftest.py when the slow tests are left out; its workers inherit it."""
+TURN = "WORKBENCH_TESTS_TURN"
+"""Which cases are tried: a number, set by conftest.py unless it is set; its workers inherit it."""
+MOST = 4
+"""Cases of a test with parameters in a sample."""
+
+T = TypeVar("T")
 
 
 def thinned(values: Iterable[Any], every: int) -> list[Any]:
@@ -22,3 +36,39 @@ def thinned(values: Iterable[Any], every: int) -> list[Any]:
 def examples(quick: int, whole: int) -> settings:
     """How many examples a property test tries in the quick tests, and in `make test-all`."""
     return settings(max_examples=quick if os.environ.get(ENVIRONMENT) else whole)
+
+
+def turn_of(root: Path) -> int:
+    """Number of commits of a checkout; zero where git does not tell."""
+    words = ["git", "rev-list", "--count", "HEAD"]
+    try:
+        done = subprocess.run(words, cwd=root, capture_output=True, text=True)
+    except OSError:
+        return 0
+    return int(done.stdout) if done.returncode == 0 else 0
+
+
+def sample(cases: Sequence[T], turn: int, most: int = MOST) -> list[T]:
+    """The first case and `most` - 1 others, in their order; in the next turn the next ones."""
+    if len(cases) <= most:
+        return list(cases)
+    others, start = len(cases) - 1, turn * (most - 1)
+    chosen = {(start + k) % others + 1 for k in range(most - 1)}
+    return [case for k, case in enumerate(cases) if k == 0 or k in chosen]
+
+
+def keep_sample(items: list[pytest.Item], turn: int) -> list[pytest.Item]:
+    """Take out and return the cases that are not in the sample of their test."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        test = item.nodeid if item.get_closest_marker("every_case") else _test_of(item)
+        cases.setdefault(test, []).append(item)
+    kept = {item for same in cases.values() for item in sample(same, turn)}
+    left_out = [item for item in items if item not in kept]
+    items[:] = [item for item in items if item in kept]
+    return left_out
+
+
+def _test_of(item: pytest.Item) -> str:
+    """Name of a test without its parameters."""
+    return item.nodeid.removesuffix(item.name) + item.name.partition("[")[0]

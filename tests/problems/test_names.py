@@ -1,17 +1,13 @@
 """The name of a problem leads to its file."""
 
-import pytest
+from tables import each
 
 from workbench.bench.project import registry
 
-ENTRIES = list(registry().entries.values())
+ENTRIES = registry().entries
 
 
-def test_there_are_problems():
-    assert ENTRIES
-
-
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@each("entry", ENTRIES)
 def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     """Hyphens become underscores; a file called problem.py goes by the name of its folder."""
     file = entry.file
@@ -19,7 +15,7 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@each("entry", ENTRIES)
 def test_its_data_files_are_there(entry):
     problem = registry().find(entry.name)
     assert problem.data_hashes().keys() == set(problem.settings.data)
