@@ -32,7 +32,7 @@ test test-all: $(READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint $@-only
 
 test-only: $(READY)
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow" --sampled
 
 # Every test, in parts of less than half an hour. What was stopped goes on where it was, and a table
 # tells when each part last passed; PART='here/mu-*' runs some of them, and

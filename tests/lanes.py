@@ -8,6 +8,7 @@ by itself try all cases of what they run.
 
 import os
 import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -49,26 +50,33 @@ def turn_of(root: Path) -> int:
 
 
 def sample(cases: Sequence[T], turn: int, most: int = MOST) -> list[T]:
-    """The first case and `most` - 1 others, in their order; in the next turn the next ones."""
+    """The first case and `most` - 1 others, in their order; in the next turn the next ones.
+
+    Of one case alone, each has its turn.
+    """
     if len(cases) <= most:
         return list(cases)
+    if most == 1:
+        return [cases[turn % len(cases)]]
     others, start = len(cases) - 1, turn * (most - 1)
-    chosen = {(start + k) % others + 1 for k in range(most - 1)}
-    return [case for k, case in enumerate(cases) if k == 0 or k in chosen]
+    chosen = {0} | {(start + k) % others + 1 for k in range(most - 1)}
+    return [case for k, case in enumerate(cases) if k in chosen]
 
 
 def keep_sample(items: list[pytest.Item], turn: int) -> list[pytest.Item]:
     """Take out and return the cases that are not in the sample of their test."""
-    cases: dict[str, list[pytest.Item]] = {}
+    tests: dict[str, list[pytest.Item]] = {}
     for item in items:
-        test = item.nodeid if item.get_closest_marker("every_case") else _test_of(item)
-        cases.setdefault(test, []).append(item)
-    kept = {item for same in cases.values() for item in sample(same, turn)}
+        name = item.nodeid.removesuffix(item.name) + item.name.partition("[")[0]
+        tests.setdefault(name, []).append(item)
+    kept = {one for cases in tests.values() for one in sample(cases, turn, _most(cases[0]))}
     left_out = [item for item in items if item not in kept]
     items[:] = [item for item in items if item in kept]
     return left_out
 
 
-def _test_of(item: pytest.Item) -> str:
-    """Name of a test without its parameters."""
-    return item.nodeid.removesuffix(item.name) + item.name.partition("[")[0]
+def _most(item: pytest.Item) -> int:
+    """How many cases of its test `make test` takes: what its mark `cases` says."""
+    mark = item.get_closest_marker("cases")
+    told = mark.args[0] if mark else MOST
+    return sys.maxsize if told is None else told

@@ -420,7 +420,7 @@ def room_of(function):
     return function.__module__.split(".")[1]
 
 
-@pytest.mark.every_case
+@pytest.mark.cases(None)
 @pytest.mark.parametrize("room", sorted({room_of(function) for function, _, _ in JOINTS.values()}))
 def test_misuses_of_a_room_are_told(room, records):
     def told(misuse):
