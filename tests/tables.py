@@ -1,7 +1,7 @@
 """A law over many items as one test, whose failure is a table of all that break it."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -30,19 +30,32 @@ def hold(law: Law, cases: Mapping[str, Mapping[str, Any]]) -> None:
         raise AssertionError(table) from next(iter(broken.values()))
 
 
-def each(name: str, cases: Mapping[str, Any]) -> Callable[[Law], Law]:
-    """One test of all cases, where `pytest.mark.parametrize` makes one of each.
+def each(
+    names: str | Sequence[str],
+    values: Iterable[Any],
+    *,
+    ids: Iterable[str] | Callable[[Any], str] = repr,
+) -> Callable[[Law], Law]:
+    """One test of all values, where `pytest.mark.parametrize` makes one of each.
 
-    For quick laws that leave nothing behind: the cases share their fixtures.
+    For quick laws that leave nothing behind: the values share their fixtures.
     """
+    given = list(values)
+    titles = [ids(value) for value in given] if callable(ids) else list(ids)
+    single = isinstance(names, str)
+    asked = (names,) if isinstance(names, str) else tuple(names)
+    cases = {
+        f"{number} {title}": dict(zip(asked, (value,) if single else value, strict=True))
+        for number, (title, value) in enumerate(zip(titles, given, strict=True))
+    }
 
     def decorate(law: Law) -> Law:
         def test(**fixtures: Any) -> None:
-            hold(law, {case: {name: value, **fixtures} for case, value in cases.items()})
+            hold(law, {name: case | fixtures for name, case in cases.items()})
 
-        asked = inspect.signature(law)
-        shared = [one for one in asked.parameters.values() if one.name != name]
-        test.__signature__ = asked.replace(parameters=shared)  # type: ignore[attr-defined]
+        signature = inspect.signature(law)
+        shared = [one for one in signature.parameters.values() if one.name not in asked]
+        test.__signature__ = signature.replace(parameters=shared)  # type: ignore[attr-defined]
         test.__name__, test.__doc__, test.__module__ = law.__name__, law.__doc__, law.__module__
         return test
 

@@ -42,7 +42,14 @@ def two():
     return 2
 
 
-@each("pair", {name: pair for name, pair in SQUARES.items() if name in {"two", "three"}})
-def test_items_share_the_fixtures_of_their_test(pair, two):
+@each(("root", "square"), [(2, 4), (3, 9)])
+@each("sign", [1, -1], ids=str)
+def test_items_share_the_fixtures_of_their_test(root, square, sign, two):
     """The signature that pytest sees has the fixtures alone."""
-    assert pair[0] ** two == pair[1]
+    assert (sign * root) ** two == square
+
+
+def test_every_value_is_tried_by_name():
+    law = each("root", [2, 3, 4], ids=["two", "three", "four"])(lambda root: squared(root, 9))
+    with pytest.raises(AssertionError, match=r"2 of 3 break it\n0 two .*\n2 four"):
+        law()

@@ -207,7 +207,7 @@ MISUSES = {
 }
 
 
-@each("misuse", MISUSES)
+@each("misuse", MISUSES.values(), ids=MISUSES)
 def test_misuses_of_sets_are_told(misuse):
     call, name, value = misuse
     function, right, _ = CALLS[call]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from tables import each
 
 from workbench.cli import main
 
@@ -103,7 +104,7 @@ def command(line, project):
         assert done.exit_code == 0, (line, done.output, done.exception)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+@each("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
 def test_links_of_a_page_exist(page):
     """Links to files of the repository; the build checks those between pages."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)

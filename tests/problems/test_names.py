@@ -7,7 +7,7 @@ from workbench.bench.project import registry
 ENTRIES = registry().entries
 
 
-@each("entry", ENTRIES)
+@each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     """Hyphens become underscores; a file called problem.py goes by the name of its folder."""
     file = entry.file
@@ -15,7 +15,7 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
 
 
-@each("entry", ENTRIES)
+@each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_its_data_files_are_there(entry):
     problem = registry().find(entry.name)
     assert problem.data_hashes().keys() == set(problem.settings.data)

@@ -14,7 +14,8 @@ LONGEST_SAYING, LONGEST_FINDING = 140, 220
 def of(*verdicts):
     """One test of all items of some verdicts."""
     chosen = [(chapter, item) for chapter, item in EVERY if item.verdict in verdicts]
-    return each("item", {f"{where}: {item.place}: {item.says}": item for where, item in chosen})
+    said = [f"{chapter}: {item.place}: {item.says}" for chapter, item in chosen]
+    return each("item", [item for _, item in chosen], ids=said)
 
 
 @of(Verdict.REPRODUCED, Verdict.READING)
