@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import os
@@ -54,6 +55,17 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     if config.getoption(SAMPLED):
         return f"cases in turn: {lanes.TURN}={os.environ[lanes.TURN]} tries the same ones again"
     return None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What is collected stays to the end: there is no garbage to look for, then or later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(trylast=True)  # after the marks have chosen

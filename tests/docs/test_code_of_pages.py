@@ -53,6 +53,7 @@ def with_code():
             yield pytest.param(page, id=name, marks=marks)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("page", list(with_code()))
 def test_code_of_a_page_runs(page, project):
