@@ -238,7 +238,8 @@ def test_the_version_is_the_same_everywhere():
 
 
 def test_commits_and_ci_run_what_lint_runs():
-    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", makefile, re.MULTILINE)
     lint = [line.strip().removeprefix("$(BIN)/") for line in recipe[1].splitlines()]
     (local,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
     assert all(hook["language"] == "system" for hook in local["hooks"])
@@ -249,7 +250,10 @@ def test_commits_and_ci_run_what_lint_runs():
     jobs = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]
     steps = [step["run"].splitlines() for step in jobs["test"]["steps"] if "run" in step]
     assert lint in steps
-    assert any("pytest" in line and '-m "not slow"' in line for step in steps for line in step)
+    made = re.search(r"^test-only:.*\n\t\$\(PYTEST\) (.+)$", makefile, re.MULTILINE)
+    assert [f"python -m pytest -n auto {made[1]}"] in steps
+    parts = [step.get("run", "") for step in jobs["part"]["steps"]]
+    assert "make test-all-only PART=${{ matrix.part }}" in parts
 
 
 def test_supported_pythons_are_those_of_ci():
