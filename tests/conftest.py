@@ -46,15 +46,15 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ[lanes.ENVIRONMENT] = "1"
     else:
         os.environ.pop(lanes.ENVIRONMENT, None)
-    if config.getoption(SAMPLED):
-        os.environ.setdefault(lanes.TURN, str(lanes.turn_of(config.rootpath)))
+    if config.getoption(SAMPLED) and lanes.TURN not in os.environ:
+        os.environ[lanes.TURN] = str(lanes.turn_of(config.rootpath))
 
 
-def pytest_report_header(config: pytest.Config) -> str | None:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """How to try the same cases again."""
-    if config.getoption(SAMPLED):
-        return f"cases in turn: {lanes.TURN}={os.environ[lanes.TURN]} tries the same ones again"
-    return None
+    if terminalreporter.config.getoption(SAMPLED):
+        told = f"a sample of the cases; {lanes.TURN}={os.environ[lanes.TURN]} takes the same again"
+        terminalreporter.write_line(told)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -77,6 +77,7 @@ print(workbench.plants.__path__[0], *found.entries, sep="\\n")
 """
 
 
+@pytest.mark.slow
 def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
     place, *names = elsewhere("-c", IMPORT_ALL).splitlines()
     assert Path(place) == installed / "workbench" / "plants"

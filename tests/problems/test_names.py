@@ -1,5 +1,6 @@
 """The name of a problem leads to its file."""
 
+import pytest
 from tables import each
 
 from workbench.bench.project import registry
@@ -15,6 +16,7 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
 
 
+@pytest.mark.slow
 @each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_its_data_files_are_there(entry):
     problem = registry().find(entry.name)

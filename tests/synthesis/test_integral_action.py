@@ -70,6 +70,7 @@ def test_integral_action_is_certified_and_costs_little():
     assert best.upper < 1.02 * without.upper
 
 
+@pytest.mark.slow
 def test_a_pi_has_it_by_itself():
     done = wb.solve(MuSynthesis(weighted(1.0, 1e-6), integral=True, family=PI()))
     assert done.certificate.holds
