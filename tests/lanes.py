@@ -56,8 +56,8 @@ def sample(cases: Sequence[T], turn: int, most: int = MOST) -> list[T]:
     """
     if len(cases) <= most:
         return list(cases)
-    if most == 1:
-        return [cases[turn % len(cases)]]
+    if most < 2:
+        return [cases[turn % len(cases)]] * most
     others, start = len(cases) - 1, turn * (most - 1)
     chosen = {0} | {(start + k) % others + 1 for k in range(most - 1)}
     return [case for k, case in enumerate(cases) if k in chosen]

@@ -24,7 +24,7 @@ SCRIPTS = "Scripts" if os.name == "nt" else "bin"
 """Where an environment keeps its programs."""
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_wheel_lists_the_named_problems_from_another_folder(elsewhere, installed):
     assert "cd/focus/stadiums" in elsewhere("-m", "workbench", "list")
     where = elsewhere("-c", "import workbench; print(workbench.__file__)")
@@ -77,14 +77,14 @@ print(workbench.plants.__path__[0], *found.entries, sep="\\n")
 """
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
     place, *names = elsewhere("-c", IMPORT_ALL).splitlines()
     assert Path(place) == installed / "workbench" / "plants"
     assert names == [entry.name for entry in wb.problems()]
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_records_of_an_example_are_made_from_a_wheel(elsewhere, tmp_path):
     elsewhere("-m", "workbench", "examples", "--to", "mine")
     elsewhere("mine/coupled_tanks/make_records.py")
@@ -151,7 +151,7 @@ def test_wheel_runs_a_problem_of_plants_that_compile_for_long(elsewhere, tmp_pat
         assert len(list((tmp_path / "results" / name).rglob("SHA256SUMS"))) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_type_checkers_see_the_types_of_an_installed_wheel(wheel, tmp_path):
     """In an environment that has nothing else, so that only our own annotations can tell."""
     venv.create(tmp_path / "env", with_pip=False)
@@ -273,7 +273,7 @@ BROUGHT_BY = {
 """What brings a package of another name."""
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_a_wheel_brings_every_package_that_the_library_imports():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     brought = {Requirement(one).name for one in declared["dependencies"]}

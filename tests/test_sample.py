@@ -33,10 +33,11 @@ class Case:
 
 
 def test_a_mark_says_how_many_cases_are_taken():
-    every, one = pytest.mark.cases(None), pytest.mark.cases(1)
+    every, one, none = map(pytest.mark.cases, (None, 1, 0))
     items = [Case("test_many", f"a[{k}]") for k in range(9)]
     items += [Case("test_every", k, every) for k in range(6)]
     items += [Case("test_one", k, one) for k in range(3)]
+    items += [Case("test_none", k, none) for k in range(2)]
     whole = list(items)
     left_out = keep_sample(items, turn=1)
     assert [item.name for item in items if "many" in item.name] == [

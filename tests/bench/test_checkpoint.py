@@ -89,7 +89,7 @@ def test_a_state_survives_the_listing_of_results(project):
     assert resumed()[0] == 5
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_a_killed_process_loses_no_finished_round(project):
     project.edit("PAUSE = 0.0", "PAUSE = 0.2")

@@ -108,7 +108,7 @@ def test_the_least_factor_is_of_the_limits_and_falls_with_the_set():
     assert nominal < once < wide
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("peak", [None, 1.0])
 def test_no_leakage_at_all_ends_in_no_filter(peak):
     """T = 0: an error of 1, and the loop as it is; the solver is not asked for the impossible."""

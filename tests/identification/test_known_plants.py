@@ -112,7 +112,7 @@ def test_integrators_of_several_outputs_and_gains_of_some_channels(method):
     assert_known(solve(StateSpaceFit(u, stable, static_gain=gain), method), (), gain)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_an_unstable_pole_of_a_closed_loop():
     rng = np.random.default_rng(0)
     r, e = rng.standard_normal((2, 600))
@@ -132,7 +132,7 @@ def test_an_unstable_pole_of_a_closed_loop():
         solve(program, "two-stage")
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_delays_gaps_experiments_and_units_far_apart():
     u, y = record("both")
     known = PLANTS["both"][2]

@@ -108,7 +108,7 @@ def test_a_wrong_period_is_refused():
         program.explained(program.record.part(0, PERIOD - 1))
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_deviations_of_a_response_are_those_of_many_records():
     """ARX models of records whose equation errors are white: 200 of them scatter as each says."""
     at, found, said = np.array([0.02, 0.1, 0.3]), [], []

@@ -213,7 +213,7 @@ def coverage(records, periods, matrices, seed):
     return np.mean(held, axis=0), np.mean(tests, axis=0), valid
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_bands_hold_in_a_few_records():
     held, _, valid = coverage(40, 8, True, 1)
     assert valid == 40

@@ -67,7 +67,7 @@ def test_a_plant_that_changes_is_followed(kind):
     assert gains[1.0] < 0.9 * true
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_recursive_prediction_errors_find_the_truth():
     u, y = signals(6000, seed=2, C=C)
     estimate = RecursiveARMAX(2)

@@ -262,7 +262,7 @@ def test_disks_of_a_set_hold_with_dead_time():
     assert found.classical["input"].phase_deg == pytest.approx(nominal.classical["input"].phase_deg)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_every_plant_of_a_set_keeps_its_margins_with_the_dead_time_itself():
     C = control.tf([1, 0.5], [1, 0])
     found = loop_margins(tf([real("k", 2, percent=20)], [3, 1]) * late(0.5), C, tolerance=0.05)

@@ -104,7 +104,7 @@ def test_a_loop_that_does_not_roll_off_bears_no_delay(loop):
     assert robust_stability(closed).delays["tau"][0] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_a_delay_that_occurs_twice_is_proven_by_its_cover():
     loop = tf([2], [1, 1]) * LATE
     closed = feedback(loop * loop, 1)

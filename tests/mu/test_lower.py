@@ -113,7 +113,7 @@ def test_one_repeated_complex_scalar_is_the_spectral_radius():
     np.testing.assert_allclose(certified(M, structure), expected, rtol=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", ["best", "gain"])
 def test_one_repeated_real_scalar_is_the_largest_real_eigenvalue(method):
     structure = Structure([Real(5)])

@@ -16,7 +16,7 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_its_data_files_are_there(entry):
     problem = registry().find(entry.name)

@@ -367,7 +367,7 @@ def test_what_mu_synthesis_refuses(arguments, said):
         MuSynthesis(**{"plant": UNCERTAIN, **arguments})
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", ["dk", pytest.param("mu-dk", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "place"), [("D21", (-1, slice(0, -1))), ("D12", (slice(0, -1), -1))]

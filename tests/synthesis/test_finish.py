@@ -47,7 +47,7 @@ def five_dynamic_blocks(seed=0, states=30):
     return GeneralisedPlant(control.ss(A, B, C, D), Structure([Full(2, 2)] * 5), 2, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_textbook_case_has_a_controller_of_few_states():
     solution = wb.solve(MuSynthesis(mass_damper_spring()))
     assert solution.holds and solution.answer.upper < 0.97  # 0.965 at order 20 in the book

@@ -117,7 +117,7 @@ def test_a_mutated_controller_or_claim_is_refused(done):
         assert "coefficients" in " ".join(task.certify(between, 1e-6, optimal=False).failures)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_a_generalised_plant_has_the_signs_and_several_channels():
     two = control.append(G, 2 * G)
     plant = generalised_plant(
@@ -134,7 +134,7 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
     assert task.metrics(found.answer)["peak"] == found.answer.sensitivity
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_order_filter_and_limits_are_heeded(tmp_path):
     filtered = 1 / (s / 2000 + 1)
     task = Implementation(

@@ -100,7 +100,7 @@ def test_a_level_is_found_from_a_guess_on_either_side():
     assert not level_at(normal.plant, 0.999 * low).feasible
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_descent_lowers_the_level_and_keeps_its_bounds():
     plant = PLANTS["distillation"]()
     used = start(plant, 1, 0)

@@ -73,7 +73,7 @@ def whole_of(program, few):
 # --- stopped ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", METHODS)
 def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, name):
     whole = whole_of(name)
@@ -185,7 +185,7 @@ def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch)
 # --- stored -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_round_is_stored_with_its_controller_and_scalings(program, whole_of, name, tmp_path):
     answer = whole_of(name).answer

@@ -25,7 +25,7 @@ def many():
     return drawings(judged(synthetic(problems=7, methods=12, repetitions=2)))
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_there_is_a_figure_of_every_kind(many):
     assert many.keys() == ALL
 
@@ -200,7 +200,7 @@ def test_of_one_problem_the_profiles_would_say_nothing_more():
 # --- numbers that are none ----------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
 def test_every_figure_is_drawn_whatever_its_numbers_are(value):
     """In one cell of every variable, then in all cells of the gap and of the times."""

@@ -58,7 +58,7 @@ def typed(page: Browser, words: str) -> None:
     page.call("Input.insertText", text=words)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_search_and_filter_are_in_the_address(page: Browser, entry: Path) -> None:
     page.open(entry)
     assert len(shown_runs(page)) == 5
@@ -80,7 +80,7 @@ def test_search_and_filter_are_in_the_address(page: Browser, entry: Path) -> Non
     assert len(shown_runs(page)) == 3
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_sort_and_columns_of_parameters(page: Browser, entry: Path) -> None:
     page.open(entry, "theme=lab")
     heads = "[...document.querySelector('.runs thead tr').cells].map((one) => one.textContent)"
@@ -109,7 +109,7 @@ def test_every_page_fits_a_phone(page: Browser, entry: Path, dark: bool) -> None
         assert (paper == "rgb(20, 24, 28)") is dark
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_nothing_leaves_the_folder(page: Browser, entry: Path) -> None:
     for place in [entry, *run_pages(entry)]:
         page.open(place)
@@ -131,7 +131,7 @@ VISIBLE = f"""[...new Set([...{DRAWN}.querySelectorAll("[data-method]")]
     .map((part) => part.dataset.method))].sort()"""
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_ten_methods_can_be_toggled(page: Browser, entry: Path) -> None:
     page.open(comparison(entry))
     page.run("document.querySelector('figure.toggled').scrollIntoView()")
@@ -151,7 +151,7 @@ def test_ten_methods_can_be_toggled(page: Browser, entry: Path) -> None:
     assert page.run(VISIBLE) == METHODS
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_points_tell_what_they_are(page: Browser, entry: Path) -> None:
     page.open(comparison(entry))
     page.wait(f"{DRAWN} !== null")
@@ -174,7 +174,7 @@ def test_points_tell_what_they_are(page: Browser, entry: Path) -> None:
     assert page.run("document.getElementById('told').hidden") is True
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_figures_are_enlarged(page: Browser, entry: Path) -> None:
     (place,) = [one for one in run_pages(entry) if one.name.startswith("shop")]
     page.open(place)

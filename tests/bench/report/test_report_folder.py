@@ -35,7 +35,7 @@ def line(height: float = 1.0) -> Any:
     return figure
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_same_folders_give_the_same_bytes(
     root: Path, make: Make, shown: Callable[..., None], tmp_path: Path
 ) -> None:
@@ -58,7 +58,7 @@ def drawn_again(root: Path, output: Path) -> int:
     return told[-1][2]
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_only_what_has_changed_is_drawn_again(
     root: Path, make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

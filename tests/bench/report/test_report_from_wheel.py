@@ -28,7 +28,7 @@ def pages(elsewhere: Callable[..., str], root: Path, *words: str) -> str:
     return Page(page).text
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_a_comparison_has_its_page_whatever_its_numbers_are(
     elsewhere: Callable[..., str],
     root: Path,
@@ -45,7 +45,7 @@ def test_a_comparison_has_its_page_whatever_its_numbers_are(
     assert "every cell" in text and "Figure not drawn: every cell" not in text
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_a_figure_that_fails_names_the_line_of_the_library_that_met_it(
     elsewhere: Callable[..., str], root: Path, make_comparison: Make
 ) -> None:

@@ -76,7 +76,7 @@ def test_hostile_parameters_of_a_comparison_are_inert(
         assert "unknown share of unknown number of cells certified" in page.text
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_hostile_tables_and_sentences_that_were_kept_are_text(root: Path, make: Make) -> None:
     make()
     report(root)

@@ -33,7 +33,7 @@ def failures(study, answer):
     return {check.name for check in study.checks(answer, 1e-6) if not check.holds}
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_small_one_holds(solved):
     study, solution = solved
     assert solution.certificate.holds, solution.certificate
@@ -47,7 +47,7 @@ def test_the_small_one_holds(solved):
     assert numbers["peak"] <= PEAK < numbers["peak_dkpy"] == 1.2
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_what_is_not_reached_is_found(solved):
     study, solution = solved
     answer = solution.answer.copy(deep=True)

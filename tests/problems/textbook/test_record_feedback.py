@@ -23,7 +23,7 @@ def test_the_gain_stabilises_the_plant_that_made_the_record(criterion):
         assert np.abs(np.linalg.eigvals(A + B @ solution.answer.K)).max() < 1
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_what_is_known_of_the_noise_matters_more_than_its_length(solved):
     solution = solved[1]
     assert solution.certificate.holds

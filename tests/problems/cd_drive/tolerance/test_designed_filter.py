@@ -39,7 +39,7 @@ def stored(reference):
     return find
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 def test_the_stand_ins_margins_are_those_of_another_study(reference):
     found = delayed_margins("focus", {"F": stand_in_filter()}, 1.0)
     known = reference("cd/focus/switching-stability").data.sel(controller="K (1 - F)")
@@ -48,7 +48,7 @@ def test_the_stand_ins_margins_are_those_of_another_study(reference):
         np.testing.assert_allclose(values[0], expected, rtol=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", AXES)
 def test_the_stored_filter_keeps_every_drive_stable_and_the_other_does_not(axis, stored):
     run, (_, estimation), _ = stored(axis)
@@ -119,7 +119,7 @@ def test_limits_that_no_filter_meets_end_in_the_least_ones(stored, leakage, wide
     assert not all(one.holds for one in again)
 
 
-@pytest.mark.slow
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", AXES)
 def test_figures_and_tables(axis, stored):
     run, _, task = stored(axis)
