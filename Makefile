@@ -32,10 +32,13 @@ test test-all: $(READY)
 	@$(MAKE) --no-print-directory --jobs 2 lint $@-only
 
 test-only: $(READY)
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow" --sampled
 
+# Every test, in parts of less than half an hour. What was stopped goes on where it was, and a table
+# tells when each part last passed; PART='here/mu-*' runs some of them, and
+# `tests/processors/run.py --list 'here/*'` names them.
 test-all-only: $(READY)
-	$(PYTEST)
+	$(BIN)/python tests/processors/run.py $(or $(PART),'here/*')
 
 # Broken code and planted wrong answers: does every certificate notice?
 mutants: lint

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import os
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,11 +30,13 @@ HANGS = 600
 """Seconds after which a process counts as one that hangs, on a machine that does much else."""
 
 
-CHOSEN = "--chosen"
+CHOSEN, SAMPLED = "--chosen", "--sampled"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(CHOSEN, help="Run the tests alone that this file of tests/changed.py names.")
+    told = f"Run a few cases of each test with parameters, others if {lanes.TURN} is set (lanes.py)."
+    parser.addoption(SAMPLED, action="store_true", help=told)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -44,20 +48,35 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.pop(lanes.ENVIRONMENT, None)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What is collected stays to the end: there is no garbage to look for, then or later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.hookimpl(trylast=True)  # after the marks have chosen
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of `make quick`: the tests that an edit reaches, the nearest first."""
+    """Of `make quick`: what an edit reaches, the nearest first; of `make test`: a sample."""
     if told := config.getoption(CHOSEN):
         from quick.order import keep_chosen
 
         config.hook.pytest_deselected(items=keep_chosen(items, Path(told), config.rootpath))
+    if config.getoption(SAMPLED):
+        turn = int(os.environ.get(lanes.TURN, 0))
+        config.hook.pytest_deselected(items=lanes.keep_sample(items, turn))
 
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q"]
-    subprocess.run([*command, "-w", folder, Path(__file__).parents[1]], check=True)
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder]
+    subprocess.run(command, cwd=Path(__file__).parents[1], check=True, stdout=subprocess.DEVNULL)
     return next(folder.glob("robust_workbench-*.whl"))
 
 
@@ -65,8 +84,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the wheel unpacked, beside nothing of the checkout."""
     folder = tmp_path_factory.mktemp("installed")
-    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", folder, wheel]
-    subprocess.run(pip, check=True)
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
     return folder
 
 

@@ -106,6 +106,7 @@ def test_the_tolerance_of_a_method_never_reaches_it_out_of_range(toy):
     assert "no finer than 0.0001 and no coarser than 0.01" in notes[0]
 
 
+@pytest.mark.cases(0)
 @pytest.mark.usefixtures("deaf")
 def test_a_comparison_asks_once_for_what_is_the_same():
     told = []

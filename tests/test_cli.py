@@ -360,6 +360,7 @@ def test_a_plan_of_a_comparison_is_printed(cli):
     assert "0 of 1 would run" in cli(*words, "--plan")[1]
 
 
+@pytest.mark.cases(0)
 def test_cells_are_written_and_an_older_comparison_is_told_apart(cli, tmp_path):
     words = ("compare", "toy/root", "--accuracy", "low", "--in-process", "--methods")
     old = cli(*words, "exact,lying")[1].splitlines()[-1]
@@ -420,6 +421,7 @@ def test_verbose_and_jobs_exclude_each_other(project, cli):
     assert "leave out" in cli("run", "toy/root", "--verbose", "--jobs", "2")[2]
 
 
+@pytest.mark.cases(0)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_an_interrupt_of_jobs_ends_them_all(project):
     project.edit("PAUSE = 0.0", "PAUSE = 20.0")

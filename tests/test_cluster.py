@@ -202,6 +202,7 @@ def test_without_dask_it_says_what_to_install(project, monkeypatch):
         wb.connect("local")
 
 
+@pytest.mark.cases(0)
 def test_the_command_line_takes_a_scheduler(project):
     for command in (
         ["run", "toy/root", "--scheduler", "local", "--jobs", "1"],

@@ -6,6 +6,7 @@ from functools import cache, reduce
 
 import matplotlib.pyplot as plt
 import pytest
+from tables import each
 
 import workbench as wb
 from workbench import coming_from
@@ -56,7 +57,7 @@ def test_a_name_has_one_row_of_a_guide(guide):
     assert len(names) == len({*names})
 
 
-@pytest.mark.parametrize("name", TYPED.split())
+@each("name", TYPED.split())
 def test_what_users_type_is_answered_by_the_package_and_by_its_rooms(name):
     for room in (wb, wb.mu, wb.synthesis, wb.simulation, wb.structure):
         if not hasattr(room, name):

@@ -35,6 +35,7 @@ def written(project, blocks):
             project.write(text.partition("\n")[0].removeprefix("# "), text)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("number", "line"), COMMANDS, ids=[line for _, line in COMMANDS])
 def test_a_command_ends_well_where_the_page_has_come_so_far(number, line, project):
     written(project, BLOCKS[:number])

@@ -3,7 +3,7 @@
 import ast
 from pathlib import Path
 
-import pytest
+from tables import each
 
 ROOT = Path(__file__).parents[1]
 ROOMS = sorted(
@@ -13,7 +13,7 @@ MODULES = 20
 """Modules in a folder from which on a reader must scroll."""
 
 
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
+@each("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
 def test_a_room_says_what_it_is_and_is_not_crowded(room):
     assert ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
     assert len(list(room.glob("*.py"))) <= MODULES

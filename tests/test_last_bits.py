@@ -160,6 +160,7 @@ def many(problems, count):
     ]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("problem", "seeds"),
     [

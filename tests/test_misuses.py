@@ -10,6 +10,7 @@ import math
 import control
 import numpy as np
 import pytest
+from tables import hold
 
 import workbench as wb
 from workbench.conic import ConicProgram
@@ -378,12 +379,12 @@ JOINTS = {
         },
     ),
 }
-MISUSES = [
-    pytest.param(joint, name, value, id=f"{joint}-{name}-{k}")
+MISUSES = {
+    f"{joint}, {name}: {value!r} ({k})": (joint, name, value)
     for joint, (_, _, wrong) in JOINTS.items()
     for name, values in wrong.items()
     for k, value in enumerate(values)
-]
+}
 
 
 @pytest.fixture(scope="module")
@@ -414,13 +415,24 @@ def filled(value, records):
     return value
 
 
-@pytest.mark.parametrize(("joint", "name", "value"), MISUSES)
-def test_a_misuse_is_told(joint, name, value, records):
-    function, right, _ = JOINTS[joint]
-    arguments = {key: filled(one, records) for key, one in ({**right, name: value}).items()}
-    with pytest.raises(WorkbenchError) as told:
-        function(**arguments)
-    assert 15 < len(str(told.value)) < 800
+def room_of(function):
+    """The room of the library in which a function, a method or a class stands."""
+    return function.__module__.split(".")[1]
+
+
+@pytest.mark.cases(None)
+@pytest.mark.parametrize("room", sorted({room_of(function) for function, _, _ in JOINTS.values()}))
+def test_misuses_of_a_room_are_told(room, records):
+    def told(misuse):
+        joint, name, value = misuse
+        function, right, _ = JOINTS[joint]
+        arguments = {key: filled(one, records) for key, one in ({**right, name: value}).items()}
+        with pytest.raises(WorkbenchError) as error:
+            function(**arguments)
+        assert 15 < len(str(error.value)) < 800
+
+    here = {case: one for case, one in MISUSES.items() if room_of(JOINTS[one[0]][0]) == room}
+    hold(told, {case: {"misuse": misuse} for case, misuse in here.items()})
 
 
 def test_there_are_many():

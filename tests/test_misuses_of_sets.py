@@ -5,6 +5,7 @@ import math
 import control
 import numpy as np
 import pytest
+from tables import each
 from test_misuses import (
     LAG,
     NOT_A_COUNT,
@@ -198,16 +199,17 @@ CALLS = {
         },
     ),
 }
-MISUSES = [
-    pytest.param(call, name, value, id=f"{call}-{name}-{k}")
+MISUSES = {
+    f"{call}, {name}: {value!r} ({k})": (call, name, value)
     for call, (_, _, wrong) in CALLS.items()
     for name, values in wrong.items()
     for k, value in enumerate(values)
-]
+}
 
 
-@pytest.mark.parametrize(("call", "name", "value"), MISUSES)
-def test_a_misuse_of_a_set_is_told(call, name, value):
+@each("misuse", MISUSES.values(), ids=MISUSES)
+def test_misuses_of_sets_are_told(misuse):
+    call, name, value = misuse
     function, right, _ = CALLS[call]
     with pytest.raises(WorkbenchError) as told:
         function(**{**right, name: value})

@@ -79,6 +79,7 @@ def test_rounding_of_far_points_is_taken_off_the_bound():
     assert bound(program, answer) < program.objective(answer) - 1e-6
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("cover", [False, True])
 def test_no_fit_is_better_than_the_bound_of_a_worse_one(cover):
     magnitude = 1 / np.sqrt(1 + (OMEGA / 3.0) ** 3)

@@ -24,6 +24,7 @@ SCRIPTS = "Scripts" if os.name == "nt" else "bin"
 """Where an environment keeps its programs."""
 
 
+@pytest.mark.cases(0)
 def test_wheel_lists_the_named_problems_from_another_folder(elsewhere, installed):
     assert "cd/focus/stadiums" in elsewhere("-m", "workbench", "list")
     where = elsewhere("-c", "import workbench; print(workbench.__file__)")
@@ -76,12 +77,14 @@ print(workbench.plants.__path__[0], *found.entries, sep="\\n")
 """
 
 
+@pytest.mark.cases(0)
 def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
     place, *names = elsewhere("-c", IMPORT_ALL).splitlines()
     assert Path(place) == installed / "workbench" / "plants"
     assert names == [entry.name for entry in wb.problems()]
 
 
+@pytest.mark.cases(0)
 def test_the_records_of_an_example_are_made_from_a_wheel(elsewhere, tmp_path):
     elsewhere("-m", "workbench", "examples", "--to", "mine")
     elsewhere("mine/coupled_tanks/make_records.py")
@@ -148,6 +151,7 @@ def test_wheel_runs_a_problem_of_plants_that_compile_for_long(elsewhere, tmp_pat
         assert len(list((tmp_path / "results" / name).rglob("SHA256SUMS"))) == 1
 
 
+@pytest.mark.cases(0)
 def test_type_checkers_see_the_types_of_an_installed_wheel(wheel, tmp_path):
     """In an environment that has nothing else, so that only our own annotations can tell."""
     venv.create(tmp_path / "env", with_pip=False)
@@ -235,7 +239,8 @@ def test_the_version_is_the_same_everywhere():
 
 
 def test_commits_and_ci_run_what_lint_runs():
-    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", makefile, re.MULTILINE)
     lint = [line.strip().removeprefix("$(BIN)/") for line in recipe[1].splitlines()]
     (local,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
     assert all(hook["language"] == "system" for hook in local["hooks"])
@@ -246,7 +251,10 @@ def test_commits_and_ci_run_what_lint_runs():
     jobs = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]
     steps = [step["run"].splitlines() for step in jobs["test"]["steps"] if "run" in step]
     assert lint in steps
-    assert any("pytest" in line and '-m "not slow"' in line for step in steps for line in step)
+    made = re.search(r"^test-only:.*\n\t\$\(PYTEST\) (.+)$", makefile, re.MULTILINE)
+    assert [f"python -m pytest -n auto {made[1]}"] in steps
+    parts = [step.get("run", "") for step in jobs["part"]["steps"]]
+    assert "make test-all-only PART=${{ matrix.part }}" in parts
 
 
 def test_supported_pythons_are_those_of_ci():
@@ -265,6 +273,7 @@ BROUGHT_BY = {
 """What brings a package of another name."""
 
 
+@pytest.mark.cases(0)
 def test_a_wheel_brings_every_package_that_the_library_imports():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     brought = {Requirement(one).name for one in declared["dependencies"]}

@@ -34,6 +34,7 @@ def test_the_page_is_that_of_the_stored_comparison(study):
     assert (DOCS / "study.svg").read_bytes().lstrip().startswith(b"<?xml")
 
 
+@pytest.mark.cases(0)
 def test_every_fast_problem_with_methods_is_in_it_at_every_level(data):
     entries = (entry for entry in wb.problems("*") if not entry.slow)
     fast = {entry.name for entry in entries if describe(registry().find(entry.name)).methods}

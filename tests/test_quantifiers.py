@@ -6,6 +6,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from tables import each
 
 import workbench as wb
 from workbench.certificate import Check, quantified
@@ -73,9 +74,7 @@ def test_a_check_keeps_its_own_words():
     assert Task.quantifier.__doc__
 
 
-@pytest.mark.parametrize(
-    "path", sorted(REFERENCE.rglob("certificate.json")), ids=lambda p: p.parent.name
-)
+@each("path", sorted(REFERENCE.rglob("certificate.json")), ids=lambda p: p.parent.name)
 def test_reference_certificates_say_over_what(path):
     checks = json.loads(path.read_text())["checks"]
     assert all("over" in check for check in checks), "made before checks said so: make reference"

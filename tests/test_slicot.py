@@ -27,6 +27,7 @@ print(run.holds)
 """
 
 
+@pytest.mark.cases(0)
 def test_everything_imports_without_it(tmp_path):
     words = [sys.executable, "-c", WITHOUT]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)

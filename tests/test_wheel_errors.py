@@ -119,6 +119,7 @@ def records(tmp_path):
     write("noise", lambda time, u, y: y.__setitem__(slice(None), rng.standard_normal(y.size)))
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("command", REFUSED)
 def test_whatever_is_wrong_is_said_in_a_sentence(command, records, elsewhere, tmp_path):
     before = {path for path in tmp_path.iterdir() if path.name != "results"}

@@ -66,6 +66,7 @@ def test_an_instance_hashes_its_own_file_only(files):
     assert wb.verify(again["sdplib/arch0"].path).holds
 
 
+@pytest.mark.cases(0)
 def test_a_comparison_takes_them_all(files):
     words = ["compare", "sdplib/*", "--methods", "clarabel,scs", "--accuracy", "low", "--json"]
     done = CliRunner().invoke(main, [*words, "--in-process"])

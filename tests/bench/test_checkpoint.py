@@ -48,6 +48,7 @@ def out_of_time(project, limit=0.5):
 # --- interrupted ------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("after", [1, 5, 12])
 def test_an_interrupted_run_goes_on_where_it_was(project, after):
     interrupted(after)
@@ -88,6 +89,7 @@ def test_a_state_survives_the_listing_of_results(project):
     assert resumed()[0] == 5
 
 
+@pytest.mark.cases(0)
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_a_killed_process_loses_no_finished_round(project):
     project.edit("PAUSE = 0.0", "PAUSE = 0.2")
@@ -114,6 +116,7 @@ def test_other_code_does_not_go_on(project):
     assert left(project) == []
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("change", [{"scale": 4.0}, {"seed": 1}, {"tolerance": "high"}], ids=str)
 def test_another_question_does_not_go_on(project, change):
     interrupted(5)

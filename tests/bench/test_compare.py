@@ -154,6 +154,7 @@ def test_a_study_has_nothing_to_compare(project):
     assert cell(run, "exact", "message", problem=1) == "toy/total is a study: it has no methods"
 
 
+@pytest.mark.cases(0)
 def test_every_problem_method_level_and_repetition_is_a_cell(project):
     run = wb.compare("toy/?/root", ["exact", "boastful"], repeat=2, executor=InProcess())
     assert dict(run.data.sizes) == {
@@ -192,6 +193,7 @@ def cell_folders(project):
     return sorted((project.results / "cells").rglob("run.json"))
 
 
+@pytest.mark.cases(0)
 def test_a_cell_is_a_results_folder_of_its_own_that_verifies(project, one):
     run = one("exact", "lying", "raising")
     folders = {file.parent.name for file in cell_folders(project)}
@@ -243,6 +245,7 @@ def fed(part) -> Twice:
 '''
 
 
+@pytest.mark.cases(0)
 def test_what_is_stored_is_not_computed_again(project, one):
     before = one("exact", "raising", "lying")
     stamps = {file: file.stat().st_mtime_ns for file in cell_folders(project)}
@@ -256,6 +259,7 @@ def test_what_is_stored_is_not_computed_again(project, one):
     assert {f for f in stamps if f.stat().st_mtime_ns != stamps[f]} != set()
 
 
+@pytest.mark.cases(0)
 def test_an_edit_elsewhere_leaves_cells_fresh_and_one_of_the_method_does_not(project, one):
     def solved():
         return one("exact").data["solve"].item()
@@ -268,6 +272,7 @@ def test_an_edit_elsewhere_leaves_cells_fresh_and_one_of_the_method_does_not(pro
     assert solved() != before
 
 
+@pytest.mark.cases(0)
 def test_a_damaged_cell_is_computed_again(project, one):
     run = one("exact")
     place = project.results / "cells/toy/root" / cell(run, "exact", "key")
@@ -276,6 +281,7 @@ def test_a_damaged_cell_is_computed_again(project, one):
     assert damage(place) == []
 
 
+@pytest.mark.cases(0)
 def test_a_collision_of_keys_is_detected(project, one):
     run = one("exact")
     place = project.results / "cells/toy/root" / cell(run, "exact", "key")
@@ -286,6 +292,7 @@ def test_a_collision_of_keys_is_detected(project, one):
         one("exact")
 
 
+@pytest.mark.cases(0)
 def test_light_records_are_verified_with_their_comparison(project, one):
     run = one("exact", "lying", light=True)
     found = wb.verify(run.path)
@@ -304,6 +311,7 @@ def test_a_comparison_with_a_crashed_and_a_stopped_cell_is_verified(hostile, one
     assert found.holds, found
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("light", [True, False])
 def test_cells_that_other_code_has_answered_since_are_no_defect_of_a_comparison(
     project, one, light
@@ -329,6 +337,7 @@ def test_light_records_are_one_file_once_nobody_writes(tmp_path):
     assert [file.name for file in folder.iterdir()] == ["light.sqlite"]
 
 
+@pytest.mark.cases(0)
 def test_light_cells_leave_records_and_no_folders(project, one):
     run = one("exact", "lying", "raising", light=True)
     assert cell_folders(project) == []
@@ -356,6 +365,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.cases(0)
 def test_a_comparison_that_is_killed_has_kept_its_finished_cells(project):
     project.write("run.py", STOPPED)
     process = subprocess.Popen([sys.executable, "run.py"], cwd=project.root)
@@ -376,6 +386,7 @@ def test_a_comparison_that_is_killed_has_kept_its_finished_cells(project):
 # --- limits, crashes --------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 def test_hostile_methods_cost_their_own_cells_only(hostile, one, workers):
     run = one("hanging", "dying", "exact", "leaving", "printing", executor=workers, time_limit=1.0)
     assert cell(run, "exact") == cell(run, "printing") == "solved"
@@ -401,6 +412,7 @@ def test_a_greedy_method_is_killed_for_its_memory(hostile, one):
     assert cell(run, "exact") == "solved"
 
 
+@pytest.mark.cases(0)
 def test_a_time_limit_counts_neither_start_nor_imports_nor_compilation(hostile, one):
     """A fresh worker takes seconds before its first cell, and this method compiles for some."""
     run = one("exact", "compiling", executor=None, time_limit=0.5)
@@ -456,6 +468,7 @@ def test_cells_run_in_an_order_drawn_with_the_seed(hostile, project):
     assert order(0) == first != order(1)
 
 
+@pytest.mark.cases(0)
 def test_a_plan_runs_nothing(project):
     asked = asked_for("toy/*", ["exact", "picky"], ["low"], {}, executor=InProcess())
     states = {labels[:2]: state for labels, state in described(asked.planned())}
@@ -485,6 +498,7 @@ def test_a_comparison_that_cannot_be_made_is_a_clear_error(arguments, error, wor
         wb.compare(**{"pattern": "toy/root", "methods": ["exact"], **arguments})
 
 
+@pytest.mark.cases(0)
 def test_a_method_of_this_process_alone_is_no_unfit_method(project):
     """Workers do not know it; where cells run in this process it takes part."""
     project.write("mine/points.py", POINTS)
@@ -511,6 +525,7 @@ def own(program, context):
 """
 
 
+@pytest.mark.cases(0)
 def test_a_file_of_a_problems_folder_adds_a_method_to_a_problem_of_another(project):
     """Workers know it too; it has no problem of its own."""
     project.write("mine/points.py", POINTS)
@@ -532,6 +547,7 @@ def test_a_file_of_methods_that_cannot_be_imported_costs_its_own_methods_only(pr
         wb.compare("mine/points", ["own"], accuracies=["low"])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("command", [["run", "mine/points"], ["compare", "mine/points"]])
 def test_files_of_methods_that_are_left_out_are_told(project, command):
     project.write("mine/points.py", POINTS)
@@ -572,6 +588,7 @@ def test_an_interrupt_ends_a_comparison_and_keeps_what_is_finished(project, one)
     assert not any((project.results / "compare").glob("*"))
 
 
+@pytest.mark.cases(0)
 def test_the_question_decides_the_folder_of_a_comparison(one):
     paths = [run.path for run in (one("exact"), one("exact", scale=2.0), one("rough"))]
     assert len(set(paths)) == 3

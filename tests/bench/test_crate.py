@@ -68,6 +68,7 @@ def read(folder: Path) -> dict[str, dict[str, Any]]:
     return {entity["@id"]: entity for entity in document["@graph"]}
 
 
+@pytest.mark.cases(0)
 @rdflib_own
 @pytest.mark.parametrize(
     ("run", "files"),

@@ -54,6 +54,7 @@ def look(path, root):
             call(path)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("share", LANES)
 def test_bytes_of_a_folder(project, share):
     run = wb.run("toy/root")
@@ -72,6 +73,7 @@ def test_bytes_of_a_folder(project, share):
     spoilt()
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("share", LANES)
 def test_entries_of_run_json_and_certificate(project, share):
     run = wb.run("toy/root")

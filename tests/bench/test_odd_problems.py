@@ -64,6 +64,7 @@ def odd(project):
     return project
 
 
+@pytest.mark.cases(0)
 def test_needs_that_grow_for_ever_are_named(odd):
     with pytest.raises(RegistryError, match=r"needs that do not end.*'n': 100"):
         wb.run("growing")

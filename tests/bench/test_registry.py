@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from tables import each
 
 from workbench.bench.declare import Ref
 from workbench.bench.question import canonical
@@ -283,8 +284,8 @@ class Plain:
     """What nobody can write as JSON."""
 
 
-@pytest.mark.parametrize("hint", ["", ": list", ": dict", ": Any"])
-@pytest.mark.parametrize(
+@each("hint", ["", ": list", ": dict", ": Any"])
+@each(
     "value",
     [
         math.nan,

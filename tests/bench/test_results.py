@@ -102,6 +102,7 @@ def test_a_run_is_read_back_from_its_folder(run):
     assert again.log.startswith("toy/root {'scale': 1.0")
 
 
+@pytest.mark.cases(0)
 def test_a_run_shows_itself(run):
     assert repr(run) == f"<Run toy/root by exact: solved, largest 2, {run.path}>"
     page = run._repr_html_()
@@ -117,6 +118,7 @@ def test_the_answer_comes_back_as_the_method_gave_it(run):
     assert run.task.drawn
 
 
+@pytest.mark.cases(0)
 def test_figures_are_drawn_into_a_folder_of_ones_own(run, tmp_path):
     files = run.draw(tmp_path / "new" / "figures")
     assert [file.name for file in files] == ["roots.svg", "roots.png"]

@@ -150,6 +150,7 @@ def test_the_same_question_is_answered_once(project):
     assert again.path == first.path and again.note == ""
 
 
+@pytest.mark.cases(0)
 def test_the_key_is_the_same_in_another_process(project):
     run = wb.run("toy/sum", count=2)
     code = "import workbench as wb; run = wb.run('toy/sum', count=2); print(run.key, run.reused)"
@@ -215,6 +216,7 @@ def test_fresh_answers_anew_but_not_its_needs(project):
     assert stamp(again) != before[0] and stamp(need) == before[1]
 
 
+@pytest.mark.cases(0)
 def test_a_worse_answer_under_other_code_leaves_the_good_one(project):
     good = wb.run("toy/root")
     project.edit("OFFSET = 0.0", "OFFSET = -1.0")
@@ -259,6 +261,7 @@ print(imported.OFFSET, wb.run("toy/root", "rough").data["x"].values.max())
 """
 
 
+@pytest.mark.cases(0)
 def test_a_module_imported_by_hand_and_edited_before_the_first_run_is_imported_anew(project):
     assert project.python(EDITED_BEFORE_THE_FIRST_RUN) == "0.0 4.5"
 
@@ -362,6 +365,7 @@ print(run.path, run.holds, run.reused)
 """
 
 
+@pytest.mark.cases(0)
 def test_two_processes_asking_at_once_share_one_answer(project):
     project.edit(
         "    def compute(self, context):\n",

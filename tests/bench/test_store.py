@@ -182,6 +182,7 @@ print(json.dumps([steps, path.exists(), failed.exists(), wb.run("toy/root").reus
 """
 
 
+@pytest.mark.cases(0)
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot fork")
 @pytest.mark.parametrize(
     ("before", "action", "finished"),

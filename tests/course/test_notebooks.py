@@ -9,6 +9,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from tables import each
 
 import workbench as wb
 from workbench.bench.project import registry
@@ -28,11 +29,11 @@ LARGEST = 200_000
 """Size [bytes] of a notebook with its outputs."""
 EXERCISES, QUESTIONS = 5, 3
 """Least numbers of exercises and of questions."""
-QUICK = {"01_tour", "03_positioning_loops"}
-"""Notebooks that `make test` runs; all of them are run by `make test-all`."""
+QUICK = {"01_tour"}
+"""What `make test` runs; all of them are run by `make test-all`."""
 
 NOTEBOOKS = notebook_files()
-each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+each_notebook = each("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
 def read(path):

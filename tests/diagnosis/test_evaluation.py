@@ -23,6 +23,7 @@ from workbench.simulation import play
 seeds = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.cases(0)
 @settings(max_examples=40, deadline=None)
 @given(seeds, st.integers(1, 40), st.integers(1, 90))
 def test_the_moving_rms_is_its_definition(seed, window, samples):

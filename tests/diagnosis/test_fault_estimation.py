@@ -113,6 +113,7 @@ def test_a_requirement_of_a_band_says_nothing_of_other_frequencies():
     assert error.max() > 1.2 * answer.peaks[1, 1]
 
 
+@pytest.mark.cases(0)
 def test_an_answer_survives_its_dataset():
     one = program(Complex(1))
     answer = wb.solve(one, "riccati").answer
@@ -122,6 +123,7 @@ def test_an_answer_survives_its_dataset():
     assert set(one.figures(again)) == {"channels", "filter"}
 
 
+@pytest.mark.cases(0)
 def test_a_claim_too_good_is_found_out():
     one = program(Complex(1))
     answer = wb.solve(one, "riccati").answer

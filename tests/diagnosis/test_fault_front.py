@@ -92,6 +92,7 @@ def test_judged_of_a_constant_estimate_by_hand(loop):
     assert noise == pytest.approx(1e-4, rel=1e-6)
 
 
+@pytest.mark.cases(0)
 def test_the_front_is_met_falls_and_is_above_its_bound(loop):
     basis = LaguerreBasis(loop, CORNER)
     totals = {}

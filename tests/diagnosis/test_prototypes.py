@@ -37,6 +37,7 @@ EXCESS = [
 """Orders, and the largest ratio of the printed polynomial's integral to the least one."""
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("order, excess", EXCESS)
 def test_itae_is_near_the_least_integral(order, excess):
     printed = cost(ITAE[order][1:-1])

@@ -81,6 +81,7 @@ def reached_by(loop, error, leakage, peak=None, order=None):
     return best_design([loop], least_factor, designed)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("peak", [None, 1.0])
 def test_the_least_factor_parts_what_can_be_had_from_what_cannot(peak):
     """By another program: `least` finds a filter above the factor, and none below it."""
@@ -107,6 +108,7 @@ def test_the_least_factor_is_of_the_limits_and_falls_with_the_set():
     assert nominal < once < wide
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("peak", [None, 1.0])
 def test_no_leakage_at_all_ends_in_no_filter(peak):
     """T = 0: an error of 1, and the loop as it is; the solver is not asked for the impossible."""
@@ -127,6 +129,7 @@ def test_a_demand_that_can_be_had_is_met_as_asked():
     np.testing.assert_array_equal(found.point.coefficients, alone.point.coefficients)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("order", [None, 6])
 def test_a_demand_that_cannot_be_had_ends_in_the_least_limits(order):
     """Certified for the limits reached; a hundredth less has none over the full basis."""
@@ -141,6 +144,7 @@ def test_a_demand_that_cannot_be_had_ends_in_the_least_limits(order):
     assert found.point.leakage <= reached.factor * TIGHT[1]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("real", [True, False])
 def test_a_set_that_the_loop_does_not_bear_is_made_smaller(real):
     """The share is 1 / mu with room: no filter for the whole set, and one for the share."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from tables import each
 
 from workbench.cli import main
 
@@ -53,6 +54,7 @@ def with_code():
             yield pytest.param(page, id=name, marks=marks)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("page", list(with_code()))
 def test_code_of_a_page_runs(page, project):
@@ -109,7 +111,7 @@ def command(line, project):
         assert done.exit_code == 0, (line, done.output, done.exception)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+@each("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
 def test_links_of_a_page_exist(page):
     """Links to files of the repository; the build checks those between pages."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)

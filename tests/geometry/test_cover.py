@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from tables import each
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.geometry import (
@@ -46,8 +47,8 @@ def labelled(points):
 # --- input ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("function", [*FUNCTIONS, *PROGRAMS])
-@pytest.mark.parametrize(
+@each("function", [*FUNCTIONS, *PROGRAMS])
+@each(
     ("points", "words"),
     [
         ([], "hold no point"),

@@ -43,6 +43,7 @@ def assert_poles(model, poles=POLES, atol=1e-6):
         assert np.abs(found - pole).min() < atol
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("size", [0.0, 1e-6, 0.1])
 def test_any_noise(size):
     u = drive()
@@ -53,6 +54,7 @@ def test_any_noise(size):
     assert program.metrics(solution.answer)["fit_free_run_y1"] > 100 - 60 * size - 1e-6
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("radius", [0.9995, 0.99999, 1.0])
 def test_a_lightly_damped_plant(radius):
     turn = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
@@ -63,6 +65,7 @@ def test_a_lightly_damped_plant(radius):
     assert solution.answer.simulator.radius == pytest.approx(radius, abs=2e-4)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("start", [0, 20, 500])
 def test_a_step(start):
     u = np.zeros((N, 1))
@@ -119,6 +122,7 @@ def test_missing_samples():
     assert any("missing" in fact for fact in solution.certificate.facts)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("size", [0.0, 0.1])
 def test_delays(size):
     u = np.random.default_rng(3).standard_normal((N, 2))

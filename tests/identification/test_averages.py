@@ -125,6 +125,7 @@ def test_an_average_errs_less_than_its_members_do_in_the_mean():
         assert own > np.mean(theirs)
 
 
+@pytest.mark.cases(0)
 def test_a_member_that_fails_on_the_whole_part_is_left_out(monkeypatch):
     """A candidate that validates well, and is spoilt when it is fitted to the whole part."""
     program = StateSpaceFit(*noisy(4), orders=(1, 2, 3))

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from tables import each
 
 from workbench.errors import InputError
 from workbench.identification import StateSpaceFit
@@ -165,7 +166,7 @@ def test_there_are_many():
     assert len(RECORDS) >= 200
 
 
-@pytest.mark.parametrize(("record", "said"), RECORDS.values(), ids=RECORDS)
+@each(("record", "said"), RECORDS.values(), ids=RECORDS)
 def test_the_message_says_which_and_what_to_do(record, said):
     u, y, options = record
     with pytest.raises(InputError, match=said) as caught:

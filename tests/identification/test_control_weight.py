@@ -48,6 +48,7 @@ def test_errors_far_from_the_bandwidth_do_not_count():
     assert control_fit(still, Experiments(u, y), 50, 0.1)[0] == pytest.approx(0.0, abs=0.5)
 
 
+@pytest.mark.cases(0)
 def test_the_simulator_is_chosen_for_the_bandwidth_and_its_runner_up_named():
     u, y = record()
     slow = StateSpaceFit(u, y, orders=(1,), bandwidth=0.19)

@@ -32,6 +32,7 @@ def oscillator(**changes):
     return ExperimentDesign(**(parts | changes))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_methods_agree_and_close_the_gap(method):
     program = oscillator()
@@ -68,6 +69,7 @@ def test_no_drawn_spectrum_beats_the_bound():
     assert 0 < loose <= bound * (1 + 1e-9)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_several_limits_hold(method):
     """No line may have more than a fifth of the power, and the output has a limit too."""
@@ -101,6 +103,7 @@ def test_it_is_the_variance_of_estimates_in_noise():
         assert largest == pytest.approx(program.costs(power)[k], rel=0.06)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_units_make_no_difference(method):
     """Parameters, variances and costs in units from 1e-12 to 1e12."""

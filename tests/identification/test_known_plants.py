@@ -99,6 +99,7 @@ def test_choices_and_averages_keep_what_is_known(plant, method):
     assert_known(solution, known.get("known_poles", ()), gain and np.array([[gain]]))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["subspace", "prediction-error", "arx", "cva"])
 def test_integrators_of_several_outputs_and_gains_of_some_channels(method):
     u, y = two_channels()
@@ -111,6 +112,7 @@ def test_integrators_of_several_outputs_and_gains_of_some_channels(method):
     assert_known(solve(StateSpaceFit(u, stable, static_gain=gain), method), (), gain)
 
 
+@pytest.mark.cases(0)
 def test_an_unstable_pole_of_a_closed_loop():
     rng = np.random.default_rng(0)
     r, e = rng.standard_normal((2, 600))
@@ -130,6 +132,7 @@ def test_an_unstable_pole_of_a_closed_loop():
         solve(program, "two-stage")
 
 
+@pytest.mark.cases(0)
 def test_delays_gaps_experiments_and_units_far_apart():
     u, y = record("both")
     known = PLANTS["both"][2]

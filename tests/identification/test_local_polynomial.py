@@ -41,6 +41,7 @@ def test_without_noise():
     assert estimate.frequency[0] == pytest.approx(1 / 2000) and estimate.frequency[-1] < 0.5
 
 
+@pytest.mark.cases(0)
 def test_variance_is_the_spread_of_the_errors():
     rng = np.random.default_rng(1)
     ratios = []
@@ -66,6 +67,7 @@ def test_bad_bands(keywords):
         local_polynomial(*record(400, 0.1, np.random.default_rng(0)), **keywords)
 
 
+@pytest.mark.cases(0)
 def test_chosen_lines_are_those_of_the_whole():
     u, y = record(40_000, 0.1, np.random.default_rng(3))  # more lines than are held at once
     whole = local_polynomial(u, y)

@@ -31,6 +31,7 @@ def test_a_resonance_of_a_few_lines():
     assert errors[0] < 1e-3 * errors[1] < 1e-1
 
 
+@pytest.mark.cases(0)
 def test_variance_is_the_spread_of_the_errors():
     rng = np.random.default_rng(1)
     ratios = []

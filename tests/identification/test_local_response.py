@@ -34,6 +34,7 @@ def truth(plant, frequency):
     return freqz(*plant, worN=2 * np.pi * frequency)[1]
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("excitation", [steps, noise])
 @pytest.mark.parametrize("plant", [LAG, SHARP], ids=["lag", "sharp resonance"])
 def test_regions_hold_the_truth_in_every_third_of_the_band(plant, excitation):
@@ -77,6 +78,7 @@ def test_regions_of_polynomials_in_narrow_bands_lose_it():
     assert np.median(new.variance) < np.median(old.variance)
 
 
+@pytest.mark.cases(0)
 def test_two_inputs_and_two_outputs_are_told_apart():
     rng = np.random.default_rng(1)
     u = rng.standard_normal((2000, 2))

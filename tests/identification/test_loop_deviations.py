@@ -67,6 +67,7 @@ def covered(pairs, truth):
     return np.mean(np.abs(np.abs(found) - np.abs(truth)) < 1.96 * deviation)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", thinned(METHODS, 2))
 def test_errors_are_of_the_stated_size(method):
     pairs = [told(program(seed, method, 1000), method, AT) for seed in range(4)]
@@ -100,6 +101,7 @@ def test_records_of_a_periodic_excitation_scatter_as_each_says(method):
     assert COVERED[0] < covered(pairs, truth) < COVERED[1]
 
 
+@pytest.mark.cases(0)
 def test_a_mode_that_no_line_excites_does_not_swell_deviations(monkeypatch):
     """Its poles are poorly known; the response at the lines is not."""
     lines = LINES[LINES > 8]  # a period of the mode is 300 samples
@@ -136,6 +138,7 @@ def test_slopes_of_a_response_are_those_of_differences():
     assert column == slopes.shape[-1]
 
 
+@pytest.mark.cases(0)
 def test_instruments_do_not_wait_for_the_filter_to_settle():
     """The filter's poles are those of the plant, which takes a period to settle."""
     at = LINES / PERIOD

@@ -69,6 +69,7 @@ def test_a_coloured_input_does_not_bias_it():
     assert np.max(off / np.linalg.norm(TRUTH.response(low), axis=(1, 2))) < 0.02
 
 
+@pytest.mark.cases(0)
 def test_the_methods_agree_on_the_plant_and_the_order():
     program = StateSpaceFit(*simulated(700), 400, (1, 3), washout=20)
     names = ("subspace", "moesp", "n4sid", "cva", "prediction-error")

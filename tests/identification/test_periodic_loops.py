@@ -69,6 +69,7 @@ def test_without_noise_the_plant_is_exact(name):
     assert error(solution.answer.simulator) < 1e-3
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["direct", "two-stage", "instrumental-variables", "indirect"])
 def test_each_method_finds_a_plant_that_is_sampled_fast(name):
     solution = solve(fit(0.05), name)
@@ -107,6 +108,7 @@ def test_a_wrong_period_is_refused():
         program.explained(program.record.part(0, PERIOD - 1))
 
 
+@pytest.mark.cases(0)
 def test_deviations_of_a_response_are_those_of_many_records():
     """ARX models of records whose equation errors are white: 200 of them scatter as each says."""
     at, found, said = np.array([0.02, 0.1, 0.3]), [], []

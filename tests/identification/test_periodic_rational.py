@@ -56,6 +56,7 @@ def test_without_noise_a_light_mode_is_exact(radius):
     assert followed < 1e-6
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("radius", [0.999, 0.9995])
 def test_with_noise_it_errs_much_less_and_says_by_how_much(radius):
     rng = np.random.default_rng(1)
@@ -66,6 +67,7 @@ def test_with_noise_it_errs_much_less_and_says_by_how_much(radius):
     assert np.mean(ratios) == pytest.approx(1.13, abs=0.12)
 
 
+@pytest.mark.cases(0)
 def test_where_no_mode_is_light_it_is_as_good_as_polynomials():
     """Wider bands have a little less variance; a pole is hardly ever seen in noise."""
     rng = np.random.default_rng(2)

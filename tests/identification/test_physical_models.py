@@ -77,6 +77,7 @@ def error_of(simulator):
     return np.abs(simulator.response(frequency)[:, 0, 0] - exact).max() / np.abs(exact).max()
 
 
+@pytest.mark.cases(0)
 def test_of_short_noisy_records_physics_simulates_best():
     """Where all but the stiffness is known, the response errs far less than by other models."""
     known = PhysicalModel(lambda p: spring(TRUE | p), {"stiffness": FittedParameter(5.0, 0.01)})

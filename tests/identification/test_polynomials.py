@@ -108,6 +108,7 @@ def test_canonical_blocks_answer_as_the_model_they_start_from(kind):
     assert found.K.any() == (kind != "output-error")
 
 
+@pytest.mark.cases(0)
 def test_the_best_kind_is_chosen_and_the_runner_up_is_named():
     program = StateSpaceFit(*record("box-jenkins", 2000), orders=(1, 2, 3))
     solution = solve(program, "best")

@@ -46,6 +46,7 @@ def measured():
     return with_noise(matrix(OMEGA), np.random.default_rng(1))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_matrix_with_common_poles(measured, method):
     program = RationalModelFit(OMEGA, *measured, orders=(2, 4, 6))
@@ -212,6 +213,7 @@ def coverage(records, periods, matrices, seed):
     return np.mean(held, axis=0), np.mean(tests, axis=0), valid
 
 
+@pytest.mark.cases(0)
 def test_bands_hold_in_a_few_records():
     held, _, valid = coverage(40, 8, True, 1)
     assert valid == 40

@@ -51,6 +51,7 @@ def test_given_limits_count():
         saturation(SINE, limits=(1, -1))
 
 
+@pytest.mark.cases(0)
 @settings(derandomize=True, deadline=None)
 @given(st.floats(0.2, 0.95), st.floats(0.01, 100), st.floats(-10, 10))
 def test_shares_do_not_depend_on_unit_or_offset(level, size, offset):

@@ -50,6 +50,7 @@ def test_its_errors_are_those_of_its_own_predictions():
     assert not estimate.model().D.any()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", [RecursiveARX, RecursiveARMAX])
 def test_a_plant_that_changes_is_followed(kind):
     """The gain of the plant doubles half way; only an estimate that forgets finds it."""
@@ -66,6 +67,7 @@ def test_a_plant_that_changes_is_followed(kind):
     assert gains[1.0] < 0.9 * true
 
 
+@pytest.mark.cases(0)
 def test_recursive_prediction_errors_find_the_truth():
     u, y = signals(6000, seed=2, C=C)
     estimate = RecursiveARMAX(2)

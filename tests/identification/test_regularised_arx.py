@@ -20,6 +20,7 @@ def error(model, judged):
     return float(np.std((judged.y - model.one_step(judged.u, judged.y, 100))[100:]))
 
 
+@pytest.mark.cases(0)
 def test_it_predicts_better_than_least_squares_of_as_many_lags():
     judged = record(4000, 99)
     for seed in range(3):

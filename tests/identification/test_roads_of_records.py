@@ -137,6 +137,7 @@ def covered(closed):
     return wb.solve(StadiumCover(responses, 2, 1, confidence=0.9))
 
 
+@pytest.mark.cases(0)
 def test_a_controller_of_a_cover_says_what_was_tested(covered):
     import control
 

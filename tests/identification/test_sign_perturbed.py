@@ -27,6 +27,7 @@ def program(rng, noise):
     return RationalModelFit(OMEGA, noisy, np.full(truth.shape, 1e-3), (2,))
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("noise", NOISES)
 def test_the_true_model_is_in_the_region_as_often_as_it_says(noise):
     rng = np.random.default_rng(0)

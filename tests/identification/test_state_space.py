@@ -108,6 +108,7 @@ def program():
     return StateSpaceFit(*simulated(700), 400, (1, 3), washout=20)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["subspace", "prediction-error"])
 def test_program(program, method):
     solution = solve(program, method)

@@ -64,6 +64,7 @@ def bias(estimates):
     return (values.mean(axis=0) - TRUTH) / deviation
 
 
+@pytest.mark.cases(0)
 def test_least_squares_are_biased_and_instruments_are_not(runs):
     assert abs(bias(runs["least squares"])).max() > 20
     assert runs["least squares"][0].denominator[1] < 0.3 * DENOMINATOR[1]
@@ -107,6 +108,7 @@ def test_regions_hold_the_response(runs):
     assert np.all(np.linalg.eigvalsh(parts) > 0)
 
 
+@pytest.mark.cases(0)
 def test_coloured_noise_needs_no_model(benchmark):
     """The intervals follow the noise's spectrum: slow noise is told from white noise."""
     u, y, size = benchmark
@@ -129,6 +131,7 @@ def test_without_noise_all_methods_are_exact_for_a_held_input(benchmark):
         np.testing.assert_allclose(one.values, TRUTH, rtol=1e-9)
 
 
+@pytest.mark.cases(0)
 def test_feedback_needs_instruments_from_outside():
     """An unstable first-order plant in a loop: the excitation, not the input, is free of noise."""
     rng = np.random.default_rng(3)

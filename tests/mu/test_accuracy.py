@@ -103,6 +103,7 @@ def flat_loop(seed):
     return outer * loop * inner
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("first", [Real(1), Complex(1)])
 def test_a_flat_peak_is_covered_by_multipliers_that_change(first):
     structure = Structure([first, Complex(1), Full(1, 1)])

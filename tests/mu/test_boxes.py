@@ -46,6 +46,7 @@ def family(c, percent, scale=1.0):
     return tf([1], [1, *uncertain])
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     ("order", "seed"), [(3, 1), (4, 2), pytest.param(6, 4, marks=pytest.mark.slow)]
 )
@@ -60,6 +61,7 @@ def test_margins_of_interval_polynomials_are_exact(order, seed):
     assert abs(poles.real).min() < 1e-5 * abs(poles).max()
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("scale", [1e-6, 1e7])
 def test_the_unit_of_time_does_not_matter(scale):
     c, percent = interval_polynomial(4, 5)
@@ -67,6 +69,7 @@ def test_the_unit_of_time_does_not_matter(scale):
     assert 0.99 * (exact := kharitonov(c, percent)) <= found.lower <= exact * (1 + 1e-9)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_member_within_the_margin_is_unstable(seed):
     rng = np.random.default_rng(seed)
@@ -94,6 +97,7 @@ def test_a_set_that_is_stable_without_limit():
     assert found.lower > 1e5
 
 
+@pytest.mark.cases(0)
 def test_too_few_parts_are_said():
     c, percent = interval_polynomial(6, 4)
     found = robust_stability(family(c, percent), 1e-2, parts=3)
@@ -209,6 +213,7 @@ def test_what_is_hard(system, exact):
     assert found.parts < 200
 
 
+@pytest.mark.cases(0)
 def test_poles_twelve_decades_apart():
     found = robust_stability(stiff(A, B))
     assert found.lower > found.upper * (1 - 2e-4)

@@ -119,6 +119,7 @@ def test_what_does_not_grow_has_its_own_size():
     assert part.low.tolist() == [-1.0, 0.0] and part.high.tolist() == [1.0, 7.0]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("share", [0.8, 1.05])
 def test_a_delay_is_proven_up_to_the_margin_of_the_worst_plant(share):
     """Of K / (s + 1)^2 for K from 1.5 to 3: no member tells the search its margin."""

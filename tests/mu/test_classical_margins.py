@@ -43,6 +43,7 @@ def test_eight_equal_lags_list_a_crossing_once(form):
     assert found.phases_deg[0, 0] == pytest.approx(180 - np.degrees(8 * np.arctan(omega)), rel=1e-7)
 
 
+@pytest.mark.cases(0)
 def test_crossings_alone_load_nothing_of_what_is_computed_when_asked_for():
     code = """
 import sys, control

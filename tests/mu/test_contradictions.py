@@ -175,6 +175,7 @@ def test_a_box_that_holds_an_unstable_member_and_is_excluded_is_one(monkeypatch)
         _ = loop_margins(LOOP, LEAD, tolerance=0.1).every_plant
 
 
+@pytest.mark.cases(0)
 def test_a_delay_that_one_plant_does_not_bear_and_is_proven_is_one(monkeypatch):
     def decide(search, delay, region):
         search.upper = delay / 2

@@ -19,6 +19,7 @@ from workbench.uncertainty.algebra.system import uncertain
 SEEDS = 64
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("seed", thinned(range(SEEDS), 24))
 def test_random_loops_in_50_digits(seed):
     loop = loop_of(seed)
@@ -59,6 +60,7 @@ def test_channels_of_their_own_have_the_margins_of_each():
             assert found[name].modulus == pytest.approx(one.modulus, rel=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("T", [0.2, 0.9])
 def test_dead_time_in_an_inner_loop(T):
     """A Smith predictor with a wrong dead time, one channel: L = G C exp(-s T) / (1 + G C (1 - e)).
@@ -102,6 +104,7 @@ def test_the_margins_are_those_of_a_pade_approximation_of_high_order():
     assert exact.holds, exact.certificate.failures
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("share", [0.97, 1.03])
 def test_a_gain_below_the_margin_decays_in_time_and_one_above_it_grows(share):
     """x' = -x + B u(t - T), simulated by Heun's method; the margin of one input's gain."""
@@ -151,6 +154,7 @@ def test_what_has_no_exact_margins_is_refused_by_name(plant, words):
         loop_margins(plant, 1.0)
 
 
+@pytest.mark.cases(0)
 def test_a_direct_gain_below_1_is_borne():
     """L = 0.5 exp(-s) in one channel: it is 0.5 from -1 and may grow twofold."""
     plant = block([[0.5 * late(1.0), 0.0], [tf([1], [1, 1]), tf([1], [1, 1]) * late(0.5, "b")]])
@@ -171,6 +175,7 @@ def test_rounding_decides_on_no_stability():
     assert late_pair(uncertain(plant), uncertain(np.diag([1e-18, 1.0]))).stable is False
 
 
+@pytest.mark.cases(0)
 def test_every_plant_of_a_set_of_two_channels():
     k = real("k", 1.0, percent=10)
     plant = append(tf([k], [1, 1]) * late(0.3), tf([2], [1, 2]) * late(0.2, "b"))
@@ -185,6 +190,7 @@ def test_every_plant_of_a_set_of_two_channels():
     assert found.nominal["input 1"].lower > disk.lower
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("gain", [1e-2, 1e-4])
 def test_disks_of_a_weak_loop_are_near_the_largest(gain):
     """Where L is 0 a disk is 2; factors of both channels then break the loop at once, nearly."""
@@ -221,6 +227,7 @@ def test_a_nearest_gain_that_is_left_out_is_found_by_encirclements(pair):
     assert "encirclements" in " ".join(claimed.certificate.failures)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", ["input 1", "inputs", "all"])
 @pytest.mark.parametrize("field", ["lower", "upper"])
 def test_a_disk_that_is_too_good_fails(pair, name, field):

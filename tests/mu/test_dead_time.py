@@ -173,6 +173,7 @@ DISKED = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", thinned(product(DISKED, (0.0, 1.0, -1.0, 0.4)), 3), ids=str)
 def test_disks_are_those_of_the_dead_time_itself(case):
     name, skew = case
@@ -261,6 +262,7 @@ def test_disks_of_a_set_hold_with_dead_time():
     assert found.classical["input"].phase_deg == pytest.approx(nominal.classical["input"].phase_deg)
 
 
+@pytest.mark.cases(0)
 def test_every_plant_of_a_set_keeps_its_margins_with_the_dead_time_itself():
     C = control.tf([1, 0.5], [1, 0])
     found = loop_margins(tf([real("k", 2, percent=20)], [3, 1]) * late(0.5), C, tolerance=0.05)
@@ -307,6 +309,7 @@ def test_poles_are_counted_as_they_are(gain):
     assert again.unstable_poles() == right
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("order", [1, 2, 4, 6, 8, 10, 14])
 def test_the_bound_of_a_pade_approximation_holds_at_all_frequencies(order):
     """Against 50 digits, as the error is far below what doubles tell at low frequencies."""

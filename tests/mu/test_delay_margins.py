@@ -96,6 +96,7 @@ def test_random_loops_lose_the_delay_of_their_crossovers(seed):
     assert borne == pytest.approx(truth, rel=1e-3) and borne < lost < 1.00001 * borne
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("loop", [5 * LATE, tf([5, 1], [1, 1]) * LATE])
 def test_a_loop_that_does_not_roll_off_bears_no_delay(loop):
     closed = feedback(loop, 1)
@@ -103,6 +104,7 @@ def test_a_loop_that_does_not_roll_off_bears_no_delay(loop):
     assert robust_stability(closed).delays["tau"][0] == 0.0
 
 
+@pytest.mark.cases(0)
 def test_a_delay_that_occurs_twice_is_proven_by_its_cover():
     loop = tf([2], [1, 1]) * LATE
     closed = feedback(loop * loop, 1)

@@ -113,6 +113,7 @@ def test_gain_and_phase_of_a_disk(alpha, skew):
         assert abs(delta) == pytest.approx(alpha, rel=1e-6)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("skew", [-1.0, 0.0, 1.0, 2.0])
 def test_disks_as_python_control(skew):
     omega = np.geomspace(1e-2, 1e2, 20_001)
@@ -176,6 +177,7 @@ def test_the_worst_factors_put_a_pole_on_the_axis(seed, dt):
 CONTROLLER = control.ss(control.tf([0.3823, 2.303, 3], [1e-3, 1, 0]))
 
 
+@pytest.mark.cases(0)
 def test_the_margin_of_a_set_is_attained_and_no_member_has_less():
     k = real("k", 10, percent=40)
     G = tf([18], [1, 1.8, k]) * (1 + 0.3 * dynamics("delta", 1, 1))
@@ -191,6 +193,7 @@ def test_the_margin_of_a_set_is_attained_and_no_member_has_less():
         assert loop_margins(member, CONTROLLER).disks["input"].upper >= disk.lower
 
 
+@pytest.mark.cases(0)
 def test_the_worst_case_disks_as_documented():
     """wcdiskmargin: 0.6147 to 0.6160 in the first output, phase 34.1696 degrees."""
     p = real("p", 10, percent=10)

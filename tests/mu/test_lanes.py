@@ -87,6 +87,7 @@ def test_a_product_with_a_triangle_is_that_of_numpy(rows, n):
     np.testing.assert_allclose(read(out, rows, n), A @ B, rtol=1e-13, atol=1e-13)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", ["real", "mixed", "not square", "complex", "full"])
 def test_the_adjoint_from_a_triangle_is_that_from_all(name):
     structure = Structure(STRUCTURES[name])
@@ -109,6 +110,7 @@ def test_the_adjoint_from_a_triangle_is_that_from_all(name):
     np.testing.assert_allclose((x * expected).reshape(-1, LANES).sum(0), inner, rtol=1e-10)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
 def test_the_arithmetic_is_that_of_numpy(n):
     A, B = drawn(2, LANES, n, n + 1), drawn(LANES, n + 1, n)
@@ -133,6 +135,7 @@ def test_the_arithmetic_is_that_of_numpy(n):
     assert not held[3] and held.sum() == LANES - 1
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("m", [1, 2, 5, 8])
 def test_real_systems_are_solved(m):
     H, b = np.random.default_rng(m).normal(size=(2, LANES, m, m))

@@ -89,6 +89,7 @@ def test_dead_time_inside_the_controller_too():
     assert found.upper == pytest.approx(truth, rel=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_sets_of_parameters_by_exact_counts(seed):
     """Members within the proven size are stable in 50 digits, and the worst one is not."""

@@ -113,6 +113,7 @@ def test_one_repeated_complex_scalar_is_the_spectral_radius():
     np.testing.assert_allclose(certified(M, structure), expected, rtol=1e-10)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", ["best", "gain"])
 def test_one_repeated_real_scalar_is_the_largest_real_eigenvalue(method):
     structure = Structure([Real(5)])
@@ -227,6 +228,7 @@ def test_the_same_seed_gives_the_same_answer():
     np.testing.assert_array_equal(first.Delta, second.Delta)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", methods(MuLowerBound))
 def test_every_method_is_certified_and_none_beats_best_by_much(method):
     M = random(np.random.default_rng(14), MIXED, 8)

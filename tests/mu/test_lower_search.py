@@ -92,6 +92,7 @@ def test_a_followed_eigenvalue_converges_cubically(n):
     np.testing.assert_allclose(w[Y, :n].conj() @ A, value * w[Y, :n].conj(), atol=1e-11)
 
 
+@pytest.mark.cases(0)
 def test_edges_have_the_eigenvalues_that_their_determinants_show():
     rng = np.random.default_rng(3)
     structure = Structure([Real(1)] * 4)

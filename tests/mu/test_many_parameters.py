@@ -25,6 +25,7 @@ def parameters(system) -> RealParameters:
     return _parameters(in_loops(analysed(system)))[0]
 
 
+@pytest.mark.cases(0)
 def test_a_vertex_among_thousands_is_found_at_once():
     found = robust_stability(aircraft(), 0.3)
     assert found.upper == pytest.approx(AIRCRAFT_VERTEX, rel=1e-7)
@@ -39,12 +40,14 @@ def test_a_claim_beyond_the_proof_fails():
     assert not too_much.checked_by(found._checked_by[0]).holds
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("seed", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_lags_in_series_are_proven_with_few_parts(seed):
     found = robust_stability(lags_in_series(seed), 0.05, parts=100)
     assert found.upper <= 1.05 * found.lower
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(("damping", "vertex"), [(0.05, 1.62594), (0.005, 1.63068)])
 def test_a_lightly_damped_chain_is_proven_in_few_parts(damping, vertex):
     """With cuts in place of narrower intervals: from 0.777 to 1.631 after 300 parts."""
@@ -53,6 +56,7 @@ def test_a_lightly_damped_chain_is_proven_in_few_parts(damping, vertex):
     assert found.upper <= 1.05 * found.lower
 
 
+@pytest.mark.cases(0)
 def test_bounds_are_told_as_they_tighten():
     context = Context()
     found = box_margin(parameters(lags_in_series(1)), Growing(12), 0.05, 400, context=context)

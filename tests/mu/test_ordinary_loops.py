@@ -31,6 +31,7 @@ def formed(loop, form):
         return loop.form(form)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_margins_of_every_form(group):
     for seed, loop in loops(group).items():
@@ -109,6 +110,7 @@ def gain_at(N, D, omega, dt):
         return abs(above / below)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("group", GROUPS)
 def test_a_change_of_the_unit_of_time_changes_nothing_else(group):
     """A power of two changes no bit of what is no time; another number rounds the coefficients."""

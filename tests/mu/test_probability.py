@@ -41,6 +41,7 @@ def gains(x, y):
     return np.where(x * x < 2 * y, 1 / (x * np.sqrt(inner)), 1 / y)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("named", thinned([{}, {"x": stats.norm(0.5, 0.2)}], 2))
 def test_the_probability_of_a_gain(named):
     x, y = real("x", 0.6, plus_minus=0.4), real("y", 1, plus_minus=0.5)

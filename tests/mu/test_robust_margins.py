@@ -36,6 +36,7 @@ def test_robust_stability_as_documented(plant):
     assert "stable for all of its uncertainty" in repr(margin)
 
 
+@pytest.mark.cases(0)
 def test_robust_performance_as_documented(plant):
     """robgain(S, 1.5): 0.7821 to 0.7837."""
     margin = robust_performance(feedback(1, plant * PID), 1.5)
@@ -56,6 +57,7 @@ def test_worst_case_gain_as_documented():
     assert 5.1036 <= found.lower <= found.upper <= 5.1140
 
 
+@pytest.mark.cases(0)
 def test_two_carts_as_documented():
     """robstab: 2.8826 to 2.8864 at 575.03 rad/s, worst k = 1.5773; all parameters are real.
 
@@ -75,6 +77,7 @@ def test_two_carts_as_documented():
     assert loop.at(**margin.worst).poles().real.max() > -1e-6 * margin.omega
 
 
+@pytest.mark.cases(0)
 def test_the_sensitivity_of_a_margin_as_documented():
     """robgain, Sensitivity: delta 75 %, k 28 %, for k within 50 % and delta within 0.15."""
     k = real("k", 10, percent=50)

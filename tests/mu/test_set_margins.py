@@ -77,6 +77,7 @@ def test_a_loop_that_is_lost_by_a_fall_of_its_gain():
     assert "for every plant" in repr(found)
 
 
+@pytest.mark.cases(0)
 def test_disk_margins_are_within():
     """A gain or a phase that a disk allows is allowed alone, too."""
     k = real("k", 10, percent=30)
@@ -98,6 +99,7 @@ def test_with_dynamics_the_proven_side_holds():
     assert 1 < found.gain[1] <= alone.gain[1]
 
 
+@pytest.mark.cases(0)
 def test_two_channels_and_sampled_time():
     a = real("a", 0.9, plus_minus=0.05)
     plant = ss([[a, 0.1], [0, 0.8]], np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1)
@@ -125,6 +127,7 @@ def test_a_certain_plant_has_no_margins_of_a_set():
     assert every_plant(control.tf([1], [1, 1])) == {}
 
 
+@pytest.mark.cases(0)
 def test_a_set_without_parameters_has_margins_of_every_plant():
     """Of 4 (1 + 0.2 delta) / (s + 1)^3: some is lost once |1 + 1 / (t L)| is 0.2 somewhere."""
     plant = control.tf([4], [1, 3, 3, 1]) * (1 + 0.2 * dynamics("d", 1, 1))
@@ -137,6 +140,7 @@ def test_a_set_without_parameters_has_margins_of_every_plant():
     assert found.gain_lost[1] == pytest.approx(2.0)  # of the nominal
 
 
+@pytest.mark.cases(0)
 def test_what_is_known_when_time_ends_is_kept():
     """Bounds hold however early the search ends, and are checked as others are."""
     plant = tf([18], [1, 1.8, real("k", 10, percent=30)])
@@ -163,6 +167,7 @@ BETTER = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", BETTER)
 def test_a_margin_of_a_set_that_is_too_good_fails(lost_every_way, kind):
     """No search proves it again."""

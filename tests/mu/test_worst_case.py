@@ -183,6 +183,7 @@ def test_without_any_part_in_the_performance_it_is_the_norm():
     assert norm <= found.upper <= 1.011 * norm
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "structure",
     [

@@ -1,17 +1,14 @@
 """The name of a problem leads to its file."""
 
 import pytest
+from tables import each
 
 from workbench.bench.project import registry
 
-ENTRIES = list(registry().entries.values())
+ENTRIES = registry().entries
 
 
-def test_there_are_problems():
-    assert ENTRIES
-
-
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     """Hyphens become underscores; a file called problem.py goes by the name of its folder."""
     file = entry.file
@@ -19,7 +16,8 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+@pytest.mark.cases(0)
+@each("entry", ENTRIES.values(), ids=ENTRIES)
 def test_its_data_files_are_there(entry):
     problem = registry().find(entry.name)
     assert problem.data_hashes().keys() == set(problem.settings.data)

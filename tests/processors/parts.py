@@ -1,4 +1,5 @@
-"""What is run under each emulation: stored runs, printed numbers, all other tests, the chain."""
+"""What is run in parts: every test on this processor; and under each emulation of another one
+stored runs, printed numbers, all other tests, the chain."""
 
 from __future__ import annotations
 
@@ -19,6 +20,12 @@ CHAIN = "cd/focus/fault-filter"
 """A problem that needs a cover for control, which needs a cover."""
 CHUNKS = {"stored": 1, "numbers": 3, "tests": 3, "chain": 1}
 """Parts of each kind, so that one takes less than half an hour on two cores."""
+HERE = "here"
+"""This processor as it is, where every test is run, room by room."""
+LAWS = "laws"
+"""The tests that stand in no room."""
+LARGE = {"problems": 8, "synthesis": 4, "mu": 3, "uncertainty": 2, "bench": 2, "identification": 2}
+"""Parts of a room whose tests take more than half an hour on two cores."""
 
 
 def files_of_tests() -> list[str]:
@@ -36,6 +43,21 @@ def files_of(kind: str) -> list[str]:
         "numbers": numbers,
         "tests": [name for name in others if name not in numbers],
     }[kind]
+
+
+@cache
+def files_of_rooms() -> dict[str, list[str]]:
+    """Files of all tests by room: the folder below `tests` that they stand in."""
+    rooms: dict[str, list[str]] = {}
+    for name in files_of_tests():
+        _, room, *inner = name.split("/")
+        rooms.setdefault(room if inner else LAWS, []).append(name)
+    return rooms
+
+
+def pytest_of(python: str, workers: int, *words: str) -> list[str]:
+    """The command of tests, which names what fails."""
+    return [python, "-m", "pytest", "-n", str(workers), "--dist", "worksteal", "-rfE", *words]
 
 
 @dataclass(frozen=True)
@@ -56,16 +78,38 @@ class Part:
         python = str(ROOT / self.emulation.venv / "bin" / "python")
         if self.kind == "chain":
             return [python, "-m", "workbench", "--results", str(results), "run", CHAIN]
-        workers = 2 // self.emulation.threads
-        pytest = [python, "-m", "pytest", "-n", str(workers), "--dist", "worksteal", "-rfE"]
         chosen = ["-m", "not slow"] if self.kind == "tests" else []
         files = files_of(self.kind)[self.chunk :: CHUNKS[self.kind]]
         # Processor seconds are those of another processor, and of threads that wait for each other.
         left_out = ["-p", "no:cacheprovider", "-p", "no:cpu-seconds"]
-        return [*pytest, *left_out, *chosen, *files]
+        workers = 2 // self.emulation.threads
+        return pytest_of(python, workers, *left_out, *chosen, *files)
 
 
-PARTS = {
+@dataclass(frozen=True)
+class Room:
+    """Every test of a room, or of a chunk of it, on this processor as it is."""
+
+    room: str
+    chunk: int
+
+    emulation = None
+
+    @property
+    def name(self) -> str:
+        return f"{HERE}/{self.room}" + (f"-{self.chunk + 1}" if self.room in LARGE else "")
+
+    def command(self, results: Path) -> list[str]:
+        """What is run; it makes no runs that are kept."""
+        files = files_of_rooms()[self.room][self.chunk :: LARGE.get(self.room, 1)]
+        return pytest_of(str(ROOT / ".venv" / "bin" / "python"), 2, *files)
+
+
+PARTS: dict[str, Part | Room] = {
+    one.name: one
+    for room in files_of_rooms()
+    for one in (Room(room, chunk) for chunk in range(LARGE.get(room, 1)))
+} | {
     part.name: part
     for emulation in EMULATIONS.values()
     for kind, chunks in CHUNKS.items()

@@ -1,4 +1,5 @@
-"""A sample of `make test-processors`, and what it stands on: the proof, the parts, what is kept."""
+"""A sample of `make test-processors`; what it and `make test-all` stand on: the proof, the parts,
+what is kept."""
 
 import json
 import os
@@ -10,7 +11,7 @@ import pytest
 import run
 from emulations import EMULATIONS, ROOT, disabled, environment
 from oldest import requirements
-from parts import CHUNKS, PARTS, files_of, files_of_tests
+from parts import CHUNKS, HERE, PARTS, Room, files_of, files_of_tests
 from proof import differences, observed
 
 REFERENCE = ROOT / "results" / "reference"
@@ -115,8 +116,16 @@ def test_every_test_is_of_one_kind():
         *("test_code_of_pages.py", "test_examples_of_names.py", "test_notebooks.py"),
         *("test_page.py", "test_technical_report.py", "test_thesis.py", "test_designs.py"),
     }
-    chunks = [part.command(ROOT)[-1] for part in PARTS.values() if part.kind == "numbers"]
+    numbers = [part for part in PARTS.values() if part.emulation and part.kind == "numbers"]
+    chunks = [part.command(ROOT)[-1] for part in numbers]
     assert len(chunks) == len(EMULATIONS) * CHUNKS["numbers"]
+
+
+def test_every_test_is_in_one_part_here():
+    parts = [part for name, part in PARTS.items() if name.startswith(f"{HERE}/")]
+    words = [word for part in parts for word in part.command(ROOT)]
+    assert sorted(word for word in words if word.endswith(".py")) == files_of_tests()
+    assert "-m" not in [word for part in parts for word in part.command(ROOT)[3:]]
 
 
 def test_the_oldest_versions_are_those_of_pyproject():
@@ -152,7 +161,29 @@ def test_a_part_is_run_once_for_the_same_files(part, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "proven", lambda emulation: ("second", ""))
     type(part).end = "pass"
     assert run.result(part)["failed"] == [] and (tmp_path / "runs").read_text() == "xx"
-    assert [folder.name for folder in run.KEPT.glob("*/*")] == ["second"]
+    assert [one.name for one in run.KEPT.glob("*/*") if one.is_dir()] == ["second"]
+
+
+def test_when_a_part_last_passed_is_kept_beyond_a_change_of_files(part, monkeypatch):
+    type(part).end = "pass"
+    assert run.last_passed(part.name) == "never"
+    assert run.result(part)["failed"] == []
+    passed = run.last_passed(part.name)
+    monkeypatch.setattr(run, "proven", lambda emulation: ("second", ""))
+    type(part).end = "sys.exit(3)"
+    assert run.result(part)["failed"] and run.last_passed(part.name) == passed != "never"
+
+
+def test_a_room_is_run_on_this_processor_as_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "KEPT", tmp_path / ".processors")
+    monkeypatch.setattr(run, "ROOT", tmp_path)
+    monkeypatch.setattr(run, "files_key", lambda: "files")
+    code = "import os, sys; sys.exit(os.environ['OMP_NUM_THREADS'] != '1')"
+    monkeypatch.setattr(Room, "command", lambda room, results: [sys.executable, "-c", code])
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    run.proven.cache_clear()
+    assert run.result(PARTS[f"{HERE}/optics"])["failed"] == []
+    run.proven.cache_clear()
 
 
 def test_a_part_whose_emulation_is_not_in_effect_fails(part, tmp_path, monkeypatch):
@@ -180,13 +211,16 @@ def test_a_run_that_ends_without_a_summary_fails(part):
     assert run.result(part)["failed"] == ["exit status 3"]
 
 
-def test_the_table_says_what_failed_where():
+def test_the_table_says_what_failed_where(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "KEPT", tmp_path)
     good = {"failed": [], "minutes": 2.2, "log": "a.log"}
     bad = {"failed": ["tests/test_a.py::test_b"], "minutes": 3.0, "log": "b.log"}
     table = run.shown({"prescott/stored": good, "haswell/stored": bad, "skylakex/stored": None})
-    rows = {line.split("  ")[0]: line for line in table.splitlines()}
-    assert "ok 2" in rows["prescott"] and "1 FAILED 3" in rows["haswell"]
-    assert "left out" in rows["skylakex"]
+    rows = {line.split()[0]: line.split()[1:] for line in table.splitlines() if line}
+    assert rows["prescott/stored"] == ["ok", "2", "never"]
+    assert rows["haswell/stored"] == ["1", "FAILED", "3", "never"]
+    assert rows["skylakex/stored"] == ["left", "out", "never"]
+    assert rows["prescott/chain"] == ["-", "never"] and f"{HERE}/mu-1" not in rows
     assert table.endswith("haswell/stored: b.log\ntests/test_a.py::test_b")
 
 

@@ -76,6 +76,7 @@ def test_nothing_is_allowed_below_the_least_mu_and_something_above(weights):
         assert largest_projections(one, 1.001 * least.upper[i], h, SLACK[:1])[0, 0] > -np.inf
 
 
+@pytest.mark.cases(0)
 def test_sets_of_turned_real_weights_are_held(weights):
     level = 1.3 * least_mu(weights).upper.max()
     h = np.tile(DIRECTIONS, (COUNT, 1))

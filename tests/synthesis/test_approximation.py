@@ -167,6 +167,7 @@ def test_a_sampling_time_that_is_not_given_stays_so():
     assert small.dt is True and small.holds
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("unit", [1.0, 1.0588, 1e6])
 @pytest.mark.parametrize("damping", [1e-9, 1e-11])
 @pytest.mark.parametrize("method", ["balanced", "matchdc", "hankel"])

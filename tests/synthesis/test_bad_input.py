@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 from plants import scalar_plant
+from tables import each
 from workbench.plants.textbook.first_order import unstable_first_order
 
 from workbench import Outcome, solve
@@ -85,8 +86,8 @@ ENTRIES = {
 }
 
 
-@pytest.mark.parametrize("call", ENTRIES.values(), ids=ENTRIES)
-@pytest.mark.parametrize(("wrong", "said"), WRONG)
+@each("call", ENTRIES.values(), ids=ENTRIES)
+@each(("wrong", "said"), WRONG)
 def test_what_is_no_system(call, wrong, said):
     with pytest.raises(InputError, match=said):
         call(wrong)
@@ -366,6 +367,7 @@ def test_what_mu_synthesis_refuses(arguments, said):
         MuSynthesis(**{"plant": UNCERTAIN, **arguments})
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", ["dk", pytest.param("mu-dk", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "place"), [("D21", (-1, slice(0, -1))), ("D12", (slice(0, -1), -1))]
@@ -425,7 +427,7 @@ def test_orders_that_are_none(order):
         approximated(K, order, "balanced")
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "said"),
     [
         (lambda: approximated(K, 1, "schur"), "method is 'schur'"),

@@ -73,6 +73,7 @@ def test_the_radius_reaches_the_farthest_plant(cover, parts):
     np.testing.assert_allclose(loop.radius[known], needed, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.cases(0)
 def test_a_chosen_weight_lowers_mu_and_its_model_holds_the_plants(cover, parts):
     last = cover.lowered(parts, ["real"], Context())
     assert last["nominal"] is parts["nominal"]
@@ -140,6 +141,7 @@ def covered_peak(cover, parts, W_c):
     return replace(loop.weights, circular=abs(W_c.response(cover.omega))).mu(loop.T).max()
 
 
+@pytest.mark.cases(0)
 def test_all_parts_together_get_lower_than_the_real_weight_alone(cover, parts):
     peaks = []
     for moving in (["real"], ["nominal", "real", "controller"]):
@@ -151,6 +153,7 @@ def test_all_parts_together_get_lower_than_the_real_weight_alone(cover, parts):
     assert peaks[1] < 0.99 * peaks[0]
 
 
+@pytest.mark.cases(0)
 def test_a_found_weight_covers_no_more_than_it_must(cover, parts):
     found = cover.lowered(parts, ["real"], Context())
     size = abs(found["circular"].response(cover.omega))
@@ -175,12 +178,14 @@ def test_slopes_of_the_smoothed_peak_are_those_of_differences(cover, parts):
                 assert slope == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-3, abs=1e-8)
 
 
+@pytest.mark.cases(0)
 def test_a_search_ends_with_roots_that_a_realisation_can_hold(cover, parts):
     found = cover.lowered(parts, ["nominal", "real", "controller"], Context())
     for part in found.values():
         assert abs(np.concatenate([part.zeros, part.poles])).max() < 1e4 * OMEGA[-1]
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     "K",
     [

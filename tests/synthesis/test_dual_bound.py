@@ -65,6 +65,7 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
     assert 0.99 * norm < found.level <= norm
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     "p", [1.0, *(pytest.param(p, marks=pytest.mark.slow) for p in (0.1, 30.0))]
 )
@@ -79,6 +80,7 @@ def test_an_unstable_pole_costs_twice_its_gain(p):
     assert proven(loop, without, 1.5 * p, 3 * p) is None
 
 
+@pytest.mark.cases(0)
 def test_a_zero_in_the_right_half_plane_costs_the_weight_there():
     """|W_p S| is |W_p(z)| at least; T = (1 - W_p(z) / W_p) / (1 + s / 100)^2 is not far off."""
     z, W_p = 3.0, Rational([-8.0], [-0.01], 0.5)
@@ -155,6 +157,7 @@ ATTACKS = {
 LONG = {"graded", "steep", "tails that vary"}
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in ATTACKS],
@@ -236,6 +239,7 @@ def test_an_unstable_plant_gives_the_integral_that_is_known():
     np.testing.assert_allclose(found, np.pi * basis.known, atol=1e-4 * np.pi)
 
 
+@pytest.mark.cases(0)
 def test_changed_proofs_prove_nothing():
     found = proven(low_pass(), BASIS, 0.5, 1.6)
     assert found.excess(low_pass()) < 0.0

@@ -7,6 +7,7 @@ import control
 import numpy as np
 import pytest
 from loop_plants import S, tracking
+from tables import each
 from workbench.plants.textbook.distillation import distillation_column
 
 from workbench import Outcome, solve
@@ -51,7 +52,7 @@ CONSTRUCTED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("call", "said"), CONSTRUCTED)
+@each(("call", "said"), CONSTRUCTED)
 def test_families_that_cannot_be(call, said):
     with pytest.raises(InputError, match=said):
         call()
@@ -125,7 +126,7 @@ STARTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("family", "start", "said"), STARTS)
+@each(("family", "start", "said"), STARTS)
 def test_starts_that_are_none(family, start, said):
     with pytest.raises(InputError, match=said):
         MuSynthesis(PLANT, start=start, family=family)

@@ -44,6 +44,7 @@ def members(given, count, seed):
 # --- answers ------------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_methods_of_different_mathematics_agree(criterion):
     program = question(criterion)
@@ -55,6 +56,7 @@ def test_methods_of_different_mathematics_agree(criterion):
     assert max(levels) / min(levels) - 1 < 3e-3
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_every_plant_drawn_from_the_set_keeps_the_level(criterion):
     given = records()
@@ -138,6 +140,7 @@ def test_noise_with_a_known_mean_and_weights():
 # --- scaling ------------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("criterion", "method"), CELLS)
 def test_units_make_no_difference(criterion, method):
     """States in units from 1e-9 to 1e6, inputs of 1e5: the same gain in other units."""
@@ -203,6 +206,7 @@ def test_a_wrong_answer_is_rejected(criterion, wrong):
     assert not program.certify(WRONG[wrong](answer), 1e-6).valid
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_a_wrong_bound_proves_nothing(criterion):
     program = question(criterion)
@@ -215,6 +219,7 @@ def test_a_wrong_bound_proves_nothing(criterion):
         assert program.gap(replace(answer, bound=1.01 * answer.level))[1] == np.inf
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_a_bound_is_proven_of_records_with_other_last_bits(criterion):
     """The conic form is computed: each processor has its own, and moves the dual point onto it."""
@@ -236,6 +241,7 @@ def test_that_no_gain_exists_is_proven_of_records_with_other_last_bits():
         assert proof.certify(solution.answer, 1e-6).holds, seed
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_an_answer_is_stored_and_drawn(criterion):
     program = question(criterion)

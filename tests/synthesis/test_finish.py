@@ -47,12 +47,14 @@ def five_dynamic_blocks(seed=0, states=30):
     return GeneralisedPlant(control.ss(A, B, C, D), Structure([Full(2, 2)] * 5), 2, 2)
 
 
+@pytest.mark.cases(0)
 def test_the_textbook_case_has_a_controller_of_few_states():
     solution = wb.solve(MuSynthesis(mass_damper_spring()))
     assert solution.holds and solution.answer.upper < 0.97  # 0.965 at order 20 in the book
     assert solution.answer.K.nstates <= 25
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_states_that_do_nothing_are_left_out_and_the_peak_stays(seed):
     rng = np.random.default_rng(seed)
@@ -86,6 +88,7 @@ def late_in(context, monkeypatch, after):
     monkeypatch.setattr(scaling_fit.ScalingFit, "_cost", cost)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("after", [1, 40])
 def test_the_limit_ends_a_fit_in_its_midst_and_the_first_controller_is_there(monkeypatch, after):
     context = Context(Options(time_limit=1000.0))
@@ -143,6 +146,7 @@ def lag_with(block, gain, *, coupled):
     )
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("method", "coupled", "gain", "block"),
     [

@@ -182,6 +182,7 @@ def test_units_do_not_change_the_level(seed, time, control_unit, measurement_uni
     assert changed.gamma == pytest.approx(plain.gamma, rel=3e-3)
 
 
+@pytest.mark.cases(0)
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000))
 def test_no_level_below_the_least_one_and_every_one_above_it(seed):
@@ -223,6 +224,7 @@ def test_unstable_states_that_stand_twice():
 # --- the CD drive in SI units -----------------------------------------------------------------
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_cd_drive_in_si_units(axis):
     plant = generalised(axis, parametric_plant(axis))

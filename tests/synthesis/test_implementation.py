@@ -57,6 +57,7 @@ def model_step(K):
     return step
 
 
+@pytest.mark.cases(1)
 def test_the_certificate_holds_and_comes_back(done):
     task, found = done
     assert found.outcome is Outcome.SOLVED, found.message
@@ -97,6 +98,7 @@ def test_the_best_way_is_not_worse_than_the_others():
     assert len({round(peak, 6) for peak in peaks.values()}) == 3
 
 
+@pytest.mark.cases(2)
 def test_a_mutated_controller_or_claim_is_refused(done):
     task, found = done
     answer = found.answer
@@ -115,6 +117,7 @@ def test_a_mutated_controller_or_claim_is_refused(done):
         assert "coefficients" in " ".join(task.certify(between, 1e-6, optimal=False).failures)
 
 
+@pytest.mark.cases(0)
 def test_a_generalised_plant_has_the_signs_and_several_channels():
     two = control.append(G, 2 * G)
     plant = generalised_plant(
@@ -131,6 +134,7 @@ def test_a_generalised_plant_has_the_signs_and_several_channels():
     assert task.metrics(found.answer)["peak"] == found.answer.sensitivity
 
 
+@pytest.mark.cases(0)
 def test_order_filter_and_limits_are_heeded(tmp_path):
     filtered = 1 / (s / 2000 + 1)
     task = Implementation(
@@ -143,6 +147,7 @@ def test_order_filter_and_limits_are_heeded(tmp_path):
     assert answer.margins[0].phase < plain.margins[0].phase
 
 
+@pytest.mark.cases(2)
 @needs_compiler
 @pytest.mark.parametrize("precision", ["double", "float", "fixed"])
 def test_anti_windup_shortens_what_a_limit_costs(precision, tmp_path):

@@ -72,6 +72,7 @@ def changed(answer):
             yield f"integers times {factor}", replace(answer, fixed=fixed)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_told_wrong_fails(board, case):
     program, answer = board

@@ -57,6 +57,7 @@ def test_a_controller_without_a_real_pole_stays():
     assert with_integrator(K) is K
 
 
+@pytest.mark.cases(0)
 def test_integral_action_is_certified_and_costs_little():
     without = wb.solve(MuSynthesis(weighted(0.9, 0.01))).answer
     best = None
@@ -70,6 +71,7 @@ def test_integral_action_is_certified_and_costs_little():
     assert best.upper < 1.02 * without.upper
 
 
+@pytest.mark.cases(0)
 def test_a_pi_has_it_by_itself():
     done = wb.solve(MuSynthesis(weighted(1.0, 1e-6), integral=True, family=PI()))
     assert done.certificate.holds

@@ -34,6 +34,7 @@ def normal_of(plant, used):
     return normalised_plant(standard_plant(scaled_plant.scaled_plant(plant, used)))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["distillation", "mass-spring", "unstable-first-order"])
 def test_the_gradient_is_that_of_differences(name):
     """The level by scalings: its slope by Riccati solutions, and by two levels apart."""
@@ -99,6 +100,7 @@ def test_a_level_is_found_from_a_guess_on_either_side():
     assert not level_at(normal.plant, 0.999 * low).feasible
 
 
+@pytest.mark.cases(0)
 def test_the_descent_lowers_the_level_and_keeps_its_bounds():
     plant = PLANTS["distillation"]()
     used = start(plant, 1, 0)

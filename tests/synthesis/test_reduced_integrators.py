@@ -98,6 +98,7 @@ def formed(seed):
     return (K.sample(0.1) if seed % 3 == 2 else K), count
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("group", thinned(range(15), 5))
 def test_integrators_made_of_rounding_are_kept_exactly(method, group):

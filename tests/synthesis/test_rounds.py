@@ -73,6 +73,7 @@ def whole_of(program, few):
 # --- stopped ----------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", METHODS)
 def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, name):
     whole = whole_of(name)
@@ -95,6 +96,7 @@ def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, 
     assert [row["peak"] for row in context.rows] == [each.peak for each in whole.answer.history]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", METHODS)
 def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, whole_of, name):
     whole, kept = whole_of(name), Memory()
@@ -183,6 +185,7 @@ def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch)
 # --- stored -----------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_round_is_stored_with_its_controller_and_scalings(program, whole_of, name, tmp_path):
     answer = whole_of(name).answer

@@ -31,6 +31,7 @@ def radius(plant, Delta, K, period):
     return np.abs(control.feedback(sampled * K, 1).poles()).max()
 
 
+@pytest.mark.cases(0)
 def test_the_margin_of_the_discretised_plant_is_no_margin():
     """Dynamics between both margins break the loop; those below are borne."""
     sampled = control.sample_system(control.tf([1], [1, 1]), T, "zoh")
@@ -44,6 +45,7 @@ def test_the_margin_of_the_discretised_plant_is_no_margin():
     assert "between the samples too" in repr(found)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("seed", thinned(range(10), 5))
 def test_no_dynamics_below_the_margin_break_the_loop(seed):
     rng = np.random.default_rng(seed)
@@ -58,6 +60,7 @@ def test_no_dynamics_below_the_margin_break_the_loop(seed):
         assert radius(plant, Delta, K, period) < 1
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("form", ["additive", "multiplicative", "inverse"])
 def test_fast_sampling_gives_the_margin_of_the_continuous_loop(form):
     G, d = tf([1], [1, 1, 1]), control.tf([0.3], [0.2, 1]) * dynamics("d", 1, 1)
@@ -68,6 +71,7 @@ def test_fast_sampling_gives_the_margin_of_the_continuous_loop(form):
     assert found.lower == pytest.approx(continuous.lower, rel=5e-3)
 
 
+@pytest.mark.cases(0)
 def test_a_computers_delay_costs_margin_and_the_sign_is_that_of_the_loop():
     K = control.tf([0.4], [1, -1], 0.2)
     margins = [sampled_robustness(PLANT, K, 0.2, delay).lower for delay in (0.0, 0.5, 1.0)]
@@ -75,6 +79,7 @@ def test_a_computers_delay_costs_margin_and_the_sign_is_that_of_the_loop():
     assert sampled_robustness(PLANT, -K, 0.2, sign=1).lower == pytest.approx(margins[0], rel=1e-9)
 
 
+@pytest.mark.cases(0)
 def test_models_of_circles_are_plants_too_and_tiny_uncertainty_is_borne_without_end():
     model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.5], [1]))
     assert sampled_robustness(model, K, T).lower == pytest.approx(
@@ -110,6 +115,7 @@ def test_bad_input_is_named(plant, changes, words):
         sampled_robustness(plant, **given)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 1.6])
 def test_loops_in_time_refute_a_margin_that_is_too_large(late):
     found = sampled_robustness(PLANT, control.tf([0.4], [1, -1], 0.2), 0.2, late)

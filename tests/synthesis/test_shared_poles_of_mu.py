@@ -28,6 +28,7 @@ def servo(leak, effort=0.1, G=None):
     )
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(("method", "effort"), [("dk", 0.1), ("mu-dk", 0.1), ("dk", 0.0)])
 def test_an_integrator_in_a_weight_is_the_limit_of_slow_poles(method, effort):
     near = wb.solve(MuSynthesis(servo(1e-6, effort)), method)
@@ -48,6 +49,7 @@ def test_the_loop_of_the_whole_controller_follows_without_error():
     assert abs(S(1e-9j)) < 1e-6
 
 
+@pytest.mark.cases(0)
 def test_an_integrator_in_weight_and_plant_too():
     solution = wb.solve(MuSynthesis(servo(0.0, G=control.tf([1.0], [1.0, 0.0]))))
     assert solution.certificate.holds, solution

@@ -302,6 +302,7 @@ def test_a_slow_state_and_a_gain_are_found_for_order_one():
     assert peaks[0] < 0.73 and peaks[1] < 1.001 * peaks[0]
 
 
+@pytest.mark.cases(0)
 def test_certificates_tell_what_a_controller_is():
     found = solve(MuSynthesis(unstable_first_order(), order=1), "fixed").certificate
     (told,) = found.facts

@@ -31,6 +31,7 @@ def least(plant, **asked):
     return found.answer.upper
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("G", "speed", "family", "limit"),
     [
@@ -49,6 +50,7 @@ def test_a_family_finds_its_own_start(G, speed, family, limit):
     assert least(tracking(G, speed), family=family) <= limit
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 @pytest.mark.parametrize("gain", [1.0, 1e9])
 def test_units_of_time_and_of_the_output_do_not_matter(unit, gain):
@@ -57,10 +59,12 @@ def test_units_of_time_and_of_the_output_do_not_matter(unit, gain):
     assert least(other, family=PI()) == pytest.approx(least(plain, family=PI()), rel=1e-6)
 
 
+@pytest.mark.cases(0)
 def test_a_pid_gets_as_low_as_full_order():
     assert least(unstable_first_order(), family=PID()) < 0.678  # full order: 0.676
 
 
+@pytest.mark.cases(0)
 def test_a_decentralised_family_of_the_column():
     plant = distillation_column()
     found = wb.solve(MuSynthesis(plant, family=Decentralised(PI(), PI())))
@@ -72,6 +76,7 @@ def test_a_decentralised_family_of_the_column():
     assert "channel 1 P = " in facts
 
 
+@pytest.mark.cases(0)
 def test_the_least_gain_is_that_of_a_scan():
     plant = unstable_first_order()
     program = MuSynthesis(plant, family=Static())
@@ -84,6 +89,7 @@ def test_the_least_gain_is_that_of_a_scan():
     assert least(plant, order=0) == pytest.approx(least(plant, family=Static()))
 
 
+@pytest.mark.cases(0)
 def test_weights_of_the_set_point_help():
     """With r and y apart the set-point acts less hard than the disturbance asks for."""
     G = 1 / (S * (S + 1))
@@ -103,11 +109,13 @@ def one_degree(K):
     return control.ss(K[0, 1]) * control.ss([], [], [], [[-1.0, 1.0]])
 
 
+@pytest.mark.cases(0)
 def test_demands_on_poles_reach_a_family():
     found = wb.solve(MuSynthesis(tracking(1 / (S + 1), 1.0), family=PID(), fastest_pole=20.0))
     assert found.certificate.valid and found.answer.K.poles().real.min() >= -20.0 * (1 + 1e-9)
 
 
+@pytest.mark.cases(0)
 def test_progress_and_message_say_which_start():
     told = []
     context = Context(progress=lambda what, done, total: told.append(what))
@@ -211,6 +219,7 @@ def test_the_rightmost_pole_moves_left():
 # --- nothing stabilises ---------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 def test_what_was_tried_in_vain_is_said_with_the_least_abscissa():
     plant = tracking(1 / ((S - 1) * (S - 2) * (S - 3)), 1.0)
     found = wb.solve(MuSynthesis(plant, family=PI()))

@@ -98,6 +98,7 @@ def test_a_pid_for_an_unstable_plant_gets_near_the_best_of_full_order():
     assert solution.answer.upper < 0.8  # full order: 0.676
 
 
+@pytest.mark.cases(0)
 def test_a_decentralised_controller_of_the_column_stays_decentralised():
     plant = distillation_column()
     members = [PID.of(gain, gain / 10, gain / 100, 0.05, 1e-6) for gain in (0.2, -0.2)]

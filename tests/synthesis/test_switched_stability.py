@@ -198,6 +198,7 @@ def test_what_is_exactly_unstable_is_refused_in_any_coordinates(seed):
     assert not program.second_opinion(answer)[0].holds
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(20))
 def test_what_is_just_stable_is_accepted_in_any_coordinates(seed):
     rng = np.random.default_rng(seed)

@@ -192,6 +192,7 @@ def test_stable_modes_are_proven_for_any_switching():
     assert sum(one.cell.volume for one in done) == pytest.approx(0.8)
 
 
+@pytest.mark.cases(0)
 def test_the_proven_share_ends_where_a_mode_is_unstable():
     """Without control the plant is unstable for p <= 0: half of the box, and a cell that has 0."""
 

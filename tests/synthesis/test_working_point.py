@@ -49,6 +49,7 @@ def closed(made, heater, setpoint, seconds, u=REST):
     return np.array(found).T
 
 
+@pytest.mark.cases(1)
 @needs_compiler
 @pytest.mark.parametrize("precision", MADE)
 def test_every_heater_reaches_its_set_point_without_bump_or_offset(precision, tmp_path):
@@ -87,6 +88,7 @@ def test_manual_to_automatic_without_a_bump_far_from_the_working_point(precision
     assert np.abs(y - rest).max() < 2e-3
 
 
+@pytest.mark.cases(1)
 @needs_compiler
 @pytest.mark.parametrize("precision", MADE)
 def test_a_rate_limit_is_kept(precision, tmp_path):

@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from tables import each
 
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
 from workbench.mu import conditions, loop_margins, robust_stability
@@ -237,7 +238,7 @@ def test_it_is_connected_by_names():
     assert both.structure.blocks == (Real(2, "k"),)
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "words"),
     [
         (lambda: real("k", 10), "give one of percent="),

@@ -27,6 +27,7 @@ def test_a_family_is_covered_with_smaller_sets_than_by_the_steps(kind, form, sol
     assert program.objective(solution.answer) < 0.9 * program.objective(steps)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_solvers_agree_on_the_nominal(kind):
     program = program_of(kind, Responses(OMEGA, family(2)))

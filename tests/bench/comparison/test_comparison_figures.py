@@ -25,10 +25,12 @@ def many():
     return drawings(judged(synthetic(problems=7, methods=12, repetitions=2)))
 
 
+@pytest.mark.cases(0)
 def test_there_is_a_figure_of_every_kind(many):
     assert many.keys() == ALL
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_nothing_is_cut_off_and_every_axis_is_labelled(many, name):
     figure = many[name]
@@ -40,6 +42,7 @@ def test_nothing_is_cut_off_and_every_axis_is_labelled(many, name):
     assert shown[0].get_xlabel() and shown[0].get_ylabel()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", sorted(ALL - {"agreement"}))
 def test_the_legend_names_every_method_and_covers_no_data(many, name):
     (legend,) = many[name].legends
@@ -49,6 +52,7 @@ def test_the_legend_names_every_method_and_covers_no_data(many, name):
     assert all(axes.get_window_extent().y0 >= top for axes in many[name].axes)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_a_page_can_find_what_is_drawn_for_a_method(many, name):
     text = io.StringIO()
@@ -196,6 +200,7 @@ def test_of_one_problem_the_profiles_would_say_nothing_more():
 # --- numbers that are none ----------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
 def test_every_figure_is_drawn_whatever_its_numbers_are(value):
     """In one cell of every variable, then in all cells of the gap and of the times."""

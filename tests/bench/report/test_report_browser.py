@@ -58,6 +58,7 @@ def typed(page: Browser, words: str) -> None:
     page.call("Input.insertText", text=words)
 
 
+@pytest.mark.cases(0)
 def test_search_and_filter_are_in_the_address(page: Browser, entry: Path) -> None:
     page.open(entry)
     assert len(shown_runs(page)) == 5
@@ -79,6 +80,7 @@ def test_search_and_filter_are_in_the_address(page: Browser, entry: Path) -> Non
     assert len(shown_runs(page)) == 3
 
 
+@pytest.mark.cases(0)
 def test_sort_and_columns_of_parameters(page: Browser, entry: Path) -> None:
     page.open(entry, "theme=lab")
     heads = "[...document.querySelector('.runs thead tr').cells].map((one) => one.textContent)"
@@ -96,6 +98,7 @@ def test_sort_and_columns_of_parameters(page: Browser, entry: Path) -> None:
     assert "speed" not in page.run(heads)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dark", [False, True])
 def test_every_page_fits_a_phone(page: Browser, entry: Path, dark: bool) -> None:
     page.size(390, 844, dark)
@@ -106,6 +109,7 @@ def test_every_page_fits_a_phone(page: Browser, entry: Path, dark: bool) -> None
         assert (paper == "rgb(20, 24, 28)") is dark
 
 
+@pytest.mark.cases(0)
 def test_nothing_leaves_the_folder(page: Browser, entry: Path) -> None:
     for place in [entry, *run_pages(entry)]:
         page.open(place)
@@ -127,6 +131,7 @@ VISIBLE = f"""[...new Set([...{DRAWN}.querySelectorAll("[data-method]")]
     .map((part) => part.dataset.method))].sort()"""
 
 
+@pytest.mark.cases(0)
 def test_ten_methods_can_be_toggled(page: Browser, entry: Path) -> None:
     page.open(comparison(entry))
     page.run("document.querySelector('figure.toggled').scrollIntoView()")
@@ -146,6 +151,7 @@ def test_ten_methods_can_be_toggled(page: Browser, entry: Path) -> None:
     assert page.run(VISIBLE) == METHODS
 
 
+@pytest.mark.cases(0)
 def test_points_tell_what_they_are(page: Browser, entry: Path) -> None:
     page.open(comparison(entry))
     page.wait(f"{DRAWN} !== null")
@@ -168,6 +174,7 @@ def test_points_tell_what_they_are(page: Browser, entry: Path) -> None:
     assert page.run("document.getElementById('told').hidden") is True
 
 
+@pytest.mark.cases(0)
 def test_figures_are_enlarged(page: Browser, entry: Path) -> None:
     (place,) = [one for one in run_pages(entry) if one.name.startswith("shop")]
     page.open(place)

@@ -35,6 +35,7 @@ def line(height: float = 1.0) -> Any:
     return figure
 
 
+@pytest.mark.cases(0)
 def test_the_same_folders_give_the_same_bytes(
     root: Path, make: Make, shown: Callable[..., None], tmp_path: Path
 ) -> None:
@@ -57,6 +58,7 @@ def drawn_again(root: Path, output: Path) -> int:
     return told[-1][2]
 
 
+@pytest.mark.cases(0)
 def test_only_what_has_changed_is_drawn_again(
     root: Path, make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +96,7 @@ def test_a_figure_that_is_gone_is_drawn_again(
     assert len(list((tmp_path / "report" / "figures").iterdir())) == 2
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "spoilt",
     [

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 from html_page import Make, Page
 
@@ -27,6 +28,7 @@ def pages(elsewhere: Callable[..., str], root: Path, *words: str) -> str:
     return Page(page).text
 
 
+@pytest.mark.cases(0)
 def test_a_comparison_has_its_page_whatever_its_numbers_are(
     elsewhere: Callable[..., str],
     root: Path,
@@ -43,6 +45,7 @@ def test_a_comparison_has_its_page_whatever_its_numbers_are(
     assert "every cell" in text and "Figure not drawn: every cell" not in text
 
 
+@pytest.mark.cases(0)
 def test_a_figure_that_fails_names_the_line_of_the_library_that_met_it(
     elsewhere: Callable[..., str], root: Path, make_comparison: Make
 ) -> None:

@@ -17,6 +17,7 @@ from workbench.bench.report.entries import LONGEST, theme
 from workbench.bench.store import seal
 
 
+@pytest.mark.cases(0)
 def test_every_run_has_a_row_that_leads_to_its_page(root: Path, make: Make) -> None:
     make("lab/circle", "0000000a")
     make("lab/stadium", "0000000b", metrics={"radius": 2.5, "points": 12})

@@ -64,6 +64,7 @@ def test_hostile_words_are_inert(root: Path, make: Make) -> None:
         assert all("onerror" not in attributes for _, attributes in page.elements)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("pattern", [HOSTILE, 5, ["x"], None, {}])
 @pytest.mark.parametrize("problems", [HOSTILE, 7, [HOSTILE]])
 def test_hostile_parameters_of_a_comparison_are_inert(
@@ -75,6 +76,7 @@ def test_hostile_parameters_of_a_comparison_are_inert(
         assert "unknown share of unknown number of cells certified" in page.text
 
 
+@pytest.mark.cases(0)
 def test_hostile_tables_and_sentences_that_were_kept_are_text(root: Path, make: Make) -> None:
     make()
     report(root)

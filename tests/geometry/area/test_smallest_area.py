@@ -79,6 +79,7 @@ def test_the_search_is_certified_for_degenerate_sets(name, case, where):
     assert solution.outcome is Outcome.SOLVED
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("case", CASES)
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(point_sets)

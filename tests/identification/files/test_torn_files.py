@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lanes import examples
 from scipy.io import savemat
+from tables import each
 
 from workbench.errors import InputError
 from workbench.identification import read_record, read_response, read_variables
@@ -128,7 +129,7 @@ def test_there_are_sixty():
     assert len(CASES) >= 60
 
 
-@pytest.mark.parametrize(("content", "said"), CASES.values(), ids=CASES)
+@each(("content", "said"), CASES.values(), ids=CASES)
 def test_each_is_refused_in_words(tmp_path, content, said):
     """Those without words may be read where nothing is left open, and are if they are."""
     file = tmp_path / "torn.csv"
@@ -152,7 +153,7 @@ def test_a_torn_mat_file(tmp_path, cut):
         read_record(file, "u", "y", time="t")
 
 
-@pytest.mark.parametrize("cut", range(len(HEAD), len(TEXT)))
+@each("cut", range(len(HEAD), len(TEXT)))
 def test_a_text_that_ends_anywhere(tmp_path, cut):
     """What is read of a torn text are whole rows of it, but for a last number that is cut."""
     file = tmp_path / "torn.csv"

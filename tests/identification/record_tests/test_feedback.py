@@ -27,6 +27,7 @@ def wrong(logs, truth):
     return [log.what for log in logs if is_found(log.record) is not truth]
 
 
+@pytest.mark.cases(0)
 def test_some_open_and_closed_loops_are_told_apart():
     assert len(wrong(map(open_log, range(30)), False)) <= 1
     assert len(wrong(map(closed_log, range(20)), True)) <= 2
@@ -188,6 +189,7 @@ def test_order_of_inputs_changes_nothing():
     assert {finding.where for finding in open_loop(swapped).findings} == {f.where for f in told}
 
 
+@pytest.mark.cases(0)
 def test_a_long_record_takes_a_second():
     u = np.random.default_rng(0).standard_normal(1_000_000)
     record, begin = as_record(u, plant(u)), process_time()

@@ -45,6 +45,7 @@ def test_findings_do_not_depend_on_units(spoil, unit):
     assert kinds[0] == kinds[1]
 
 
+@pytest.mark.cases(0)
 def test_messages_name_channel_strength_and_remedy():
     for spoil, kind in SPOILT.items():
         found = next(f for f in findings(spoil, 0) if f.kind == kind)

@@ -60,6 +60,7 @@ def test_the_run_is_shown(solved):
     assert study.figures(stored).keys() == {"ratios"}
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("center", [None, 0.0])
 def test_scanned_stadiums_are_nearly_the_narrowest(center):
     rng = np.random.default_rng(3)

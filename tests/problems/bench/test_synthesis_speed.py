@@ -33,6 +33,7 @@ def failures(study, answer):
     return {check.name for check in study.checks(answer, 1e-6) if not check.holds}
 
 
+@pytest.mark.cases(0)
 def test_the_small_one_holds(solved):
     study, solution = solved
     assert solution.certificate.holds, solution.certificate
@@ -46,6 +47,7 @@ def test_the_small_one_holds(solved):
     assert numbers["peak"] <= PEAK < numbers["peak_dkpy"] == 1.2
 
 
+@pytest.mark.cases(0)
 def test_what_is_not_reached_is_found(solved):
     study, solution = solved
     answer = solution.answer.copy(deep=True)
@@ -103,6 +105,7 @@ def test_what_hinfsyn_raises_is_kept(monkeypatch):
     assert np.isnan(found.claim)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", ["focus nominal", "radial parametric", "focus parametric"])
 def test_the_drives_in_si_units_have_controllers(name):
     plant = drive_plants()[name]

@@ -50,6 +50,7 @@ def test_mu_of_a_real_spring_is_below_that_of_a_complex_one(solved):
     assert (real_spring_mu(omega) <= complex_.values * (1 + 1e-9)).all()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("name", "factor", "failing"),
     [

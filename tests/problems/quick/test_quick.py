@@ -99,6 +99,7 @@ def test_the_cart_survives_losses_between_stays_of_the_proven_length():
         assert np.linalg.norm(x) < 1e-2
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("plant", ["lag", "two-masses"])
 def test_every_method_finds_as_good_a_filter_as_the_default_one(plant):
     program = fault_filter(plant)

@@ -110,6 +110,7 @@ def servo():
     )
 
 
+@pytest.mark.cases(0)
 def test_a_pid_is_as_good_as_the_best_of_a_search_without_slopes():
     plant = servo()
 
@@ -131,6 +132,7 @@ def test_a_pid_is_as_good_as_the_best_of_a_search_without_slopes():
     assert solution.answer.norm <= 1.005 * best
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("order", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_of_a_higher_order_the_norm_is_no_larger_and_the_distance_is_told(order):
     norms = [wb.solve(H2Synthesis(servo(), order=each)) for each in (order, order + 1)]
@@ -143,6 +145,7 @@ def test_of_a_higher_order_the_norm_is_no_larger_and_the_distance_is_told(order)
         assert any("distance" in said for said in few.certificate.facts)
 
 
+@pytest.mark.cases(0)
 def test_a_gain_of_a_sampled_plant_is_that_of_a_scan():
     plant = servo()
     system = control.sample_system(plant.system, 0.1, "tustin")

@@ -122,6 +122,7 @@ def oscillator(seed):
 KINDS = [state_feedback, full_information, no_noise, free_control, repeated_controls, oscillator]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_singular_plant_is_solved_to_its_infimum(kind, seed):
@@ -175,6 +176,7 @@ def test_fast_poles_are_left_out_where_they_are_not_needed():
     assert without_fast_poles(K, lambda found: False) is K
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])
 def test_every_method_perturbs(method):
     plant = no_noise(0)
@@ -185,6 +187,7 @@ def test_every_method_perturbs(method):
     assert "perturbed" in solution.message
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])
 def test_units_of_time_and_signals_do_not_count(units):
     A, B1, B2, C1, C2 = random_parts(3)

@@ -35,6 +35,7 @@ def test_a_gain_is_as_good_as_the_best_of_a_search_along_the_line():
     assert solution.answer.norm == pytest.approx(found.fun, rel=2e-3)
 
 
+@pytest.mark.cases(0)
 def test_a_pid_is_as_good_as_the_best_of_searches_without_slopes():
     def size(x):
         P, integral, D, log = x
@@ -51,6 +52,7 @@ def test_a_pid_is_as_good_as_the_best_of_searches_without_slopes():
     assert 0 < solution.answer.least <= solution.answer.norm
 
 
+@pytest.mark.cases(0)
 def test_the_distance_from_the_best_of_any_order_is_told():
     program = MixedSensitivity(G, W_S, W_KS, order=1)
     solution = wb.solve(program)
@@ -65,6 +67,7 @@ def test_the_distance_from_the_best_of_any_order_is_told():
     )
 
 
+@pytest.mark.cases(0)
 def test_an_order_that_is_no_hindrance_gives_the_least_norm():
     every = hinf(MixedSensitivity(G, W_S, W_KS).plant)
     few = hinf(MixedSensitivity(G, W_S, W_KS).plant, order=every.K.nstates)
@@ -86,6 +89,7 @@ def test_no_stable_controller_exists_where_poles_and_zeros_interlace_wrongly():
     assert asked.outcome is Outcome.INFEASIBLE and asked.certificate.holds
 
 
+@pytest.mark.cases(0)
 def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
     program = MixedSensitivity(G, W_S, W_KS, order=0)
     norm = wb.solve(program).answer.norm
@@ -94,6 +98,7 @@ def test_a_level_above_the_reachable_norm_is_met_and_one_below_is_not_claimed():
     assert not wb.solve(MixedSensitivity(G, W_S, W_KS, gamma=0.9 * norm, order=0)).holds
 
 
+@pytest.mark.cases(0)
 def test_a_controller_that_is_asked_to_be_slow_is_slow():
     fast = wb.solve(MixedSensitivity(G, W_S, W_KS)).answer
     assert np.abs(fast.K.poles()).max() > 5.0
@@ -116,6 +121,7 @@ def two_channels(coupling):
     )
 
 
+@pytest.mark.cases(0)
 def test_a_decentralised_controller_has_nothing_off_its_diagonal():
     solution = wb.solve(HinfSynthesis(two_channels(0.3), family=Decentralised(PI(), PI())))
     assert solution.holds
@@ -124,6 +130,7 @@ def test_a_decentralised_controller_has_nothing_off_its_diagonal():
     assert solution.answer.norm >= solution.answer.least > 0
 
 
+@pytest.mark.cases(0)
 def test_a_sampled_plant_has_controllers_of_an_order():
     plant = two_channels(0.2)
     sampled = control.sample_system(plant.system, 0.1, "tustin")

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 
-import pytest
+from tables import each
 from workbench.plants.cd_drive.claims.items import Number, Verdict, at_least, at_most, near
 from workbench.plants.cd_drive.claims.problem import items
 
@@ -12,13 +12,10 @@ LONGEST_SAYING, LONGEST_FINDING = 140, 220
 
 
 def of(*verdicts):
-    """Items of some verdicts, with names for a test's report."""
+    """One test of all items of some verdicts."""
     chosen = [(chapter, item) for chapter, item in EVERY if item.verdict in verdicts]
-    return pytest.mark.parametrize(
-        "item",
-        [item for _, item in chosen],
-        ids=[f"{chapter}: {item.place}: {item.says[:40]}" for chapter, item in chosen],
-    )
+    said = [f"{chapter}: {item.place}: {item.says}" for chapter, item in chosen]
+    return each("item", [item for _, item in chosen], ids=said)
 
 
 @of(Verdict.REPRODUCED, Verdict.READING)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import pytest
+from tables import each
 from workbench.plants.cd_drive.claims.problem import sources
 
 STORED = Path(__file__).parents[4] / "results" / "reference"
@@ -12,7 +12,7 @@ def focus_only():
     return [name for name in sources() if name.startswith("cd/focus/")]
 
 
-@pytest.mark.parametrize("name", focus_only())
+@each("name", focus_only())
 def test_a_run_of_the_focus_loop_has_a_radial_twin(name):
     twin = STORED / name.replace("/focus/", "/radial/")
     assert any(twin.glob("*/data.nc"))

@@ -18,6 +18,7 @@ def solved(covered):
     return study, wb.solve(study)
 
 
+@pytest.mark.cases(0)
 def test_the_same_cover_costs_nothing(solved):
     study, solution = solved
     numbers = study.metrics(solution.answer)

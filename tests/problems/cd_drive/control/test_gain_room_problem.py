@@ -20,6 +20,7 @@ def run():
     return wb.open_run(folder)
 
 
+@pytest.mark.cases(0)
 def test_peaks_beside_the_edges_are_on_either_side_of_one(run):
     """Computed anew for one edge."""
     plant = generalised("focus", parametric_plant("focus")).channel("z_p", "w_p")

@@ -89,6 +89,7 @@ def test_the_nominal_plant_is_that_of_the_generalised_one(axis):
     np.testing.assert_allclose(-P[:, -1, -1], response(task.G, omega)[:, 0, 0], rtol=1e-6)
 
 
+@pytest.mark.cases(0)
 def test_covers_are_plants_too(covered):
     _, answer = covered("focus", "circle", "steps")
     task = design_task("focus", answer.model)

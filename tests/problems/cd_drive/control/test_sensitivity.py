@@ -27,6 +27,7 @@ def test_the_certificate_holds(solved):
     assert solution.certificate.failures == ()
 
 
+@pytest.mark.cases(1)
 def test_the_weight_is_met_and_the_red_book_is_not(solved):
     study, solution = solved
     numbers = study.metrics(solution.answer)
@@ -59,6 +60,7 @@ def test_the_radial_loop_has_no_measured_margins(solved):
     assert solution.answer["measured_db"].notnull().sum() == (12 if measured else 0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "factor", "check"),
     [

@@ -135,6 +135,7 @@ def test_figures_and_tables(plane, curves):
     assert np.isfinite(list(curves[0].metrics(curves[1].answer).values())).sum() > 20
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dist_max", [0.1, 0.18])
 def test_limits_out_of_order_end_the_study(dist_max):
     solution = wb.solve(diode_plane("focus", dist_max=dist_max))

@@ -63,6 +63,7 @@ def test_bad_input_is_refused():
             SelfPollution(jump_time=wrong)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", ["focus", pytest.param("radial", marks=pytest.mark.slow)])
 def test_study(axis):
     """Another seed changes no verdict."""

@@ -94,6 +94,7 @@ def test_a_full_filter_has_the_response_of_its_coefficients(loops):
         np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
 
 
+@pytest.mark.cases(0)
 def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     loop = loops[0]
     fronts = [FaultFront(loop, grid(loop), nominal) for nominal in (True, False)]

@@ -142,6 +142,7 @@ def test_quality_of_clean_and_covered_samples():
     assert 0 < ((seen > 0) & (seen < 1)).sum() < 100
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_study_holds(runs, axis):
     _, solution = runs(axis)

@@ -54,6 +54,7 @@ def test_a_shock_that_is_stood_passes_no_track():
     assert jumped.tracks > 1.0 and jumped.most > 1.8
 
 
+@pytest.mark.cases(0)
 def test_study():
     """Another seed changes no verdict."""
     task = RaisedSum(LIGHT, 1)

@@ -24,6 +24,7 @@ def solved(request):
     return task, wb.solve(task)
 
 
+@pytest.mark.cases(1)
 def test_the_certificate_holds_and_there_is_a_figure(solved):
     task, solution = solved
     assert solution.certificate.holds, solution.certificate
@@ -57,6 +58,7 @@ def test_the_control_does_not_reach_the_residual_and_the_ratio_is_that_of_the_we
         assert w_p / w_sd == pytest.approx(disturbance / defect, rel=1e-9)
 
 
+@pytest.mark.cases(1)
 def test_norms_by_adaptive_quadrature(solved):
     task, solution = solved
     H = task.filters(solution.answer)["high-pass"]

@@ -171,6 +171,7 @@ def test_neighbours_alike_by_chance_or_not():
     assert np.median([neighbours_p(one + bulge, 5) for one in noise]) < 0.01
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 @pytest.mark.parametrize("disturbances", [False, True])
 def test_parameters_come_back(runs, axis, disturbances):
@@ -214,6 +215,7 @@ def test_the_disc_hardly_matters(runs, axis):
     assert (abs(still - turning) < half).all()
 
 
+@pytest.mark.cases(0)
 def test_wrong_order_is_told_not_failed(runs):
     task, solution = runs("focus", mismatch=0.25)
     assert solution.outcome is Outcome.SOLVED

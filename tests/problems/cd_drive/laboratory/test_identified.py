@@ -51,6 +51,7 @@ def measured(axis):
     return drive, DriveExperiments(open_loop, closed_loop, 0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_precise_responses_give_the_drive_back(axis):
     drive, found = measured(axis)
@@ -61,6 +62,7 @@ def test_precise_responses_give_the_drive_back(axis):
     assert fit.chi_square == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.cases(0)
 def test_a_wrong_optical_gain_is_told_from_the_responses():
     """But for the mass: one that is heavier by e makes the gain larger by e / 2."""
     drive, measurements = measured("focus")

@@ -26,6 +26,7 @@ def solved(request):
     return study, solve(study, options=Options(seed=4))
 
 
+@pytest.mark.cases(0)
 def test_gains_and_their_spreads_come_back(solved):
     study, solution = solved
     assert solution.certificate.failures == ()

@@ -43,6 +43,7 @@ def test_a_scratch_that_takes_and_shifts_nothing_moves_nothing(task):
     assert reaction.scratch == 0.0 and reaction.control == 0.0 and not reaction.lost
 
 
+@pytest.mark.cases(0)
 def test_fast_for_the_disc_and_slow_for_scratches(task):
     """Another seed changes no verdict."""
     for seed in (0, 1):

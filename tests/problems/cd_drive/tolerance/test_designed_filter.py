@@ -39,6 +39,7 @@ def stored(reference):
     return find
 
 
+@pytest.mark.cases(0)
 def test_the_stand_ins_margins_are_those_of_another_study(reference):
     found = delayed_margins("focus", {"F": stand_in_filter()}, 1.0)
     known = reference("cd/focus/switching-stability").data.sel(controller="K (1 - F)")
@@ -47,6 +48,7 @@ def test_the_stand_ins_margins_are_those_of_another_study(reference):
         np.testing.assert_allclose(values[0], expected, rtol=1e-3)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", AXES)
 def test_the_stored_filter_keeps_every_drive_stable_and_the_other_does_not(axis, stored):
     run, (_, estimation), _ = stored(axis)
@@ -57,6 +59,7 @@ def test_the_stored_filter_keeps_every_drive_stable_and_the_other_does_not(axis,
     assert failed == ["drives: growth", "drives: gain", "drives: phase"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", AXES)
 def test_filters_that_are_not_stable_or_too_large_are_rejected(axis, stored):
     _, _, task = stored(axis)
@@ -116,6 +119,7 @@ def test_limits_that_no_filter_meets_end_in_the_least_ones(stored, leakage, wide
     assert not all(one.holds for one in again)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", AXES)
 def test_figures_and_tables(axis, stored):
     run, _, task = stored(axis)

@@ -96,6 +96,7 @@ def test_another_seed_changes_no_verdict(studies):
     assert shares == [1.0, 1.0]
 
 
+@pytest.mark.cases(0)
 def test_draws_are_shared_and_checks_can_fail(studies):
     task, solutions = studies
     answer = solutions[0].answer

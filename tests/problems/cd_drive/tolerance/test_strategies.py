@@ -55,6 +55,7 @@ def studies(slower):
     return run
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_the_order_is_that_of_the_thesis(studies, axis):
     task, solution = studies(axis)

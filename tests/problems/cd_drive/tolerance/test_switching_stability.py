@@ -101,6 +101,7 @@ def test_without_a_switch_the_error_is_that_of_the_loop(lens):
     assert found.single(root)[0] >= abs(found.steady_error).max()
 
 
+@pytest.mark.cases(0)
 def test_bounds_hold_for_random_defects(loop):
     """Random lengths, distances, phases and false displacements, sample by sample."""
     clean, defect = (Mode(n, A, s) for n, (A, _), s in (
@@ -130,6 +131,7 @@ def test_bounds_hold_for_random_defects(loop):
     assert 0.5 * abs(found.steady_error).max() < worst <= bound
 
 
+@pytest.mark.cases(0)
 def test_longer_defects_and_shorter_distances_are_worse(loop):
     clean, defect = Mode("clean", loop.clean[0], None), Mode("defect", loop.defect[0])
     P = wb.solve(SwitchedStability((clean, defect))).answer.P
@@ -144,6 +146,7 @@ def test_played_again(loop):
     assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     ("strategy", "least"),
     [
@@ -163,6 +166,7 @@ def test_the_laboratory_is_within_what_is_proven(strategy, least):
     assert least * bound < found < 1.01 * bound
 
 
+@pytest.mark.cases(0)
 def test_a_part_of_the_parametric_set_is_proven():
     box = parametric_box("focus", regulators(K, "lower", LOWER), 0.1)
     low, high = box.ends
@@ -177,6 +181,7 @@ def test_a_part_of_the_parametric_set_is_proven():
                 assert size(A, before, after) <= each.ratio(before, after)
 
 
+@pytest.mark.cases(0)
 def test_a_dwell_is_proven_where_any_switching_is_not():
     box = parametric_box("focus", regulators(K, "filter"), 0.01)
     low, high = box.ends

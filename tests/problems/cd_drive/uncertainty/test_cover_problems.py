@@ -51,6 +51,7 @@ def test_a_nominal_chosen_for_small_circles_gives_smaller_ones(covered):
     assert joint["radius_peak"] < steps["radius_peak"]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("gain", ["own", "equal", "agc"])
 @pytest.mark.parametrize("shape", ["circle", "stadium"])
 @pytest.mark.parametrize("axis", ["focus", "radial"])
@@ -74,6 +75,7 @@ def test_the_largest_circle_is_at_the_first_resonance(circles):
     assert low < program.responses.frequency[answer.second.radius.argmax()] < high
 
 
+@pytest.mark.cases(2)
 def test_a_stadium_is_never_wider_than_the_circle_about_the_same_nominal(stadiums):
     axis, program, answer = stadiums
     resonance = WINDOWS[axis]["first resonance"]
@@ -95,6 +97,7 @@ def test_stadiums_have_their_numbers(stadiums):
     assert metrics["order_Wr"] <= 4
 
 
+@pytest.mark.cases(1)
 def test_a_run_is_stored_and_shown(stadiums):
     _, program, answer = stadiums
     stored = program.from_dataset(program.to_dataset(answer))

@@ -23,6 +23,7 @@ def farthest(model, axis, gain="own"):
 COVERS = [("steps", "own"), ("steps", "equal"), ("steps", "agc"), ("joint", "own")]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(("method", "gain"), COVERS)
 @pytest.mark.parametrize("shape", ["circle", "stadium"])
 @pytest.mark.parametrize("axis", ["focus", "radial"])
@@ -32,6 +33,7 @@ def test_no_drive_leaves_its_set_on_60000_frequencies(covered, axis, shape, meth
     assert 0.9 < distance <= 1.0 + ROUNDING  # a weight that needs this size, and no more than it
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_no_drive_leaves_the_set_for_which_the_fault_filter_is_certified(reference, axis):
     run = reference(f"cd/{axis}/cover-for-control")
