@@ -35,7 +35,7 @@ CHOSEN, SAMPLED = "--chosen", "--sampled"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(CHOSEN, help="Run the tests alone that this file of tests/changed.py names.")
-    told = f"Run a few cases of each test with parameters, others if {lanes.TURN} is set (lanes.py)."
+    told = f"Run a few cases of each test with parameters, others if {lanes.TURN} is set."
     parser.addoption(SAMPLED, action="store_true", help=told)
 
 
