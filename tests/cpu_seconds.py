@@ -1,4 +1,5 @@
-"""Processor time of every test; one that is not marked slow fails above `LIMIT`.
+"""Processor time of every test; one that is not marked slow fails above `LIMIT`, a sample of all
+tests, which is what `make test` runs, above `LIMIT_OF_ALL`.
 
 Wall seconds tell how busy a machine is, processor seconds what a test asks of it. Those of the
 processes that it started and waited for count too.
@@ -16,6 +17,9 @@ import pytest
 
 LIMIT = 5.0
 """Most processor seconds of a test that is not marked slow, where `yardstick` takes `REFERENCE`."""
+LIMIT_OF_ALL = 500.0
+"""Most processor seconds of a sample of all tests; with all that is around it, two processors need
+less than five minutes then."""
 REFERENCE = 0.045
 """Processor seconds of `yardstick` where the limit was set; on a slower processor, or one that is
 shared, a test may take longer in proportion."""
@@ -43,12 +47,18 @@ def yardstick() -> float:
     return time.process_time() - begun
 
 
+def beyond(seconds: float, limit: float) -> bool:
+    """Whether it is certain that something takes longer than a limit, on this processor."""
+    return seconds > NOISE * limit * max(1.0, yardstick() / REFERENCE)
+
+
 class CpuSeconds:
     """Measures each test from the begin of its setup to the end of its call."""
 
     def __init__(self, config: pytest.Config) -> None:
         self.root, self.begun, self.since, self.modules = config.rootpath, 0.0, 0.0, 0
         self.seconds: dict[str, float] = {}
+        self.told = ""
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self) -> None:
@@ -74,9 +84,7 @@ class CpuSeconds:
 
     def _too_long(self, seconds: float) -> bool:
         """Whether a test took longer than the limit on this processor, not being the first."""
-        if seconds <= NOISE * LIMIT or self._is_first():
-            return False
-        return seconds > NOISE * LIMIT * max(1.0, yardstick() / REFERENCE)
+        return seconds > NOISE * LIMIT and not self._is_first() and beyond(seconds, LIMIT)
 
     def _is_first(self) -> bool:
         """Whether much was imported since the test began, or anything compiled.
@@ -96,10 +104,22 @@ class CpuSeconds:
         if report.when == "call":
             self.seconds[report.nodeid] = dict(report.user_properties).get(NAME, 0.0)
 
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """A sample that takes too long fails as a whole."""
+        sampled = session.config.getoption("sampled", default=False)
+        if sampled and beyond(sum(self.seconds.values()), LIMIT_OF_ALL):
+            self.told = (
+                f"the sample of all tests is to take at most {LIMIT_OF_ALL:g} s: make its dearest "
+                f"tests smaller, or mark them cases(0); pytest's cache has them in {KEPT}"
+            )
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         ordered = sorted(self.seconds.items(), key=lambda pair: -pair[1])
         total = sum(self.seconds.values())
         terminalreporter.write_line(f"{total:.0f} s of processor time in {len(ordered)} tests")
+        if self.told:
+            terminalreporter.write_line(self.told)
         if cache := getattr(terminalreporter.config, "cache", None):
             lines = [f"{seconds:8.2f} {test}\n" for test, seconds in ordered]
             (cache.mkdir("seconds") / KEPT).write_text("".join(lines), encoding="utf-8")

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,10 @@ CONFTEST = """
 import cpu_seconds
 
 cpu_seconds.LIMIT = 0.02
+cpu_seconds.LIMIT_OF_ALL = 0.01
+
+def pytest_addoption(parser):
+    parser.addoption("--sampled", action="store_true")
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "slow: takes long")
@@ -44,8 +49,8 @@ def test_compiles(pytestconfig):
 
 
 @pytest.fixture
-def report(tmp_path):
-    """What pytest says of these tests."""
+def said(tmp_path):
+    """What pytest says of these tests, with some words."""
     (tmp_path / "workbench").mkdir()
     (tmp_path / "problems").mkdir()
     (tmp_path / "conftest.py").write_text(CONFTEST)
@@ -56,12 +61,21 @@ def report(tmp_path):
     words = [sys.executable, "-m", "pytest", "-rA", "-p", "no:xdist"]
     # What is compiled for another processor lies elsewhere, where the small checkout has nothing.
     own = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    return subprocess.run(words, cwd=tmp_path, env=own, capture_output=True, text=True).stdout
+    run = partial(subprocess.run, cwd=tmp_path, env=own, capture_output=True, text=True)
+    return lambda *more: run([*words, *more])
 
 
-def test_a_fast_test_above_the_limit_fails(report):
+def test_a_fast_test_above_the_limit_fails(said):
+    report = said().stdout
     outcomes = {"quick": "PASSED", "itself": "FAILED", "its_setup": "FAILED"}
     outcomes |= {"its_child": "FAILED", "slow": "PASSED", "compiles": "PASSED"}
     for name, outcome in outcomes.items():
         assert f"{outcome} test_some.py::test_{name}" in report, report
     assert "s of processor time, a test that is not marked slow at most 0.02 s" in report
+
+
+def test_a_sample_that_takes_too_long_fails_as_a_whole(said):
+    told = "the sample of all tests is to take at most 0.01 s"
+    whole, sample = said("-k", "slow"), said("-k", "slow", "--sampled")
+    assert whole.returncode == 0 and told not in whole.stdout
+    assert sample.returncode == 1 and told in sample.stdout

@@ -27,7 +27,7 @@ def marked(folder):
     return pytest.param(folder, id=name, marks=pytest.mark.slow if slow else ())
 
 
-@pytest.mark.cases(8)
+@pytest.mark.cases(6)
 @pytest.mark.parametrize("folder", [marked(folder) for folder in FOLDERS])
 def test_reference_result_is_verified(folder):
     assert wb.verify(folder).holds, wb.verify(folder)

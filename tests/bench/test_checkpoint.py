@@ -48,7 +48,7 @@ def out_of_time(project, limit=0.5):
 # --- interrupted ------------------------------------------------------------------------------
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("after", [1, 5, 12])
 def test_an_interrupted_run_goes_on_where_it_was(project, after):
     interrupted(after)
@@ -138,6 +138,7 @@ def test_a_fresh_run_begins_anew(project):
     assert resumed(fresh=True)[0] == 0
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("size", [0, 1, 100, -1])
 def test_a_damaged_state_is_not_gone_on_from(project, size):
     interrupted(5)

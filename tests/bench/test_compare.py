@@ -125,12 +125,14 @@ CELLS = {  # outcome, claim, certified
 }
 
 
+@pytest.mark.cases(0)
 def test_a_cell_says_what_the_certificate_says_and_what_the_method_claimed(one):
     run = one(*CELLS)
     names = ("outcome", "claim", "certified")
     assert {m: tuple(cell(run, m, name) for name in names) for m in CELLS} == CELLS
 
 
+@pytest.mark.cases(0)
 def test_an_unfit_cell_gives_its_reason_and_is_no_failure(one):
     run = one("exact", "picky", copies=2)
     assert run.holds
@@ -148,6 +150,7 @@ def test_every_method_of_a_problem_is_asked_where_none_is_named(project):
     assert {labels[1] for labels in plan.places} >= {"exact", "rough", "hanging", "picky"}
 
 
+@pytest.mark.cases(0)
 def test_a_study_has_nothing_to_compare(project):
     run = wb.compare("toy/[rt]o*", ["exact"], accuracies=["low"], executor=InProcess())
     assert run.data["outcome"].values.ravel().tolist() == ["solved", "unfit"]
@@ -172,6 +175,7 @@ def test_every_problem_method_level_and_repetition_is_a_cell(project):
     assert len(set(keys)) == 24 and all(len(key) == 16 for key in keys)
 
 
+@pytest.mark.cases(0)
 def test_what_was_measured_has_its_unit(one):
     data = one("exact").data
     for name, unit in {
@@ -208,6 +212,7 @@ def test_a_cell_is_a_results_folder_of_its_own_that_verifies(project, one):
     assert {run.problem for run in wb.results()} == {"compare"}
 
 
+@pytest.mark.cases(0)
 def test_the_needs_of_a_cell_are_found_when_it_is_verified(project):
     project.write("mine/p.py", NEEDY.format(folder=project.toy.parent))
     wb.add_problems("mine")
@@ -398,6 +403,7 @@ def test_hostile_methods_cost_their_own_cells_only(hostile, one, workers):
     assert run.metrics["certified_share"] == pytest.approx(2 / 5)
 
 
+@pytest.mark.cases(0)
 def test_the_words_of_a_method_are_in_the_log_of_its_cell(hostile, project, one, workers):
     run = one("printing", executor=workers)
     place = project.results / "cells/toy/root" / cell(run, "printing", "key")
@@ -420,6 +426,7 @@ def test_a_time_limit_counts_neither_start_nor_imports_nor_compilation(hostile, 
     assert cell(run, "compiling", "solve") < 0.5
 
 
+@pytest.mark.cases(0)
 def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
     run = one("exact", "patient", time_limit=0.05)
     assert cell(run, "patient") == cell(run, "patient", "claim") == "time limit"
@@ -564,6 +571,7 @@ def test_files_of_methods_that_are_left_out_are_told(project, command):
     assert "helper.py lies beside it: write `from .helper import ...`" in done.stderr
 
 
+@pytest.mark.cases(0)
 def test_the_command_that_repeats_a_cell_names_the_folders_of_problems(project):
     project.write("mine/points.py", POINTS)
     project.write("methods/own.py", OWN_METHOD.replace("return ", "return None; return "))
@@ -576,6 +584,7 @@ def test_the_command_that_repeats_a_cell_names_the_folders_of_problems(project):
     ]
 
 
+@pytest.mark.cases(0)
 def test_progress_counts_cells(one):
     told = []
     one("exact", "rough", progress=lambda *what: told.append(what))

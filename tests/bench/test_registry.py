@@ -284,6 +284,7 @@ class Plain:
     """What nobody can write as JSON."""
 
 
+@pytest.mark.cases(0)
 @each("hint", ["", ": list", ": dict", ": Any"])
 @each(
     "value",

@@ -94,6 +94,7 @@ def test_an_interrupt_leaves_nothing(project):
     assert {file.suffix for file in project.results.rglob("*") if file.is_file()} <= {".lock"}
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", [0, 7])
 def test_the_seed_makes_random_answers_repeatable(project, seed):
     one, two = (wb.run("toy/root", "random", seed=seed, fresh=True).data for _ in range(2))
@@ -157,6 +158,7 @@ def test_the_key_is_the_same_in_another_process(project):
     assert project.python(code).split() == [run.key, "True"]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "change",
     [
@@ -225,6 +227,7 @@ def test_a_worse_answer_under_other_code_leaves_the_good_one(project):
     assert damage(good.path) == [] and wb.open_run(good.path).holds
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("file", ["data.nc", "certificate.json", "run.json"])
 def test_a_damaged_answer_is_not_reused(project, file):
     path = wb.run("toy/root").path

@@ -36,6 +36,7 @@ def test_a_file_where_a_folder_should_be(project, place):
     assert file.read_text() == "in the way"
 
 
+@pytest.mark.cases(0)
 @posix
 def test_a_full_disk_harms_no_earlier_result(project):
     """A limit on the size of a file stands for it; the signal that comes with it is ignored."""

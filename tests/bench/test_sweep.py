@@ -13,6 +13,7 @@ from workbench.cli import main
 from workbench.errors import InputError, UnknownNameError
 
 
+@pytest.mark.cases(0)
 def test_points_are_runs_and_the_dataset_has_their_metrics(project):
     done = wb.sweep("toy/root", {"scale": [1, 4, 9], "copies": [1, 2]})
     assert done.holds and done.metrics == {"certified_share": 1.0, "points": 6.0}
@@ -56,6 +57,7 @@ def test_the_executor_makes_no_difference(project):
             np.testing.assert_array_equal(here[name], other[name], err_msg=name)
 
 
+@pytest.mark.cases(0)
 def test_a_sweep_that_disagrees_with_its_points_does_not_verify(project):
     done = wb.sweep("toy/root", {"scale": [1, 4]})
     point = wb.run("toy/root", scale=4.0)
@@ -86,6 +88,7 @@ def test_bad_grids(project, over, given, error, message):
     assert wb.results() == []
 
 
+@pytest.mark.cases(0)
 def test_the_command(project):
     project.restart()
     words = ["sweep", "toy/root", "--over", "scale=1,4", "--over", "copies=1,2"]

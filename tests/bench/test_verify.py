@@ -65,6 +65,7 @@ def put(*path):
 # --- good folders -----------------------------------------------------------------------------
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("name", "method"),
     [
@@ -236,6 +237,7 @@ def halve(file: Path) -> None:
     file.write_bytes(content[: len(content) // 2])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("harm", "words"), EDITS.values(), ids=EDITS)
 def test_what_was_edited_and_sealed_again_is_found_and_named(run, harm, words):
     harm(run.path)
@@ -246,6 +248,7 @@ def test_what_was_edited_and_sealed_again_is_found_and_named(run, harm, words):
     assert "NOT verified" in repr(found)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", UNSEALED)
 def test_what_was_edited_is_found_by_its_checksum(run, name):
     EDITS[name][0](run.path)
@@ -254,6 +257,7 @@ def test_what_was_edited_is_found_by_its_checksum(run, name):
     assert any("was changed: SHA-256" in t or "is missing" in t for t in found.problems), found
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("harm", "words"),
     [
@@ -373,12 +377,14 @@ def test_a_problem_that_cannot_be_imported_now_says_so(project, run):
     assert "cannot be imported: ZeroDivisionError" in found
 
 
+@pytest.mark.cases(0)
 def test_a_problem_that_cannot_be_bound_now_says_so(project, run):
     project.edit("    text = (Path", "    raise IndexError('nothing there')\n    text = (Path")
     (found,) = wb.verify(run.path).problems
     assert "nothing there" in found
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["toy/total", "toy/sum"])
 def test_a_missing_need_says_what_to_run(project, name):
     run = wb.run(name)
@@ -427,6 +433,7 @@ def test_a_rerun_that_fails_is_found(project):
     assert found.startswith("re-run: failed")
 
 
+@pytest.mark.cases(0)
 def test_a_study_edited_where_no_check_looks_is_found_by_a_rerun(project):
     run = wb.run("toy/total")
     edit_data(run.path, lambda data: data.assign(total=data["total"] * 2))
@@ -485,6 +492,7 @@ def test_finished_folders_at_or_below_a_path(project, run):
     assert finished_folders(project.results) == sorted([run.path, other.path])
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("below", ["", "toy", "toy/root"])
 def test_reference_results_are_found_by_their_path(project, run, below):
     reference = project.results / "reference"

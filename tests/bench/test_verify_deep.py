@@ -104,6 +104,7 @@ def test_the_command_prints_them():
 # --- comparisons --------------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 def test_a_comparison_certifies_its_stored_cells_again():
     """With those whose failure it states, and none of them is answered anew."""
     run = compared("exact", "lying", "boastful", "raising")
@@ -112,6 +113,7 @@ def test_a_comparison_certifies_its_stored_cells_again():
         assert found.holds and found.notes == (), found
 
 
+@pytest.mark.cases(0)
 def test_a_spoilt_answer_of_a_cell_is_found(project):
     run = wb.compare("dear/root", ["near"], accuracies=["middle"], executor=InProcess())
     assert wb.verify(run.path).holds
@@ -119,6 +121,7 @@ def test_a_spoilt_answer_of_a_cell_is_found(project):
     assert not found.holds and "deep: drawn: 1 exceeds 0" in found.problems[0]
 
 
+@pytest.mark.cases(0)
 def test_cells_without_an_answer_are_answered_anew(project):
     run = compared("exact", "lying", light=True)
     found = wb.verify(run.path, deep=True)
@@ -130,6 +133,7 @@ def test_cells_without_an_answer_are_answered_anew(project):
     assert any("re-run: toy/root exact" in text for text in found.problems)
 
 
+@pytest.mark.cases(0)
 def test_certificates_that_exclude_each_other_are_found(project):
     """A bound that was certified then, and a better answer that is certified now."""
     options = {"accuracies": ["middle"], "executor": InProcess(), "light": True}
@@ -141,6 +145,7 @@ def test_certificates_that_exclude_each_other_are_found(project):
     assert "exclude stored ones" in " ".join(found.problems)
 
 
+@pytest.mark.cases(0)
 def test_a_sweep_certifies_its_points_again():
     done = wb.sweep("toy/root", {"scale": [1, 4]}, method="rough")
     assert wb.verify(done.path).holds

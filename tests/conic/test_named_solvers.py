@@ -166,6 +166,7 @@ def test_an_installed_package_brings_problems_and_solvers(tmp_path):
     assert [cell["verdict"] for cell in json.loads(out)["cells"]] == ["solved", "solved"]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("points", "message"),
     [
@@ -187,6 +188,7 @@ def test_an_entry_point_that_leads_nowhere_costs_its_own_part_and_is_named(
     assert status == 0 and message in said and "cd/focus/circles" in out, said
 
 
+@pytest.mark.cases(0)
 def test_a_project_names_its_solvers(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[tool.workbench]\nsolvers = ["qoco"]\n')
     words = ("compare", "cd/focus/circles", "--set", "frequencies=20", "--methods", "qoco")
@@ -195,6 +197,7 @@ def test_a_project_names_its_solvers(tmp_path):
     assert json.loads(out)["cells"][0]["verdict"] == "solved"
 
 
+@pytest.mark.cases(0)
 def test_solvers_of_a_project_that_are_none_are_named(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[tool.workbench]\nsolvers = ["hihgs"]\n')
     status, out, said = ran(tmp_path, "run", "cd/focus/circles", "--set", "frequencies=50")

@@ -222,6 +222,7 @@ def test_a_proof_that_holds_no_rational_numbers_is_refused(text):
 rationals = st.fractions(-4, 4, max_denominator=6).map(lambda q: fmpq(q.numerator, q.denominator))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "cone",
     [known.equal(3), known.nonnegative(3), known.second_order(3), known.semidefinite(2)],

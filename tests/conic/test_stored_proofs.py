@@ -52,6 +52,7 @@ def cones(project):
     return project
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", ["infeasible", "unbounded"])
 def test_a_proof_is_stored_found_again_verified_and_made_again(cones, kind):
     run = wb.run(f"cone/{kind}")
@@ -98,6 +99,7 @@ def test_what_has_no_solution_feeds_nothing(cones):
         wb.run("cone/fed")
 
 
+@pytest.mark.cases(0)
 def test_in_a_comparison_only_what_is_proven_counts(cones):
     run = wb.compare("cone/*", ["clarabel", "liar"], accuracies=["middle"])
     names = run.data["problem"].values.tolist()

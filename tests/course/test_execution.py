@@ -74,6 +74,7 @@ def test_what_is_kept_is_small_sealed_and_without_warnings():
     assert [output.text for output in kept.cells[0].outputs] == ["1\n2\n"]
 
 
+@pytest.mark.cases(0)
 def test_a_kept_picture_has_few_colours():
     file = io.BytesIO()
     Image.effect_noise((1800, 1200), 90.0).convert("RGB").save(file, format="PNG")

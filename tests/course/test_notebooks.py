@@ -51,6 +51,7 @@ def code(notebook):
     return "\n".join(line for line in lines if not line.startswith("%"))
 
 
+@pytest.mark.cases(0)
 @each_notebook
 def test_what_a_notebook_names_is_there(path):
     """Its imports, and the problems and parameters that it runs: what most often breaks."""

@@ -133,6 +133,7 @@ def test_the_plant_of_a_removal_has_the_loop_of_what_is_left(loop):
     assert response(closed, omega)[:, 0, 0] == pytest.approx(expected)
 
 
+@pytest.mark.cases(1)
 def test_a_bounded_sensitivity_holds_on_members_and_costs_leakage(loop):
     """On members of the set by formula, and against the least filter without the bound."""
     front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)

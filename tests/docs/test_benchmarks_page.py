@@ -44,6 +44,7 @@ def test_ratios_of_the_page_are_those_of_its_times():
     assert "SIPPY" in text and (DOCS / "benchmarks.svg").read_bytes().lstrip().startswith(b"<?xml")
 
 
+@pytest.mark.cases(0)
 def test_rows_of_a_small_run(benchmarks, project):
     run = wb.run("bench/geometry", sets=20, points=5, large=1000)
     rows = benchmarks.rows({"geometry": run})

@@ -8,6 +8,7 @@ from workbench.figures.formats import pdf, png, svg
 from workbench.figures.limits import mend_limits
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("values", [[np.nan, 3.0], [np.nan, np.nan], [np.inf, 2.0], [0.0, 5.0]])
 @pytest.mark.parametrize("write", [png, svg, pdf])
 @pytest.mark.filterwarnings("ignore:invalid value encountered in dot")  # of a bar without end

@@ -37,6 +37,7 @@ def drawn(width="column", *, title="", size=11.0):
         return PrintedFigure("mine", figure, style, settle(figure))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_page_of_the_pdf_has_the_width_that_was_asked_for(run, width):
     box = re.search(rb"/MediaBox \[([^\]]+)\]", run.figure(width=width).pdf)
@@ -44,6 +45,7 @@ def test_the_page_of_the_pdf_has_the_width_that_was_asked_for(run, width):
     assert right == pytest.approx(WIDTHS[width] * POINTS_PER_MM, abs=0.5)
 
 
+@pytest.mark.cases(0)
 def test_the_same_figure_is_the_same_bytes_with_fonts_that_publishers_take(run):
     first, second = run.figure(), run.figure()
     assert first.pdf == second.pdf and first.svg == second.svg
@@ -94,6 +96,7 @@ def test_what_is_no_width_style_or_figure(run):
         run.figure("mu")
 
 
+@pytest.mark.cases(0)
 def test_files_without_latex(run, tmp_path, monkeypatch):
     monkeypatch.setattr(printed, "TEX_PROGRAMS", ("no-such-tex", "nor-this-one"))
     files = run.figure().save(tmp_path / "paper")

@@ -116,6 +116,7 @@ def test_one_mutation_among_many_sets_is_enough(mutation):
     assert all(check.holds or check.where == "at set 3" for check in certificate.checks)
 
 
+@pytest.mark.cases(0)
 @settings(derandomize=True, deadline=None)
 @given(point_sets, st.floats(1e-6, 10), st.floats(0, 7))
 def test_nothing_else_is_certified(points, size, direction):

@@ -38,6 +38,7 @@ def excess(points, center, radius):
     return float(np.max(away - np.asarray(radius)[..., None]))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "kind", thinned(["clustered", "uniform", "nearly collinear", "duplicated", "on a circle"], 2)
 )

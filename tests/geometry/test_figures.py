@@ -112,6 +112,7 @@ def test_the_angle_is_drawn_in_degrees_and_the_frequency_as_decades():
     assert figures["sizes"].axes[0].get_xscale() == "linear"
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("pair", thinned(PAIRS, 2))
 @pytest.mark.parametrize(
     "points",
@@ -144,6 +145,7 @@ def test_axes_that_are_no_numbers_are_drawn(coordinate):
     drawn(SmallestCircle(points).figures(smallest_circle(points)))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("program", "function"), PAIRS)
 def test_lost_sets_leave_gaps(program, function):
     points = response()

@@ -81,6 +81,7 @@ def test_exact_is_certified_for_degenerate_sets(name, case, where):
     assert solution.outcome is Outcome.SOLVED
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", CASES)
 @settings(derandomize=True, deadline=None)
 @given(point_sets)

@@ -92,6 +92,7 @@ def noisy(seed, samples=300):
     return u[:, None], y[:, None]
 
 
+@pytest.mark.cases(0)
 def test_the_average_is_certified_and_stored():
     program = StateSpaceFit(*noisy(0), orders=(1, 2, 3))
     solution = solve(program, "averaged")

@@ -45,7 +45,7 @@ def program():
     )  # fmt: skip
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", ["direct", "two-stage", "instrumental-variables", "indirect"])
 def test_each_method_finds_the_plant(program, name):
     solution = solve(program, name)

@@ -27,6 +27,7 @@ def test_a_level_that_has_moved_no_longer_counts():
     assert (np.abs(following.mean(axis=0)) < 0.1).all()
 
 
+@pytest.mark.cases(0)
 def test_white_errors_grow_by_half_the_rate():
     model, judged = arx(record(20_000, 2), 1), record(20_000, 3)
     plain = (judged.y - model.one_step(judged.u, judged.y, 50))[200:]

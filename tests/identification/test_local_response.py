@@ -51,6 +51,7 @@ def test_regions_hold_the_truth_in_every_third_of_the_band(plant, excitation):
     assert np.mean(inside) > 0.93 and min(thirds) > 0.85
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("samples", [1000, 2000, 4000])
 @pytest.mark.parametrize("between", ["held", "straight"])
 def test_a_record_without_noise_keeps_its_lines(between, samples):

@@ -47,6 +47,7 @@ def test_a_bound_that_is_active_is_kept():
     np.testing.assert_allclose(found.answer, near, rtol=1e-5)
 
 
+@pytest.mark.cases(0)
 def test_data_that_fit_but_for_rounding_end_the_search():
     found = solve(ParameterFit([response(size=1e-12)], START), "evolution")
     assert found.outcome is Outcome.SOLVED

@@ -162,6 +162,7 @@ def test_a_linear_plant_has_no_distortion_variance():
     assert abs(np.mean(share)) < 0.1 and (share < 0).any()
 
 
+@pytest.mark.cases(0)
 def test_a_rational_model_of_it():
     u, y = record(6, np.random.default_rng(8))
     found = periodic_local_polynomial(u, y, PERIOD, LINES, sample_rate=1000.0)

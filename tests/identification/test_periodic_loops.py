@@ -62,6 +62,7 @@ def test_the_loop_is_explained_line_by_line():
     assert apart[1] < 0.15 * apart[0]  # 20 lines of 250, and the mean of 24 periods
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", ["two-stage", "instrumental-variables", "indirect"])
 def test_without_noise_the_plant_is_exact(name):
     solution = solve(fit(0.0), name)
@@ -69,7 +70,7 @@ def test_without_noise_the_plant_is_exact(name):
     assert error(solution.answer.simulator) < 1e-3
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("name", ["direct", "two-stage", "instrumental-variables", "indirect"])
 def test_each_method_finds_a_plant_that_is_sampled_fast(name):
     solution = solve(fit(0.05), name)
@@ -77,6 +78,7 @@ def test_each_method_finds_a_plant_that_is_sampled_fast(name):
     assert error(solution.answer.simulator) < 0.05
 
 
+@pytest.mark.cases(0)
 def test_orders_are_not_chosen_for_minus_one_over_the_controller():
     """The best run from u to y is that of a model which takes feedback for the plant."""
     program = fit(0.3)

@@ -33,6 +33,7 @@ def truth(frequency=FREQUENCY):
     return np.polyval(G[::-1], z) / np.polyval(F[::-1], z)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("kind", ["arx", "armax", "output-error", "box-jenkins"])
 def test_each_kind_finds_its_own_truth(kind):
     program = StateSpaceFit(*record(kind), orders=(2,))

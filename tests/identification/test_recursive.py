@@ -88,6 +88,7 @@ def test_recursive_prediction_errors_find_the_truth():
     assert missed > 2 * np.abs(a - A[1:]).max()
 
 
+@pytest.mark.cases(0)
 def test_the_predictor_stays_stable():
     """Of noise whose C has roots beside the unit circle, in short records of many seeds."""
     for seed in range(10):

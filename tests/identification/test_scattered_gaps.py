@@ -41,6 +41,7 @@ def test_single_missing_samples(pattern):
     assert error_of(wb.solve(StateSpaceFit(u, y, orders=[3]))) < 0.02
 
 
+@pytest.mark.cases(0)
 def test_projections_and_the_choice_of_kinds_with_gaps():
     u, y, rng = recorded()
     y[rng.random(len(y)) < 0.2] = np.nan

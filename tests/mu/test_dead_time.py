@@ -173,7 +173,7 @@ DISKED = {
 }
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("case", thinned(product(DISKED, (0.0, 1.0, -1.0, 0.4)), 3), ids=str)
 def test_disks_are_those_of_the_dead_time_itself(case):
     name, skew = case

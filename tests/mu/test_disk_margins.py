@@ -57,6 +57,7 @@ def random_loop(rng, dt=0.0):
     return control.ss(A, B, C, rng.choice([0.0, 0.4]), dt)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @pytest.mark.parametrize("seed", range(15))
 def test_each_crossing_puts_a_pole_on_the_axis(seed, dt):

@@ -64,6 +64,7 @@ def test_eight_values_are_a_number():
     np.testing.assert_array_equal(found[2], 7.0)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("bad", [0.0, -1e-300, -1.0, np.inf, -np.inf, np.nan])
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_a_factor_with_a_bad_pivot_is_told_and_spoils_no_other(n, bad):
@@ -87,7 +88,7 @@ def test_a_product_with_a_triangle_is_that_of_numpy(rows, n):
     np.testing.assert_allclose(read(out, rows, n), A @ B, rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["real", "mixed", "not square", "complex", "full"])
 def test_the_adjoint_from_a_triangle_is_that_from_all(name):
     structure = Structure(STRUCTURES[name])
@@ -110,7 +111,7 @@ def test_the_adjoint_from_a_triangle_is_that_from_all(name):
     np.testing.assert_allclose((x * expected).reshape(-1, LANES).sum(0), inner, rtol=1e-10)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
 def test_the_arithmetic_is_that_of_numpy(n):
     A, B = drawn(2, LANES, n, n + 1), drawn(LANES, n + 1, n)
@@ -135,7 +136,7 @@ def test_the_arithmetic_is_that_of_numpy(n):
     assert not held[3] and held.sum() == LANES - 1
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("m", [1, 2, 5, 8])
 def test_real_systems_are_solved(m):
     H, b = np.random.default_rng(m).normal(size=(2, LANES, m, m))
@@ -198,6 +199,7 @@ def test_paths_of_nearly_triangular_matrices_are_rarely_lost(monkeypatch):
     np.testing.assert_allclose(found, np.abs(np.diagonal(M, axis1=1, axis2=2)).max(1), rtol=1e-2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("blocks", [(Real(1),) * 2, (Real(1),) * 3], ids=["two", "three"])
 def test_no_step_of_rounding_raises_a_bound_that_was_least(blocks, monkeypatch):
     structure, rng = Structure(blocks), np.random.default_rng(77)

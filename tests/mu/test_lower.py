@@ -235,6 +235,7 @@ def test_every_method_is_certified_and_none_beats_best_by_much(method):
     assert (certified(M, MIXED, method) <= certified(M, MIXED) * (1 + 1e-2)).all()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("largest", thinned(range(2, 13), 3))
 def test_certificates_of_random_structures(largest):
     rng = np.random.default_rng(100 + largest)

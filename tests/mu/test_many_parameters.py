@@ -114,6 +114,7 @@ def test_elements_without_effect_are_dropped_and_named():
     assert "without effect on stability: k" in repr(found)
 
 
+@pytest.mark.cases(0)
 def test_elements_in_no_loop_are_dropped():
     """A gain, dynamics and a coefficient before the loop, beside one in it."""
     k, before = real("k", 2, percent=30), real("before", 1, percent=90)

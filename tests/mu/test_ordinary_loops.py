@@ -31,7 +31,7 @@ def formed(loop, form):
         return loop.form(form)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_margins_of_every_form(group):
     for seed, loop in loops(group).items():

@@ -145,6 +145,7 @@ def test_the_worst_gain_of_two_carts_as_documented():
     assert found.upper <= 1.2
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_margins_of_one_parameter_are_those_of_its_roots(seed):
     """s^2 + 2 d s + (1 + k) with |k| <= r: unstable from k = -1 on."""

@@ -79,7 +79,7 @@ def test_the_destabilising_perturbation_is_sampled_and_puts_poles_on_the_circle(
     assert np.abs(poles - np.exp(1j * found.omega * period)).min() < 1e-9
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("period", PERIODS)
 def test_worst_cases_are_kept(period):
     system = loop()

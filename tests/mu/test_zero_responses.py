@@ -21,7 +21,7 @@ def hidden(gain, poles=(1.0, 2.0, 1.0)):
     return control.StateSpace(*parts, remove_useless_states=False)
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("gain", [1e-17, 1e-30, 1e-300])
 def test_what_rounding_hides_is_not_said_to_be_zero(gain):
     system, truth = hidden(gain), gain / 2

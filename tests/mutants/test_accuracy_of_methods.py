@@ -69,6 +69,7 @@ def marked(name):
     return pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", [marked(name) for name in SMALL])
 def test_methods_read_the_tolerance_if_they_say_that_it_makes_a_difference(name):
     program, wrong = SMALL[name](), []

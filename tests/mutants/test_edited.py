@@ -9,6 +9,7 @@ QUICK = {room[0] for room in ROOMS.values()}
 """The first of each room runs with the quick tests; `make mutants` runs all."""
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize(
     "edit",
     [pytest.param(one, marks=() if one in QUICK else pytest.mark.slow) for one in ALL],
@@ -26,6 +27,7 @@ def test_there_are_enough_errors_and_each_has_a_name_and_a_place_of_its_own():
     assert not lost, f"the old text stands there no more, or several times: {lost}"
 
 
+@pytest.mark.cases(0)
 def test_an_error_that_changes_nothing_is_not_noticed():
     edit = ALL[0]
     same = type(edit)(edit.name, edit.module, edit.old, edit.old, edit.test)

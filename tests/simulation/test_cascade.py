@@ -63,6 +63,7 @@ def law(name="K", given="e", tells="u"):
     return Part(name, linear(LAW, PERIOD), [given], [tells])
 
 
+@pytest.mark.cases(0)
 def test_a_controller_in_two_parts_is_the_controller():
     first, second = control.tf([1.0], [1.0, 400.0]), control.tf([900.0, 9000.0], [1.0, 50.0])
     parts = [

@@ -48,11 +48,13 @@ def breaches(name, wanted=lambda variable: True):
     return told
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("name", [name for name in PROGRAMS if name not in SLOW])
 def test_no_spoil_goes_unnoticed(name):
     assert breaches(name) == []
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", sorted(SLOW))
 def test_no_spoil_of_a_claim_goes_unnoticed(name):
     assert breaches(name, lambda variable: variable in CLAIMS[name]) == []

@@ -25,6 +25,7 @@ def test_delay_limits_a_plant_that_is_known_well():
     assert (chosen.order, chosen.unstable_poles) == (1, 0)
 
 
+@pytest.mark.cases(0)
 def test_what_is_not_known_limits_it():
     unknown = 1 + SPREAD[0] * np.minimum(OMEGA / 100, 1.5)[:, None]
     chosen = first_choices(plants(unknown / (S + 1)), period=1e-5)
@@ -40,6 +41,7 @@ def test_a_zero_right_of_the_axis_limits_it():
     assert "zero right of the axis" in chosen.reasons["bandwidth"]
 
 
+@pytest.mark.cases(0)
 def test_an_unstable_plant_is_seen_and_needs_a_bandwidth():
     pole = 100 * (1 + 0.03 * SPREAD[0])
     unstable = plants(1e4 / (S**2 - pole**2))
@@ -61,6 +63,7 @@ def test_noise_narrows_the_band():
         first_choices(plants(values, variance=100.0), period=1e-4)
 
 
+@pytest.mark.cases(0)
 def test_a_band_goes_on_beyond_an_antiresonance_that_noise_hides():
     omega = np.geomspace(1.0, 300.0, 120)
     s = 1j * omega[:, None]

@@ -99,6 +99,7 @@ def test_a_constant_column_is_named(tmp_path, column, kind):
     assert f"drive2.csv: the {kind} never changes, it is 0.5 in all 600 samples" in said
 
 
+@pytest.mark.cases(0)
 def test_the_file_with_exchanged_columns_is_named(tmp_path):
     write(tmp_path, lambda columns: columns[:, [0, 2, 1]])
     names = {"input": "u", "output": "y", "time": "time", "hold": True}

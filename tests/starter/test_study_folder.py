@@ -55,6 +55,7 @@ def untried(monkeypatch):
     monkeypatch.setattr(study_folder, "kept_weights", lambda design, chosen, *_: chosen)
 
 
+@pytest.mark.slow
 def test_a_study_is_written_from_records_and_keeps_its_weights(records, tmp_path):
     asked = ["init", str(tmp_path / "my-servo"), "--data", str(records)]
     said = CliRunner().invoke(main, asked)
@@ -95,6 +96,7 @@ def test_parameters_of_a_study_that_do_not_fit_are_named():
             wb.run("my-servo/controller", **{parameter: "-5"})
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("study")
 def test_a_study_has_a_controller_for_every_plant_of_its_records():
     assert wb.run("my-servo/controller").metrics["peak"] < 1
@@ -109,6 +111,7 @@ def test_a_study_runs_from_the_records_to_the_code():
     assert code == board.answer.code()
 
 
+@pytest.mark.cases(0)
 def test_code_that_is_not_of_the_arrays_is_found(tmp_path):
     stored = ROOT / "results" / "reference" / "unstable-first-order"
     shutil.copytree(stored, tmp_path / stored.name)  # with the controller that it needs

@@ -13,6 +13,7 @@ from workbench.study.packing import packed_datasets, unpacked_datasets
 LABELS = st.lists(st.text("ab 1", min_size=1), min_size=1, max_size=4, unique=True)
 
 
+@pytest.mark.cases(0)
 @given(LABELS, st.data())
 def test_what_is_packed_comes_back(labels, data):
     every = {}

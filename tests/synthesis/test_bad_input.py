@@ -404,6 +404,7 @@ def test_a_direct_term_and_a_transfer_function_are_nothing_to_mu_synthesis():
     assert start.certified(start.start).upper == pytest.approx(start.certified(K).upper, rel=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["dk", "mu-dk"])
 def test_mu_synthesis_of_a_static_plant(method):
     static = control.ss([], [], [], np.eye(3)[::-1] + 0.1)

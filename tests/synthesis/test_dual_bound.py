@@ -96,6 +96,7 @@ def test_a_zero_in_the_right_half_plane_costs_the_weight_there():
     assert 0.95 * truth < found.level <= reached
 
 
+@pytest.mark.cases(0)
 def test_complex_zeros_and_poles_of_the_plant_are_used():
     """A pole pair p: W_u = 1, G = 1 / ((s - p)(s - p*)) has the known |K S| of Nehari's theorem."""
     p = 1.0 + 2.0j
@@ -239,7 +240,6 @@ def test_an_unstable_plant_gives_the_integral_that_is_known():
     np.testing.assert_allclose(found, np.pi * basis.known, atol=1e-4 * np.pi)
 
 
-@pytest.mark.cases(0)
 def test_changed_proofs_prove_nothing():
     found = proven(low_pass(), BASIS, 0.5, 1.6)
     assert found.excess(low_pass()) < 0.0

@@ -254,6 +254,7 @@ def test_a_kalman_filter(tmp_path):
     np.testing.assert_allclose(computed(tmp_path, given, 2).T, expected, atol=1e-12)
 
 
+@pytest.mark.cases(0)
 @needs_compiler
 def test_a_fault_filter_and_a_cascade(tmp_path):
     """A certified answer is exported as it is; parts in series are one system."""

@@ -44,7 +44,7 @@ def members(given, count, seed):
 # --- answers ------------------------------------------------------------------------------------
 
 
-@pytest.mark.cases(1)
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_methods_of_different_mathematics_agree(criterion):
     program = question(criterion)

@@ -142,6 +142,7 @@ def test_a_bound_of_mu_that_is_claimed_too_small(found_once):
     assert {check.name for check in found if not check.holds} == {"sets of plants"}
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("case", [name for name in CASES if not name.startswith(("fixed", "few"))])
 def test_the_code_is_read_back(board, case):
     _, answer = board

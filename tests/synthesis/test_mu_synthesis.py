@@ -21,6 +21,7 @@ def solved():
     return program, wb.solve(program, "dk")
 
 
+@pytest.mark.cases(0)
 def test_dk_finds_the_controller_of_an_unstable_plant(solved):
     _, solution = solved
     assert solution.certificate.holds, solution.certificate
@@ -60,6 +61,7 @@ def test_the_states_of_an_answer_are_balanced(solved):
     assert straight.upper == pytest.approx(solution.answer.upper, rel=2e-3)
 
 
+@pytest.mark.cases(0)
 def test_a_start_is_improved_on(solved):
     program, solution = solved
     again = wb.solve(replace(program, start=solution.answer.K), "dk")
@@ -67,6 +69,7 @@ def test_a_start_is_improved_on(solved):
     assert again.answer.upper <= solution.answer.upper * 1.001
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("method", [pytest.param("dk", marks=pytest.mark.slow), "fixed"])
 def test_a_target_ends_it_early_or_is_said_to_be_missed(solved, method):
     _, whole = solved
@@ -106,6 +109,7 @@ def test_bad_input_is_named():
             MuSynthesis(unstable_first_order(), target=target)
 
 
+@pytest.mark.cases(0)
 def test_a_fixed_order_is_optimised_from_its_start():
     plant = unstable_first_order()
     K = hinf(plant).K

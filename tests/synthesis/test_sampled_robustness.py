@@ -45,7 +45,7 @@ def test_the_margin_of_the_discretised_plant_is_no_margin():
     assert "between the samples too" in repr(found)
 
 
-@pytest.mark.cases(0)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", thinned(range(10), 5))
 def test_no_dynamics_below_the_margin_break_the_loop(seed):
     rng = np.random.default_rng(seed)

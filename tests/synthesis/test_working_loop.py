@@ -24,6 +24,7 @@ def board(leak=0.0, **more):
     return wb.solve(Implementation(K, cover, period=0.1, **given))
 
 
+@pytest.mark.cases(0)
 def test_it_rests_steps_and_settles_within_its_limits():
     done = wb.solve(WorkingLoop(PLANTS, board(rate_limit=50.0)))
     assert done.certificate.holds, done.certificate
@@ -35,6 +36,7 @@ def test_it_rests_steps_and_settles_within_its_limits():
     assert list(done.task.figures(done.answer)) == ["working-point"]
 
 
+@pytest.mark.cases(0)
 def test_an_offset_without_an_integrator_is_that_of_the_certificate():
     made = board(leak=0.1)
     done = wb.solve(WorkingLoop(PLANTS, made, step=1.0))

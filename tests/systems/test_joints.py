@@ -71,6 +71,7 @@ def test_a_solution_is_a_block_as_its_answer_and_its_model_are(cover, plant):
         np.testing.assert_array_equal(weighted(same).system.A, plant.system.A)
 
 
+@pytest.mark.cases(0)
 def test_names_and_sampling_time_are_kept_all_the_way(tmp_path, plant, design):
     assert design.answer.K.input_labels == ["e"] and design.answer.K.output_labels == ["u"]
     less = approximated(design, 3, plant=plant)
@@ -84,6 +85,7 @@ def test_names_and_sampling_time_are_kept_all_the_way(tmp_path, plant, design):
     assert loop.system.dt == PERIOD
 
 
+@pytest.mark.cases(0)
 def test_a_controller_is_taken_as_solution_answer_and_system(plant, design):
     expected = conditions(plant, design.answer.K).robust_performance.upper
     for K in (design, design.answer):

@@ -68,6 +68,7 @@ def gain(value, dt=0):
     return control.ss([], [], [], np.atleast_2d(value), dt)
 
 
+@pytest.mark.cases(0)
 @given(factor=st.floats(1.5, 1e6), corner=st.floats(0.01, 1000.0))
 def test_the_highest_crossover_of_a_triple_lag(factor, corner):
     at = np.sqrt(factor ** (2 / 3) - 1)

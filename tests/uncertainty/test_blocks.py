@@ -36,6 +36,7 @@ def test_an_element_occurs_as_often_as_in_the_blocks():
     assert block([[a], [a]]).reduced().structure.rows == 1
 
 
+@pytest.mark.cases(0)
 def test_mu_synthesis_of_the_documented_unstable_plant():
     """The example of MATLAB's dksyn, written as there; its page prints a bound of about 0.68."""
     plant, error = control.tf([1.0], [1.0, -1.0]), control.tf([0.25, 0.6], [1.0, 0.006])

@@ -40,6 +40,7 @@ def share_held(records, seed):
     return np.mean(held)
 
 
+@pytest.mark.cases(0)
 def test_discs_hold_the_plant_everywhere():
     assert share_held(60, 0) >= 0.93
 

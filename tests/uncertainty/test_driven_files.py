@@ -52,6 +52,7 @@ def closed(monkeypatch):
     monkeypatch.setattr(frame, "TESTS", (forbids_undriven,))
 
 
+@pytest.mark.cases(0)
 def test_records_of_loops_are_refused_by_name_unless_the_excitation_is_told(files, closed):
     with pytest.raises(InputError, match=r"oven0\.csv: feedback.*excitation=.*open loop"):
         Responses.from_files(files[0], **NAMES)

@@ -141,6 +141,7 @@ def test_weights_hide_nothing_between_frequencies(kind):
     assert (-roots.real / np.abs(roots) > 0.98 * min(limit, 0.1)).all()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["circle", "stadium"])
 def test_weights_keep_their_size_beyond_the_frequencies(kind, seed):
@@ -161,6 +162,7 @@ def test_a_search_only_lowers():
         assert found.size <= first(first.start, 8)[0]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", ["circle", "stadium"])
 def test_units_do_not_matter(kind):
     """Gains of 1e-150 and 1e150: the same relative sizes."""
@@ -187,6 +189,7 @@ def test_zeros_that_known_plants_of_excess_poles_leave():
     assert solution.answer.model.nominal.zeros.size <= 1
 
 
+@pytest.mark.cases(0)
 def test_the_drives_sets_are_small():
     """Focus at 100 frequencies; with the complex weight fitted afterwards the mean was 0.06."""
     from problems.cd_drive.uncertainty.measured_drives import measured_drives

@@ -75,6 +75,7 @@ def closed(model, Delta, omega):
     return e + d @ Delta @ np.linalg.solve(np.eye(c) - a @ Delta, b)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.0, 0.02])
 @pytest.mark.parametrize("form", FORMS)
 def test_the_model_with_its_delta_is_the_plant(form, dt):
@@ -88,6 +89,7 @@ def test_the_model_with_its_delta_is_the_plant(form, dt):
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("form", FORMS)
 def test_entries_of_the_models_plants_fill_the_discs(form):
     rng = np.random.default_rng(1)
@@ -109,6 +111,7 @@ def test_entries_of_the_models_plants_fill_the_discs(form):
     assert np.median(largest[np.isfinite(radius)]) > 0.6
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("shapes", [("full", "full"), ("diagonal", "scalar"), ("scalar", "scalar")])
 def test_weights_have_their_shapes_and_orders_and_come_near_the_least_sets(shapes):
     program = cover(left=shapes[0], right=shapes[1], left_order=4, right_order=3)
@@ -120,6 +123,7 @@ def test_weights_have_their_shapes_and_orders_and_come_near_the_least_sets(shape
     assert answer.model.W_2.nstates == (0 if shapes[1] == "scalar" else 6)
 
 
+@pytest.mark.cases(0)
 def test_weights_together_are_smaller_than_one_after_the_other_and_those_with_free_poles_too():
     program = cover(left_order=2, right_order=2)
     sizes = {
@@ -154,6 +158,7 @@ def test_known_plants_are_covered_at_every_frequency(method):
         assert np.linalg.norm(W[0] @ away @ W[1], 2, axis=(1, 2)).max() <= 1 + 1e-8
 
 
+@pytest.mark.cases(0)
 def test_weights_of_order_zero_are_constants():
     program = cover(left_order=0, right_order=0)
     for method in ("steps", "joint", "descent"):
@@ -191,6 +196,7 @@ def test_the_model_is_an_uncertain_system_with_certified_margins():
     assert margin.upper >= 1 / peak * (1 - 1e-3)
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("shape", [(3, 2), (2, 3)])
 def test_plants_that_are_not_square(shape):
     p, m = shape
@@ -282,6 +288,7 @@ def test_a_cover_too_small_is_refused():
     assert any("containment" in each for each in failures)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_sets_called_the_smallest_are_proven_so(side):
     program = cover()
@@ -336,6 +343,7 @@ def test_a_nominal_that_is_a_plant_alone_leaves_nothing_to_cover():
         MatrixCover(responses, plant())
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("dt", [0.0, 0.02])
 def test_a_nominal_through_the_centres_leaves_hardly_larger_sets_than_free_centres(dt):
     responses = measured(dt)
@@ -355,6 +363,7 @@ def test_a_nominal_needs_responses():
         central_nominal(MatrixResponses.of_systems([plant(), plant()], OMEGA), 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("method", ["steps", "joint", "descent"])
 def test_entries_that_do_not_change_are_covered_to_the_floor(method):
     """Weights that only reached the plants would vanish there, and their sets be flat."""

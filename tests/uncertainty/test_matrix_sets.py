@@ -50,6 +50,7 @@ def test_a_free_centre_makes_them_smaller_and_the_trace_is_proven_least(left):
     assert (program.sizes(free.answer) < 0.8 * program.sizes(fixed.answer)).all()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("centre", ["zero", "free"])
 @pytest.mark.parametrize("method", ["clarabel", "scs", "cvxopt"])
 def test_semidefinite_programs_find_the_same_least_trace(method, centre):
@@ -81,6 +82,7 @@ def test_scalar_sets_of_matrices_are_balls():
     np.testing.assert_allclose(found.radius, largest, rtol=1e-6)
 
 
+@pytest.mark.cases(0)
 @settings(max_examples=15, deadline=None)
 @given(
     st.lists(st.floats(-6, 6), min_size=4, max_size=4),

@@ -107,6 +107,7 @@ def test_drive_10_stands_behind_drive_9(tmp_path):
     assert found.values[1, 0] == 2 + 1j and found.variance is None
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "arbitrary"])
 def test_regions_hold_the_truth_as_often_as_they_say(periodic):
     inside = []
@@ -167,6 +168,7 @@ def test_records_of_unlike_lengths_are_used_whole():
     assert (away <= both[1].radius(0.95)[:, 0, 0]).mean() > 0.93
 
 
+@pytest.mark.cases(0)
 def test_an_arbitrary_record_is_said_to_be_one():
     estimates, said = record_responses(recorded(periodic=False), RATE, 50)
     assert estimates[0].frequency.size <= 50

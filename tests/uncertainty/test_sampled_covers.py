@@ -57,6 +57,7 @@ def test_measured_plants_lie_in_the_sampled_model(kind, method):
     assert excess(model, PLANTS, OMEGA) <= 1e-6
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", [CircleCover, StadiumCover])
 def test_known_plants_are_covered_at_every_frequency_up_to_half_the_rate(kind):
     program = kind(Responses(OMEGA[::6], VALUES[::6], dt=T, known=PLANTS), 3)

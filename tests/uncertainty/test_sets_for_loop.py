@@ -68,6 +68,7 @@ def test_sets_of_least_mu_are_proven_and_cost_less_than_the_smallest_ones(left, 
     assert norms.max() <= 1 + 1e-9
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_no_weights_drawn_at_random_cost_less(seed):
     rng = np.random.default_rng(seed)
@@ -204,6 +205,7 @@ def test_its_mu_is_that_of_the_loop_with_the_found_model():
     )
 
 
+@pytest.mark.cases(0)
 def test_figures_show_mu_beside_the_least_one_and_answers_come_back():
     program = cover()
     answer = wb.solve(program, "steps").answer

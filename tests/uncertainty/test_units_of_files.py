@@ -40,6 +40,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS)
 def test_the_same_plants_come_out(tmp_path, other):
     record(tmp_path, 1, "t,torque,speed [rad/s]")
@@ -61,6 +62,7 @@ def test_units_that_do_not_fit_are_refused(tmp_path):
         responses(tmp_path)
 
 
+@pytest.mark.cases(0)
 def test_the_starter_reads_them_too(tmp_path):
     first = record(tmp_path, 1, "t_ms,torque [N m],speed [rad/s]", instants=1e3)
     u, y, t = record_columns(first, None, None, None, None)

@@ -21,6 +21,7 @@ def bearings() -> Responses:
     return Responses(OMEGA, gain * 1e4 / (s**2 - stiffness**2) / (1 + s / 3000))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("method", ["steps", "joint"])
 @pytest.mark.parametrize("kind", [CircleCover, StadiumCover])
 def test_the_nominal_has_the_plants_unstable_pole(kind, method):
@@ -39,6 +40,7 @@ def test_a_stable_cover_of_unstable_plants_is_warned_of():
         solve(CircleCover(responses, 1, 0, 1), "steps")
 
 
+@pytest.mark.cases(0)
 def test_a_controller_stabilises_every_bearing():
     bearing = bearings()
     cover = solve(CircleCover(bearing, 3, 0, 2, unstable_poles=1))

@@ -42,7 +42,7 @@ def test_nothing_is_cut_off_and_every_axis_is_labelled(many, name):
     assert shown[0].get_xlabel() and shown[0].get_ylabel()
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", sorted(ALL - {"agreement"}))
 def test_the_legend_names_every_method_and_covers_no_data(many, name):
     (legend,) = many[name].legends
@@ -100,6 +100,7 @@ def test_the_curves_of_profile_and_cactus_have_the_steps_of_the_times():
     assert b.get_ydata().tolist() == pytest.approx([1 / 3, 2 / 3, 2 / 3])
 
 
+@pytest.mark.cases(0)
 def test_the_time_over_the_size_is_that_of_each_problem():
     panel = drawings(timed(a=[1.0, 4.0, 2.0]))["scaling"].axes[0]
     points, _ = panel.get_lines()

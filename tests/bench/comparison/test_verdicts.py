@@ -240,6 +240,7 @@ def test_units_of_the_objective_make_no_difference(cells, factor):
     assert verdicts(*scaled) == verdicts(*cells)
 
 
+@pytest.mark.cases(0)
 @examples(40, 400)
 @given(st.lists(CELLS, min_size=1, max_size=5), CELLS)
 def test_a_cell_of_another_problem_makes_no_difference(cells, other):

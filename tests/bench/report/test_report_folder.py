@@ -96,7 +96,7 @@ def test_a_figure_that_is_gone_is_drawn_again(
     assert len(list((tmp_path / "report" / "figures").iterdir())) == 2
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     "spoilt",
     [

@@ -28,6 +28,7 @@ def pages(
     return {page.stem: Page(page) for page in [entry, *run_pages(entry)]}
 
 
+@pytest.mark.cases(0)
 def test_every_table_has_a_caption_and_scopes(pages: dict[str, Page]) -> None:
     for name, page in pages.items():
         assert page.captions and all(caption.strip() for caption in page.captions), name
@@ -49,6 +50,7 @@ def test_every_table_has_a_caption_and_scopes(pages: dict[str, Page]) -> None:
     ]
 
 
+@pytest.mark.cases(0)
 def test_the_basics_of_reading_without_eyes_or_mouse(pages: dict[str, Page]) -> None:
     for name, page in pages.items():
         assert page.all("html") == [{"lang": "en"}]
@@ -127,6 +129,7 @@ def comparison(root: Path) -> Page:
     return Page(page)
 
 
+@pytest.mark.cases(0)
 def test_a_comparison_says_what_is_certified_and_what_is_false(
     root: Path, make: Make, make_comparison: Make, shown: Callable[..., None]
 ) -> None:
@@ -146,6 +149,7 @@ def test_a_comparison_says_what_is_certified_and_what_is_false(
     assert "runs1hold1donothold0comparisons1" in "".join(index.text.split())
 
 
+@pytest.mark.cases(0)
 def test_methods_of_a_comparison_can_be_toggled(
     root: Path, make_comparison: Make, shown: Callable[..., None]
 ) -> None:

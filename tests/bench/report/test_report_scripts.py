@@ -154,6 +154,7 @@ def test_parameters_that_differ_within_a_problem_are_columns(engine: MiniRacer) 
 # --- scripts and pages ------------------------------------------------------------------------
 
 
+@pytest.mark.cases(0)
 def test_scripts_find_in_the_pages_what_they_ask_for(
     root: Path, make: Make, make_comparison: Make
 ) -> None:

@@ -21,6 +21,7 @@ def pages_of(entry: Path) -> list[Page]:
     return [Page(page) for page in [entry, *run_pages(entry)]]
 
 
+@pytest.mark.cases(0)
 def test_pages_load_nothing_from_outside(root: Path, make: Make, make_comparison: Make) -> None:
     make()
     make_comparison()
@@ -90,6 +91,7 @@ def test_hostile_tables_and_sentences_that_were_kept_are_text(root: Path, make: 
     assert all("onerror" not in attributes for _, attributes in page.elements)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     ("info", "reason"),
     [

@@ -62,6 +62,7 @@ def command(*words: str) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
+@pytest.mark.cases(0)
 def test_the_command_writes_a_folder_or_one_page(project) -> None:
     run = wb.run("toy/root")
     code, said = command("--jobs", "1")

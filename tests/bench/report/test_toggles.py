@@ -118,6 +118,7 @@ def test_an_older_comparison_has_points_too(cells_of) -> None:
     assert sum(len(words) for _, words in every_cell(data)[1]) == 18
 
 
+@pytest.mark.cases(0)
 def test_too_many_cells_or_none_are_said(cells_of) -> None:
     with pytest.raises(ResultError, match="are too many points"):
         every_cell(cells_of([f"m{number}" for number in range(40)], problems=50))

@@ -21,7 +21,7 @@ def test_it_finds_the_smallest_area(case):
     assert solution.certificate.gap.value < 1e-6
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", CASES)
 @settings(max_examples=10, deadline=None)
 @given(point_sets)

@@ -79,7 +79,7 @@ def test_the_search_is_certified_for_degenerate_sets(name, case, where):
     assert solution.outcome is Outcome.SOLVED
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("case", CASES)
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(point_sets)
@@ -97,6 +97,7 @@ def test_the_search_is_certified_for_nearly_collinear_sets(case, thin):
     assert certify(points, given, smallest_area_stadium(points, **given)).failures == ()
 
 
+@pytest.mark.cases(0)
 def test_its_area_does_not_depend_on_place_size_and_direction():
     points = random_sets(3, 4, 8)
     area = smallest_area_stadium(points).area
@@ -106,6 +107,7 @@ def test_its_area_does_not_depend_on_place_size_and_direction():
     np.testing.assert_allclose(smallest_area_stadium(points.conj()).area, area, rtol=1e-8)
 
 
+@pytest.mark.cases(0)
 def test_it_lies_between_circle_and_narrowest_stadium():
     points = random_sets(4, 30, 12)
     best, narrowest = smallest_area_stadium(points), narrowest_stadium(points)
@@ -200,6 +202,7 @@ WRONG = {
 }
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("case", CASES)
 def test_wrong_answers_are_rejected(case, wrong):

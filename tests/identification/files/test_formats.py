@@ -184,6 +184,7 @@ def test_times_of_netcdf(tmp_path):
     assert np.diff(read_record(file, "u", "y", time="time")["time"].values) == pytest.approx(0.5)
 
 
+@pytest.mark.cases(0)
 def test_a_million_rows_take_about_a_second(tmp_path):
     """A second is asked; a busy machine has twice that."""
     import time

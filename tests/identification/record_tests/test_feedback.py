@@ -164,6 +164,7 @@ def test_an_output_that_leads_is_told_to_be_shifted():
     assert "too early" in finding.remedy
 
 
+@pytest.mark.cases(0)
 def test_a_share_is_below_its_bound():
     """Of what feedback is not found, the bound of the share holds."""
     for seed in range(40):

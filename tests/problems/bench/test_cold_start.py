@@ -7,6 +7,7 @@ from workbench.plants.bench.cold_start import CASES, ColdStart, _processor_time
 import workbench as wb
 
 
+@pytest.mark.cases(0)
 def test_the_time_is_that_of_the_script(tmp_path):
     idle = _processor_time("import time; time.sleep(0.5)", tmp_path)
     busy = _processor_time("sum(i * i for i in range(10_000_000))", tmp_path)

@@ -105,7 +105,7 @@ def test_what_hinfsyn_raises_is_kept(monkeypatch):
     assert np.isnan(found.claim)
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", ["focus nominal", "radial parametric", "focus parametric"])
 def test_the_drives_in_si_units_have_controllers(name):
     plant = drive_plants()[name]

@@ -23,6 +23,7 @@ def objective(program, method=None):
     return program.objective(wb.solve(program, method).answer)
 
 
+@pytest.mark.cases(0)
 def test_every_kind_of_program_is_here_twice_and_none_is_slow():
     kinds = {}
     for entry in registry().match("quick/*"):

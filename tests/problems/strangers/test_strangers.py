@@ -191,6 +191,7 @@ def by_hand(folder, kind, gain, integral, period):
     return CController(file, folder)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("kind", SIGNALS)
 def test_the_c_file_closes_the_loop_and_good_is_told_from_bad(kind, tmp_path):
     plant = STRANGERS["coupled-tanks"]

@@ -24,6 +24,7 @@ def smallest(p, share, count=2001):
     return size[enough].min()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("share", PARTS[1:])
 @pytest.mark.parametrize("p", [0.0, 1e-3, 0.03, 0.3])
 def test_the_value_by_hand_is_that_of_a_grid(p, share):

@@ -86,6 +86,7 @@ def test_the_norm_is_the_root_mean_square_of_a_simulation():
     assert math.sqrt(total / len(noise)) == pytest.approx(answer.norm, rel=0.05)
 
 
+@pytest.mark.cases(0)
 @given(st.integers(0, 10**6), st.floats(-8, 8))
 @settings(max_examples=15, deadline=None)
 def test_the_unit_of_time_changes_the_norm_by_its_root(seed, log):

@@ -22,6 +22,7 @@ from workbench.uncertainty import contains
 AXES = ["focus", "radial"]
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_the_synthesis_plant_adds_only_noise_to_one_disturbance_and_both_outputs(axis):
     plant = synthesis_plant(axis, parametric_plant(axis))

@@ -33,6 +33,7 @@ def test_a_larger_gain_crosses_later_and_none_not_at_all():
     assert np.isnan(crossover_of(bench, 60.0, GRID))
 
 
+@pytest.mark.cases(0)
 def test_a_start_sets_the_gain_of_a_drive_that_has_too_much():
     bench = Laboratory("focus", "CD8")
     start = started(bench, ARMS["ordinary"], 3)

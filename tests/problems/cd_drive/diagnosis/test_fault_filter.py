@@ -48,6 +48,7 @@ def loops(reference):
     return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("which", [0, 1])
 def test_the_set_of_a_loop_is_that_of_its_plant(loops, which):
     loop = loops[which]

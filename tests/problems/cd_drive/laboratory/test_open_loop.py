@@ -75,6 +75,7 @@ def test_another_seed_changes_no_verdict(solved):
     assert verdicts[0] == verdicts[1]
 
 
+@pytest.mark.cases(0)
 def test_draws_of_drives_are_independent():
     seeds = [
         solve(study("focus", drive, step=5.0, draws=2)).answer["seed"] for drive in ("CD1", "CD2")

@@ -52,6 +52,7 @@ def test_excitations_last_equally_long_and_reach_the_same_voltage():
     assert 0.4 < excited.waiting < 0.8
 
 
+@pytest.mark.cases(0)
 def test_without_noise_only_spectra_and_what_still_rings_are_off():
     excited = Excited(Laboratory("focus", "CD3", electronics=0.0, bits=None), 0.1, 30.0)
     truth = excited.sweep.exact()

@@ -38,6 +38,7 @@ def test_before_the_first_defect_there_is_no_effect():
     assert error[end : end + round(3e-3 * RATE)].max() > 0.01
 
 
+@pytest.mark.cases(0)
 def test_the_certificate_holds_and_there_is_a_figure(solved):
     task, solution = solved
     assert solution.certificate.holds, solution.certificate

@@ -24,6 +24,7 @@ def task(slower):
     return bandwidth_trade_off("focus", slower["focus"], draws=2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_disc_leaves_what_the_sensitivity_says(slower, axis):
     """|S| of the sampled loop at the rotation frequency, from its responses alone."""

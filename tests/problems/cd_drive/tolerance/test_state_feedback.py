@@ -61,6 +61,7 @@ def test_the_gain_beats_its_neighbours():
     assert law.residual < 1e-9
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", AXES)
 def test_a_law_is_matched_and_stable_on_every_drive(axis):
     K = in_discrete_time(control.ss(controller(axis)), PERIOD)

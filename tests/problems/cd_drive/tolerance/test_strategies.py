@@ -152,6 +152,7 @@ def test_outcome_of_a_known_error():
     assert bounds[1].max() == np.float32(record.x.max())
 
 
+@pytest.mark.cases(0)
 @pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_repetitive_loops_are_stable_on_all_drives(axis):
     """The level against the drives' exact responses and the controller's own formula."""

@@ -60,6 +60,7 @@ def test_no_cover_is_much_larger_than_the_sets_it_is_fitted_to(covered, axis, sh
     assert program.metrics(answer)["inflation"] < 10
 
 
+@pytest.mark.cases(2)
 def test_circles_contain_the_drives(circles):
     _, program, answer = circles
     metrics = program.metrics(answer)
@@ -75,7 +76,7 @@ def test_the_largest_circle_is_at_the_first_resonance(circles):
     assert low < program.responses.frequency[answer.second.radius.argmax()] < high
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 def test_a_stadium_is_never_wider_than_the_circle_about_the_same_nominal(stadiums):
     axis, program, answer = stadiums
     resonance = WINDOWS[axis]["first resonance"]
@@ -106,6 +107,7 @@ def test_a_run_is_stored_and_shown(stadiums):
     assert "plane-first-resonance" in program.figures(stored)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_automatic_gain_control_removes_most_above_100_hz(axis, covered):
     radius = {}

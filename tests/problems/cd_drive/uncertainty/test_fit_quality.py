@@ -54,6 +54,7 @@ def worst(program, method):
     return program.metrics(solution.answer)["error_worst"]
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("cover", [False, True])
 @pytest.mark.parametrize("kind", ["circle", "stadium"])
 @pytest.mark.parametrize("axis", thinned(AXES, 2))

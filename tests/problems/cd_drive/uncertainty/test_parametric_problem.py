@@ -64,6 +64,7 @@ def test_the_reduced_set_is_that_of_table_5_3():
         assert len(uncertain_parameters(axis, reduced=False)) == 9
 
 
+@pytest.mark.cases(1)
 def test_the_certificate_holds(solved):
     study, solution = solved
     assert solution.certificate.failures == ()

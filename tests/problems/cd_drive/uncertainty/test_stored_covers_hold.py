@@ -23,7 +23,7 @@ def farthest(model, axis, gain="own"):
 COVERS = [("steps", "own"), ("steps", "equal"), ("steps", "agc"), ("joint", "own")]
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("method", "gain"), COVERS)
 @pytest.mark.parametrize("shape", ["circle", "stadium"])
 @pytest.mark.parametrize("axis", ["focus", "radial"])
