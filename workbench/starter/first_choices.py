@@ -23,8 +23,12 @@ from workbench.uncertainty.covers.nominal import mean_response
 from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
-CONFIDENCE = 0.95
-"""Probability of the regions that count as what the plants may be."""
+CONFIDENCE = 0.99
+"""Probability of the regions that count as what the plants may be, each at each frequency: of a few
+plants at some dozens of frequencies hardly one lies outside."""
+BENT = 0.01
+"""Standard deviation, relative to a response, of its difference from the linear plant at the
+working point. Flows and forces that bend with the size of a signal make some per cent of it."""
 HIDDEN = 0.5
 """Radius of a region over the response from which noise hides a plant."""
 BESIDE = 3

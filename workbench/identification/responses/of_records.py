@@ -18,7 +18,7 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
-from workbench.identification.responses.silent_lines import with_distortion
+from workbench.identification.responses.silent_lines import with_neighbours
 
 EXCITED = 1e-3
 """Amplitude of an excited line, relative to the largest."""
@@ -100,7 +100,7 @@ def _periodic(
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     found = [
-        with_distortion(from_periods(frequency, U[chosen], Y[chosen]), U, Y, lines, chosen)
+        with_neighbours(from_periods(frequency, U[chosen], Y[chosen]), U, Y, lines, chosen)
         for U, Y in spectra
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
