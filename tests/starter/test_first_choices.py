@@ -81,7 +81,7 @@ def test_a_band_goes_on_beyond_an_antiresonance_that_noise_hides():
         seen = Responses(omega, values + size * noise, variance=size**2, degrees=60)
         chosen = first_choices(seen, period=1e-4)
         assert chosen.band[1] > 160.0 / (2 * np.pi)
-        assert "too, a plant's 99 % region" in chosen.reasons["band"]
+        assert "too, a plant's 95 % region" in chosen.reasons["band"]
 
 
 def test_a_line_that_noise_shows_by_chance_leads_no_band_on():

@@ -26,6 +26,8 @@ from workbench.uncertainty.responses.regions import region_radius
 CONFIDENCE = 0.99
 """Probability of the regions that count as what the plants may be, each at each frequency: of a few
 plants at some dozens of frequencies hardly one lies outside."""
+SEEN = 0.95
+"""Probability of the regions by which noise hides a plant."""
 BENT = 0.01
 """Standard deviation, relative to a response, of its difference from the linear plant at the
 working point. Flows and forces that bend with the size of a signal make some per cent of it."""
@@ -152,7 +154,7 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
     Where plants are seen on both sides, as about an antiresonance, the band goes on: what lies
     beyond belongs to the plants, and a controller would meet it.
     """
-    radius = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0)
+    radius = np.where(responses.present, region_radius(responses, SEEN), 0.0)
     size = np.where(responses.present, np.abs(responses.values), 0.0)
     hidden = np.asarray((responses.present & (radius >= HIDDEN * size)).any(axis=1), dtype=bool)
     bridged = hidden & ~_bridges(hidden, radius.max(axis=1), size.max(axis=1))
@@ -163,11 +165,11 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
     if end - start < FEWEST:
         raise InputError(
             f"noise hides a plant at {hidden.sum()} of {hidden.size} frequencies (its "
-            f"{100 * CONFIDENCE:g} % region is wider than half its response): excite more, or "
+            f"{100 * SEEN:g} % region is wider than half its response): excite more, or "
             "average longer"
         )
     first, last = responses.frequency[start], responses.frequency[end - 1]
-    wider = f"a plant's {100 * CONFIDENCE:g} % region is wider than half its response"
+    wider = f"a plant's {100 * SEEN:g} % region is wider than half its response"
     text = f"elsewhere {wider}" if bridged.any() else "all that is given"
     inside = responses.frequency[start:end][hidden[start:end]]
     if inside.size:
