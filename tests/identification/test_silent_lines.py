@@ -77,3 +77,17 @@ def test_a_line_far_weaker_than_its_neighbours_is_not_excited(weak):
 def test_lines_that_fall_slowly_with_frequency_are_all_excited():
     U = np.repeat(1.0 / np.arange(1, 400)[:, None], 3, axis=1)
     assert excited(np.vstack([np.zeros((1, 3)), U])).size == 398
+
+
+def test_a_resonance_between_the_lines_of_periods_is_told():
+    """Lines stand some per cent apart; this resonance is as wide as a tenth of that."""
+    rng = np.random.default_rng(5)
+    phase, time = rng.uniform(0, 2 * np.pi, LINES.size), np.arange(SAMPLES)
+    u = np.cos(2 * np.pi * np.outer(time, LINES) / SAMPLES + phase).sum(axis=1)
+    turn = np.arange(SAMPLES // 2 + 1) / SAMPLES
+    for damping, told in ((0.002, True), (0.3, False)):
+        s = 1j * turn / (LINES[30] / SAMPLES)
+        y = np.fft.irfft(np.fft.rfft(u) / (1 + 2 * damping * s + s**2), SAMPLES)
+        records = [(np.tile(u, 4), np.tile(y, 4) + 1e-3 * rng.standard_normal(4 * SAMPLES))]
+        _, said = record_responses(records, 1.0, 500)
+        assert ("narrower than the distance" in said) == told

@@ -104,7 +104,8 @@ def _periodic(
         for U, Y in spectra
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
-    return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
+    said = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
+    return found, "; ".join(said)
 
 
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:
@@ -151,14 +152,20 @@ def _arbitrary(
             f"{lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record tells "
             "nothing: its input excites too few lines, or its noise is far larger than any response"
         )
-    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in kept]))
-    if narrow.size:
-        places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
-        said.append(
-            f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
-            "may be higher between them"
-        )
+    said += _told_narrow(kept)
     return kept, "; ".join(said)
+
+
+def _told_narrow(estimates: Sequence[ResponseEstimate]) -> list[str]:
+    """A sentence about resonances that the frequencies are too far apart for; none without them."""
+    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in estimates]))
+    if not narrow.size:
+        return []
+    places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
+    return [
+        f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
+        "may be higher between them"
+    ]
 
 
 def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
