@@ -48,8 +48,16 @@ def test_an_unstable_plant_is_seen_and_needs_a_bandwidth():
     chosen = first_choices(unstable, period=1e-5)
     assert chosen.unstable_poles == 1
     assert chosen.bandwidth * 2 * np.pi > 200
+    slower = first_choices(unstable, period=1e-5, at_most=8.0)  # W_e may be slower than the pole
+    assert slower.bandwidth == 8.0
     with pytest.raises(InputError, match=r"an unstable pole of 100 rad/s needs a bandwidth of"):
         first_choices(unstable, period=0.01)
+
+
+def test_a_gain_that_spreads_evenly_is_known_about_its_middle():
+    gain = np.array([0.4, 0.7, 1.0, 1.3, 1.6, 1.9])  # 65 % about 1.15, 90 % about the mean 1
+    chosen = first_choices(plants(gain / (S + 1)), period=0.01)
+    assert "hold and delay" in chosen.reasons["bandwidth"]
 
 
 def test_noise_narrows_the_band():

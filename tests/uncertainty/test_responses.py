@@ -6,6 +6,8 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.uncertainty import Responses
+from workbench.uncertainty.responses.ratios import Ratios
+from workbench.uncertainty.responses.regions import region_radius
 
 OMEGA = 2 * np.pi * np.array([1.0, 2.0, 5.0, 10.0])
 VALUES = np.array([[1, 2, 3], [1j, 2j, 3j], [-1, -2, -3], [1 + 1j, 2 + 2j, 3 + 3j]])
@@ -132,3 +134,27 @@ def test_systems_that_are_no_plants():
         Responses.from_frd([frd([1.0, 2.0])])
     with pytest.raises(InputError, match="plant 1 is no frequency response, but a TransferFunc"):
         Responses.from_frd([control.tf([1.0], [1.0, 1.0]), frd([1.0, 2.0])])
+
+
+def test_a_stated_difference_from_linear_plants_adds_to_the_noise():
+    values = np.array([[1.0, 2j], [3.0, 4.0]])
+    known = Responses(np.array([1.0, 2.0]), values, variance=0.04, degrees=60.0)
+    wider = known.linear_within(0.1)
+    np.testing.assert_allclose(wider.variance, 0.04 + 0.01 * np.abs(values) ** 2)
+    assert (region_radius(wider, 0.99) > region_radius(known, 0.99)).all()
+    np.testing.assert_array_equal(known.linear_within(0.0).variance, known.variance)
+    for wrong in (-0.1, 1.0, np.nan, "1 %", True):
+        with pytest.raises(InputError, match="share is"):
+            known.linear_within(wrong)
+    with pytest.raises(InputError, match="no variance"):
+        Responses(known.omega, values).linear_within(0.1)
+
+
+def test_a_ratio_has_the_difference_in_its_numerator():
+    values = np.array([[2.0, 4j], [2.0, 4.0]])
+    joint = np.broadcast_to(1e-6 * np.eye(2), (2, 2, 2, 2)).astype(complex)
+    ratios = Ratios(joint, np.ones(2))
+    known = Responses(np.array([1.0, 2.0]), values, variance=1e-6, degrees=60.0, ratios=ratios)
+    wider = region_radius(known.linear_within(0.05), 0.95)
+    plain = Responses(np.array([1.0, 2.0]), values, variance=1e-6, degrees=60.0)
+    np.testing.assert_allclose(wider, region_radius(plain.linear_within(0.05), 0.95), rtol=0.02)

@@ -18,7 +18,7 @@ from workbench.errors import InputError
 from workbench.identification.record_tests.report import as_names
 from workbench.input_checks import is_real, need_choice, need_positive
 from workbench.starter.columns import record_columns
-from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
+from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, first_choices
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
 from workbench.starter.kept_weights import Structure, kept_weights
 from workbench.starter.rest import refuse_opposite_gains
@@ -153,7 +153,7 @@ def write_study(
         **stated,
     )
     actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
-    responses = responses.within(0.0, UNDISTORTED / look.period)
+    responses = responses.within(0.0, UNDISTORTED / look.period).linear_within(BENT)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes
     notes += oddities(responses, [name.partition(" [")[0] for name in responses.plants])
@@ -197,6 +197,7 @@ def write_study(
         "structure": structure,
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
+        "bent": BENT,
         "read": responses.read,
     }
     if len(set(told["names"])) < len(paths):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.errors import InputError
@@ -17,9 +18,14 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
+from workbench.identification.responses.silent_lines import with_neighbours
 
 EXCITED = 1e-3
 """Amplitude of an excited line, relative to the largest."""
+OF_NEIGHBOURS, PER_OCTAVE = 0.03, 4
+"""Amplitude of an excited line, relative to the largest within half an octave, and bands of an
+octave in which that is looked for. Weaker ones are distortions of a loop and roundings of a
+converter: they repeat in every period as the excitation does, and hardly move the plant."""
 EXCITED_OVER_NOISE = 5.0
 """Amplitude of an excited line over the standard deviation of its mean."""
 SETTLED = 2.0
@@ -93,9 +99,13 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
-    found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
+    found = [
+        with_neighbours(from_periods(frequency, U[chosen], Y[chosen]), U, Y, lines, chosen)
+        for U, Y in spectra
+    ]
     dropped = ", the first left out as not settled" if unsettled else ""
-    return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
+    said = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
+    return found, "; ".join(said)
 
 
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:
@@ -142,14 +152,20 @@ def _arbitrary(
             f"{lost.size} from {lost[0]:.4g} to {lost[-1]:.4g} Hz left out, where a record tells "
             "nothing: its input excites too few lines, or its noise is far larger than any response"
         )
-    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in kept]))
-    if narrow.size:
-        places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
-        said.append(
-            f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
-            "may be higher between them"
-        )
+    said += _told_narrow(kept)
     return kept, "; ".join(said)
+
+
+def _told_narrow(estimates: Sequence[ResponseEstimate]) -> list[str]:
+    """A sentence about resonances that the frequencies are too far apart for; none without them."""
+    narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in estimates]))
+    if not narrow.size:
+        return []
+    places = ", ".join(f"{one:.4g}" for one in narrow[:NAMED])
+    return [
+        f"resonances near {places} Hz are narrower than the distance of the frequencies, and "
+        "may be higher between them"
+    ]
 
 
 def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
@@ -185,4 +201,14 @@ def excited(U: np.ndarray) -> IntegerArray:
     mean = np.abs(U.mean(axis=1))
     spread = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0
     mean[0] = mean[-1] = 0.0
-    return np.flatnonzero((mean > EXCITED * mean.max()) & (mean > EXCITED_OVER_NOISE * spread))
+    enough = np.maximum(EXCITED * mean.max(), OF_NEIGHBOURS * _largest_near(mean))
+    return np.flatnonzero((mean > enough) & (mean > EXCITED_OVER_NOISE * spread))
+
+
+def _largest_near(amplitude: RealArray) -> RealArray:
+    """Largest amplitude (lines,) within half an octave of each line."""
+    band = np.floor(PER_OCTAVE * np.log2(np.maximum(np.arange(amplitude.size), 1))).astype(int)
+    largest = np.zeros(int(band[-1]) + 1)
+    np.maximum.at(largest, band, amplitude)
+    near: RealArray = maximum_filter1d(largest, PER_OCTAVE + 1)[band]
+    return near

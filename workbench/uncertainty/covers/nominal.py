@@ -15,9 +15,14 @@ STARTING_MIN_RELATIVE_SIZE = 1e-3
 
 
 def mean_response(points: ComplexArray) -> ComplexArray:
-    """Geometric mean (F,) of responses (F, N), with phases unwrapped along frequency."""
+    """Geometric mean (F,) of responses (F, N), with phases unwrapped along frequency.
+
+    Where a response is nearly 0, noise decides which way its phase turns: a plant whose phase has
+    left the others' middle by a turn is turned back.
+    """
     phase = np.unwrap(np.angle(points), axis=0)
-    phase -= 2 * np.pi * np.round((phase[0] - phase[0, 0]) / (2 * np.pi))
+    middle = np.sort(phase, axis=1)[:, (phase.shape[1] - 1) // 2, None]
+    phase -= 2 * np.pi * np.round((phase - middle) / (2 * np.pi))
     mean: ComplexArray = np.exp(np.log(np.abs(points)).mean(axis=1) + 1j * phase.mean(axis=1))
     return mean
 

@@ -18,7 +18,7 @@ from workbench.fitting.rational import Rational
 from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.record_tests.report import RecordReport, together
 from workbench.identification.responses.periodic import ResponseEstimate
-from workbench.input_checks import as_list, need_numbers
+from workbench.input_checks import as_list, is_real, need_numbers
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty.responses import measured
 from workbench.uncertainty.responses.checked import (
@@ -397,6 +397,38 @@ class Responses:
             variance=None if self.variance is None else self.variance[chosen],
             ratios=None if self.ratios is None else self.ratios.at(chosen),
         )
+
+    def linear_within(self, share: float) -> Responses:
+        """The same plants, whose linear ones may lie off the responses by more than noise.
+
+        A plant that bends answers a large excitation otherwise than a small one. Periods scatter
+        not by it, and records of one size do not tell it: it is stated.
+
+        Parameters
+        ----------
+        share
+            Standard deviation of that difference, relative to the response; 0.01 is 1 %.
+
+        Raises
+        ------
+        InputError
+            The share is negative or not below 1; or the responses have no variance.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from workbench.uncertainty import Responses
+        >>> known = Responses(np.array([1.0, 2.0]), np.full((2, 2), 3.0 + 0j), variance=0.0016)
+        >>> np.sqrt(known.linear_within(0.01).variance[0]).round(4).tolist()
+        [0.05, 0.05]
+        """
+        if not (is_real(share) and 0.0 <= share < 1.0):
+            raise InputError(f"share is {share!r}; it must be 0 or more and below 1: 0.01 for 1 %")
+        if self.variance is None:
+            raise InputError("the responses have no variance that a share could be added to")
+        added = np.where(self.present, share * np.abs(self.values), 0.0) ** 2
+        ratios = None if self.ratios is None else self.ratios.with_numerator(added)
+        return replace(self, variance=self.variance + added, ratios=ratios)
 
     def refined(self) -> Responses:
         """The same plants with further frequencies of the band, at which resonances show.

@@ -45,3 +45,9 @@ class Ratios:
         """Those of the responses times factors (F,)."""
         sides = np.stack([factor, np.ones_like(factor)], axis=-1)[:, None]
         return replace(self, joint=self.joint * sides[..., :, None] * sides[..., None, :].conj())
+
+    def with_numerator(self, variance: RealArray) -> Ratios:
+        """Those with a further variance (F, N) of y over |u|^2."""
+        joint = self.joint.copy()
+        joint[..., 0, 0] += variance
+        return replace(self, joint=joint)
