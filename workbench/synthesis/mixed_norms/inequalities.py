@@ -18,6 +18,10 @@ from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
 
+LEAST_MOVE = 1e-6
+"""Least change of the state in a sample that is told from none."""
+
+
 class Inequalities:
     """Variables of the controller and of the Lyapunov matrix, and what they must meet.
 
@@ -109,7 +113,7 @@ class Inequalities:
         n, w = A.shape[0], D.shape[1]
         none, one = np.zeros((n, w)), np.eye(w)
         return (
-            cp.bmat([[self.P, A, B], [A.T, self.P, none], [B.T, none.T, one]]),
+            self._apart(cp.bmat([[self.P, A, B], [A.T, self.P, none], [B.T, none.T, one]])),
             cp.bmat([[W, C, D], [C.T, self.P, none], [D.T, none.T, one]]),
         )
 
@@ -118,7 +122,7 @@ class Inequalities:
 
         A, B, C, D = self._loop(plant)
         n, (z, w) = A.shape[0], D.shape
-        return cp.bmat(
+        stated = cp.bmat(
             [
                 [self.P, A, B, np.zeros((n, z))],
                 [A.T, self.P, np.zeros((n, w)), C.T],
@@ -126,6 +130,19 @@ class Inequalities:
                 [np.zeros((z, n)), C, D, gamma * self.inverse * np.eye(z)],
             ]
         )
+        return self._apart(stated)
+
+    def _apart(self, stated: Any) -> Any:
+        """A sampled inequality with the difference of its first two rows, in units of a sample.
+
+        A plant that moves little in a sample makes both nearly the same.
+        """
+        n = 2 * self.plant.states
+        moved = float(np.linalg.norm(self.plant.A - np.eye(len(self.plant.A)), 2))
+        T = np.eye(stated.shape[0])
+        T[:n, n : 2 * n] = -np.eye(n)
+        T[:n] /= np.sqrt(np.clip(moved, LEAST_MOVE, 1.0))
+        return T @ stated @ T.T
 
 
 def _direct(plant: StandardPlant) -> Any:

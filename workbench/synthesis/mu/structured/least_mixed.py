@@ -6,7 +6,7 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.program import Claim, method
+from workbench.program import Claim, find_method, method
 from workbench.solvers import Outcome
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h2.methods import claim_of_step, riccati_step
@@ -23,6 +23,9 @@ from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainErro
 from workbench.synthesis.mu.structured.terms import EnergyTerm, PeakTerm, Term
 from workbench.systems.bilinear import out_of_plane
 from workbench.systems.standard_plant import standard_plant
+
+CONIC = "clarabel"
+"""The conic solver that finds a start."""
 
 
 @method(H2HinfSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -54,6 +57,18 @@ def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
     return answer, Outcome.FAILED if answer is None else Outcome.SOLVED, said
 
 
+def _common_lyapunov(program: H2HinfSynthesis, context: Context) -> list[StateSpace]:
+    """The controller of one Lyapunov matrix for both norms, where it may be a start."""
+    n = program.plant.system.nstates
+    if program.family is not None or (program.order is not None and program.order < n):
+        return []
+    free = H2HinfSynthesis(program.plant, program.gamma)
+    if find_method(free, CONIC).unfit(free) is not None:
+        return []
+    answer, *_ = free.respond(CONIC, context)
+    return [] if answer is None else [answer.K]
+
+
 def _limited(program: H2HinfSynthesis) -> MuSynthesis:
     """The least limited norm as a mu synthesis in continuous time."""
     asked = asked_form(program, program.plant.system.nstates)
@@ -70,7 +85,7 @@ def _starts(program: H2HinfSynthesis, mu: MuSynthesis, context: Context) -> list
     asked["further_plants"] = tuple(one.nominal() for one in program.further_plants)
     h2 = H2Synthesis(program.plant.nominal(), **asked)
     every, *_ = claim_of_step(h2, riccati_step)
-    near = energy_starts(h2, every, context)
+    near = [*energy_starts(h2, every, context), *_common_lyapunov(program, context)]
     dt = float(program.plant.system.dt or 0.0)
     try:
         near += [out_of_plane(one.K, dt) for one in found_starts(mu, context)]
