@@ -23,7 +23,7 @@ from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 MOST_STATES = 20
 """Most states of a plant; the semidefinite programs of larger plants take too long."""
-RISES = (1e-4, 1e-3, 1e-2, 5e-2)
+RISES = (0.0, 1e-4, 1e-3, 1e-2, 5e-2, 0.2)
 """Relative distances above the least bound, tried until the loop keeps the limit and the bound."""
 SHARES = (0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -4.0, 4.0)
 """Decimal logarithms of the shares of gamma that are tried first."""
@@ -51,7 +51,7 @@ def _unfit(program: H2HinfSynthesis) -> str | None:
     H2HinfSynthesis, optimal=False, unfit=_unfit, accuracy=AccuracyRange(finest=FINEST_ACCURACY)
 )
 def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
-    """One Lyapunov matrix for both norms; the H2 bound is kept up to 5e-2 above its least."""
+    """One Lyapunov matrix for both norms; the H2 bound is kept up to a fifth above its least."""
     options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     given = standard_plant(program.plant)
     plant, rate = _scaled(without_D22(given))
@@ -64,9 +64,10 @@ def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> C
         return None, Outcome.FAILED, f"{said}: {message}"
     least = least_norm(program)
     for rise in context.track(RISES, "distances"):
-        outcome, said = _centred(stated, energy * (1 + rise) ** 2, solver, options, context)
-        if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
-            continue
+        if rise:
+            outcome, said = _centred(stated, energy * (1 + rise) ** 2, solver, options, context)
+            if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+                continue
         bound = math.sqrt(rate * energy) * (1 + rise)
         try:
             A, B, C, D = stated.controller()
@@ -120,7 +121,7 @@ def _least(
             for log in (best - step, best + step):
                 energy(log)
             best = min(found, key=lambda log: found[log])
-        stated.set_share(10.0**best)
+        energy(best)
     return found[best], said
 
 

@@ -38,6 +38,9 @@ LOWERED_SHARE = 0.6
 """Values above this share of the largest, or of the limit, are lowered by a step."""
 LIMIT_WEIGHT = 10.0
 """Weight of the excess of a limit beside the relative fall of the norm."""
+SLACK = 0.1
+"""Relative rise of the norm that is let pass, besides the excess, while a limit does not hold: the
+last step to the limit would be as short as the excess without it."""
 LEAST_PROMISE = 1e-7
 """Relative fall that a step must promise."""
 SETTLED_FALL, PATIENCE = 1e-5, 12
@@ -76,12 +79,17 @@ class Place:
         return self.excess, self.norm
 
     @property
+    def _slack(self) -> float:
+        """By how much the norm may rise where a limit does not hold, relatively."""
+        return self.excess + SLACK if self.excess > 0.0 else 0.0
+
+    @property
     def _pairs(self) -> list[tuple[Term, Curve]]:
         return list(zip(self.terms, self.curves, strict=True))
 
     def merit(self, other: Place) -> float:
         """How the norm, or the excess of a limit, of another place changes; negative is better."""
-        changes = [other.norm / self.norm - 1.0 - self.excess]
+        changes = [other.norm / self.norm - 1.0 - self._slack]
         changes += [
             LIMIT_WEIGHT * (float(curve[1].max()) / term.limit - 1.0 - self.excess)
             for term, curve in other._pairs
@@ -105,7 +113,7 @@ class Place:
                 continue
             value, slope = term.linear(x, places)
             if term.limit is None:
-                values.append(value / self.norm - 1.0 - self.excess)
+                values.append(value / self.norm - 1.0 - self._slack)
                 slopes.append(slope / self.norm)
             else:
                 values.append(LIMIT_WEIGHT * (value / term.limit - 1.0 - self.excess))
