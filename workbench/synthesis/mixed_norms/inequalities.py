@@ -17,7 +17,6 @@ from workbench.synthesis.h2.direct import cancelling_gain
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-
 LEAST_MOVE = 1e-6
 """Least change of the state in a sample that is told from none."""
 
