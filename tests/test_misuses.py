@@ -20,12 +20,17 @@ from workbench.mu import conditions, peak, upper_bound
 from workbench.solvers import Options
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import (
+    PI,
+    H2HinfSynthesis,
     H2Synthesis,
     HinfSynthesis,
     Implementation,
     LoopShaping,
     MixedSensitivity,
     MuSynthesis,
+    ObserverForm,
+    Parametrised,
+    Sparse,
     export,
     lqg,
     reduce_order,
@@ -54,6 +59,15 @@ LOOP = generalised_plant(
     performance=["z", "v"],
     measurement="e",
 )
+MIXED = generalised_plant(
+    [(LAG, "v", "x")],
+    {"v": "u + d + delta", "y": "x + n"},
+    perturbation=[(Full(1, 1), "u", "delta")],
+    exogenous=["d", "n"],
+    control="u",
+    performance=["x", "u"],
+    measurement="y",
+)
 SAMPLED = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1)
 ESTIMATES = [
     ResponseEstimate(OMEGA, VALUES[:, k].reshape(-1, 1, 1), np.full((12, 1, 1), 1e-6), 10.0)
@@ -70,8 +84,12 @@ NO_FORM = {
     "order": NOT_A_COUNT,
     "stable": ("yes", 1, None),
     "fastest_pole": NOT_POSITIVE,
+    "largest_gain": NOT_POSITIVE,
+    "further_plants": (None, "plants", object(), (1,), (None,)),
 }
 """What cannot be asked of a controller."""
+NO_ROWS = (None, "pi", [], [[]], [[None]], [[1]], [["pi"]], [[PI()], [PI(), PI()]], [[PI]])
+NO_PARAMETERS = (None, "near", [], 1.0, [math.nan, 1.0], [[1.0, 2.0]], [1j, 2.0], {})
 NOT_AN_OBJECT = (None, "plant", object(), int)
 NOT_A_SYSTEM = ("plant", object(), int, [[math.nan]])
 NOT_A_NAME = ("nonsense", 7)
@@ -252,6 +270,18 @@ JOINTS = {
         H2Synthesis,
         {"plant": LOOP},
         {"plant": (*NOT_AN_OBJECT, LAG)} | NO_FORM,
+    ),
+    "H2HinfSynthesis": (
+        H2HinfSynthesis,
+        {"plant": MIXED, "gamma": 2.0},
+        {"plant": (*NOT_AN_OBJECT, LAG, LOOP.nominal()), "gamma": NOT_POSITIVE} | NO_FORM,
+    ),
+    "Sparse": (Sparse, {"rows": [[PI(), None], [None, PI()]]}, {"rows": NO_ROWS}),
+    "ObserverForm": (ObserverForm, {"model": LAG}, {"model": (None, *NOT_A_SYSTEM)}),
+    "Parametrised": (
+        Parametrised,
+        {"matrices": lambda x: ([[-1.0]], [[1.0]], [[x[0]]], [[x[1]]]), "near": [1.0, 2.0]},
+        {"matrices": (None, "x", 1, lambda x: x, lambda x: (x, x, x)), "near": NO_PARAMETERS},
     ),
     "lqg": (
         lqg,

@@ -199,6 +199,16 @@ PLANTED: dict[str, dict[str, Wrong]] = {
         "gain 10 % larger": controller(gain(1.1)),
         "a direct term": controller(lambda K: control.ss(K.A, K.B, K.C, K.D + 0.1)),
     },
+    "mixed_norms": CONTROLLERS
+    | {
+        "norm 1 % too small": scaled("norm", 0.99),
+        "norm half": scaled("norm", 0.5),
+        "limited norm 1 % too small": scaled("hinf_norm", 0.99),
+        "bound below the norm": lambda a: replace(a, bound=0.9 * a.norm),
+        "least 1 % above the norm": lambda a: replace(a, least=1.01 * a.norm),
+        "gain 10 % larger": controller(gain(1.1)),
+        "a direct term": controller(lambda K: control.ss(K.A, K.B, K.C, K.D + 0.1)),
+    },
     "hinf_flexible": CONTROLLERS
     | {
         "norm 1 % too small": scaled("norm", 0.99),

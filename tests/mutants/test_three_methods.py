@@ -54,6 +54,7 @@ MATHEMATICS = {
         "sb10hd": "Riccati equations",
         "fixed": "quasi-Newton descent",
     },
+    "H2HinfSynthesis": SOLVERS | {"fixed": "nonsmooth descent"},
     "LoopShaping": SOLVERS
     | {
         "riccati": "Riccati equations",

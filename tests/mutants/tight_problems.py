@@ -28,6 +28,7 @@ from workbench.program import Program
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import (
     FeedbackFromRecords,
+    H2HinfSynthesis,
     H2Synthesis,
     HinfSynthesis,
     Mode,
@@ -78,6 +79,20 @@ def hinf() -> Program:
 
 def h2() -> Program:
     return H2Synthesis(PROGRAMS["hinf"]().plant)
+
+
+def mixed_norms() -> Program:
+    """An unstable lag whose control is perturbed, within a limit that costs energy."""
+    plant = generalised_plant(
+        [(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), "v", "x")],
+        {"v": "u + d + delta", "y": "x + n"},
+        perturbation=[(Full(1, 1), "u", "delta")],
+        exogenous=["d", "n"],
+        performance=["x", "u"],
+        control="u",
+        measurement="y",
+    )
+    return H2HinfSynthesis(plant, 2.2)
 
 
 def hinf_flexible() -> Program:
@@ -285,7 +300,8 @@ PROGRAMS = {
     for make in (
         circle, stadium, small_stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated,
         mu_lower_full,
-        mu_lower_mixed, hinf, h2, hinf_flexible, mu_synthesis, mu_synthesis_target, fault_filter,
+        mu_lower_mixed, hinf, h2, mixed_norms, hinf_flexible, mu_synthesis, mu_synthesis_target,
+        fault_filter,
         switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
         parameter_fit, matrix_sets, matrix_traces, matrix_cover, record_decay, record_h2,

@@ -40,6 +40,11 @@ FREE: dict[str, tuple[Free, ...]] = {
     "MuLowerBound": (Free("mu_lower", BELOW),),
     "HinfSynthesis": HINF,
     "H2Synthesis": (CONTROLLER, Free("norm", ABOVE), Free("least", TOLD)),
+    "H2HinfSynthesis": (
+        CONTROLLER,
+        Free("norm|hinf_norm|bound", ABOVE),
+        Free("least", TOLD),
+    ),
     "LoopShaping": HINF,
     "MixedSensitivity": HINF,
     "MuSynthesis": (

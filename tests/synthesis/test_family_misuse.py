@@ -175,7 +175,7 @@ def test_plants_and_structures_that_do_not_fit():
     with pytest.raises(InputError, match=r"no perturbation.*a family or an order"):
         MuSynthesis(PLANT.nominal())
     with pytest.raises(InputError, match="for continuous controllers"):
-        MuSynthesis(sampled(PLANT), family=PI())
+        MuSynthesis(sampled(PLANT), family=PI(), fastest_pole=10.0)
     with pytest.raises(InputError):
         MuSynthesis(PLANT, Structure([Full(4, 4)]), family=PI())
     with pytest.raises(InputError):

@@ -365,7 +365,7 @@ def test_sampled_plants_as_they_are(method):
     assert solve(again, "fixed").answer.upper <= found.answer.upper * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}, {"family": Modal(1)}])
+@pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}])
 def test_what_sampled_plants_do_not_take(demand):
     plant = unstable_first_order()
     sampled = GeneralisedPlant(

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from workbench.synthesis.families.family import Family
     from workbench.synthesis.families.lead_lag import LeadLag
     from workbench.synthesis.families.modal import Modal, Static
+    from workbench.synthesis.families.observer import ObserverForm
+    from workbench.synthesis.families.parametrised import Parametrised
+    from workbench.synthesis.families.sparse import Sparse
     from workbench.synthesis.families.three_terms import PD, PI, PID
     from workbench.synthesis.h2.lqg import lqg
     from workbench.synthesis.h2.program import H2Controller, H2Synthesis
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
     )
     from workbench.synthesis.limits.loop_functions import LoopFunctions
     from workbench.synthesis.limits.loop_weights import LoopWeights
+    from workbench.synthesis.mixed_norms.program import H2HinfController, H2HinfSynthesis
     from workbench.synthesis.mu.control_cover import ControlCover
     from workbench.synthesis.mu.demand_cost import DemandCost
     from workbench.synthesis.mu.equalising_gain import equalising_gain
@@ -112,6 +116,8 @@ __all__ = [
     "FixedCascade",
     "FixedPoint",
     "H2Controller",
+    "H2HinfController",
+    "H2HinfSynthesis",
     "H2Synthesis",
     "HinfController",
     "HinfSynthesis",
@@ -131,6 +137,8 @@ __all__ = [
     "MuController",
     "MuSynthesis",
     "NoiseEnergy",
+    "ObserverForm",
+    "Parametrised",
     "ProvenFeedback",
     "ReducedController",
     "ReducedControllers",
@@ -140,6 +148,7 @@ __all__ = [
     "SampledRobustness",
     "Sections",
     "SingleLoops",
+    "Sparse",
     "StateRecords",
     "Static",
     "SwitchedBox",

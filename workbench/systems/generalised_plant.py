@@ -139,6 +139,13 @@ class GeneralisedPlant:
         outputs, inputs = range(rows, self.system.noutputs), range(columns, self.system.ninputs)
         return self._part(list(outputs), list(inputs), None)
 
+    def perturbation(self) -> GeneralisedPlant:
+        """The plant with its perturbation channels alone, as exogenous and performance ones."""
+        rows, columns = self._delta
+        outputs = [*range(rows), *range(rows + self.performance, self.system.noutputs)]
+        inputs = [*range(columns), *range(columns + self.exogenous, self.system.ninputs)]
+        return self._part(outputs, inputs, None)
+
     def controlled(self) -> StateSpace:
         """The part from the controls to the measurements, all states kept."""
         m, p = self.system.noutputs, self.system.ninputs

@@ -28,13 +28,19 @@ def norm(system: Matrices, tolerance: float = 1e-9) -> float:
     lost in the rounding of large entries. Raises SlycotArithmeticError where SLICOT does not
     converge.
     """
+    return norm_and_place(system, tolerance)[0]
+
+
+def norm_and_place(system: Matrices, tolerance: float = 1e-9) -> tuple[float, float]:
+    """As `norm`, and the frequency of the norm [rad/s], which may be infinite."""
     ab13dd = slicot_routine("ab13dd")
 
     D = system[3]
     A, B, C = balanced(*system[:3])
     if not stable(A):
-        return math.inf
+        return math.inf, 0.0
     if not len(A):
-        return float(np.linalg.norm(D, 2))
+        return float(np.linalg.norm(D, 2)), 0.0
     n, m, p = len(A), B.shape[1], len(C)
-    return float(ab13dd("C", "I", "S", "D", n, m, p, A, np.eye(n), B, C, D, tolerance)[0])
+    size, omega = ab13dd("C", "I", "S", "D", n, m, p, A, np.eye(n), B, C, D, tolerance)
+    return float(size), float(omega)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.certificate import THIS_SYSTEM, Check
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, excess
+from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -14,21 +15,23 @@ from workbench.input_checks import need_kind, need_positive, need_whole
 from workbench.synthesis.families.integral_action import without_integrators
 
 ROUNDING = 1e-9
-"""Relative rounding of the sizes of poles."""
+"""Relative rounding of the sizes of poles and gains."""
 
 
 @dataclass(frozen=True)
 class Shippable:
     """What a controller must be besides stabilising: order, stability, poles up to a size [rad/s].
 
-    None leaves a demand out. With ``integral`` integrators count as stable. Raises InputError for
-    an order or a size that is none.
+    None leaves a demand out. With ``integral`` integrators count as stable. A controller whose
+    largest gain (the largest singular value over all frequencies) is limited must be stable. Raises
+    InputError for an order, a size or a gain that is none.
     """
 
     order: int | None = None
     stable: bool = False
     fastest: float | None = None
     integral: bool = False
+    gain: float | None = None
 
     def __post_init__(self) -> None:
         need_positive(self.fastest, "fastest_pole", or_none=True)
@@ -38,6 +41,11 @@ class Shippable:
                 raise InputError(f"order is {self.order}; it must be 0 or more")
         need_kind(self.stable, bool, "stable")
         need_kind(self.integral, bool, "integral")
+        need_positive(self.gain, "largest_gain", or_none=True)
+        if self.gain is not None:
+            if self.integral:
+                raise InputError("integral: an integrator's gain is larger than any largest_gain")
+            object.__setattr__(self, "stable", True)
 
     @property
     def asked(self) -> bool:
@@ -48,6 +56,11 @@ class Shippable:
     def asked_of_poles(self) -> bool:
         """Whether anything is asked of the controller's poles."""
         return self.stable or self.fastest is not None
+
+    @property
+    def without_gain(self) -> Shippable:
+        """The demands on order and poles, which a search keeps at every step."""
+        return replace(self, gain=None)
 
     def checks(self, K: StateSpace) -> list[Check]:
         """Checks that a controller meets the demands."""
@@ -68,6 +81,15 @@ class Shippable:
             statement = "size of the controller's fastest pole over the one allowed, less 1"
             size = float(np.abs(K.poles()).max(initial=0.0)) / self.fastest - 1.0
             found.append(Check("fastest pole", statement, size, ROUNDING, over=THIS_SYSTEM))
+        if self.gain is not None:
+            statement = "proven largest gain of the controller over the one allowed, less 1"
+            largest = certified_norm(K) if stability_of(K).holds else np.inf
+            found.append(
+                Check(
+                    "largest gain", statement, excess(largest, self.gain), ROUNDING,
+                    over=EVERY_FREQUENCY, proven=True,
+                )
+            )  # fmt: skip
         return found
 
     def admits(self, K: StateSpace) -> bool:

@@ -18,6 +18,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, is_real, need_whole
 from workbench.synthesis.families.least_squares import fitted_parameters
+from workbench.systems.bilinear import in_plane, out_of_plane
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 
@@ -148,7 +149,8 @@ def need_family(family: Any, name: str) -> None:
         )
     raise InputError(
         f"{name} must be a Family, not {type(family).__name__}: PID(), PI(), PD(), LeadLag(), "
-        "Static(), Modal(order) or Decentralised(PID(), PI())"
+        "Static(), Modal(order), Decentralised(PID(), PI()), Sparse(rows), ObserverForm(model) or "
+        "Parametrised(matrices, near)"
     )
 
 
@@ -165,18 +167,19 @@ def family_for(family: Any, plant: GeneralisedPlant) -> Family:
 def need_continuous_plant(program: Any) -> None:
     """Raise InputError where the plant is sampled and what is asked is for continuous time."""
     dt, integral = program.plant.system.dt, getattr(program, "integral", False)
-    if dt and (program.family is not None or program.fastest_pole is not None or integral):
+    if dt and (program.fastest_pole is not None or integral):
         raise InputError(
-            f"the plant is sampled (dt = {dt} s): family, fastest_pole and integral are for "
-            "continuous controllers"
+            f"the plant is sampled (dt = {dt} s): fastest_pole and integral are for continuous "
+            "controllers"
         )
 
 
 def asked_of(program: Any) -> list[str]:
     """Names of what a synthesis asks of the controller itself."""
-    names = ("start", "family", "order", "fastest_pole")
+    names = ("start", "family", "order", "fastest_pole", "largest_gain")
     asked = [name for name in names if getattr(program, name) is not None]
-    return [*asked, *(name for name in ("stable", "integral") if getattr(program, name, False))]
+    flags = ("stable", "integral", "further_plants")
+    return [*asked, *(name for name in flags if getattr(program, name, False))]
 
 
 def need_draws(random: Any) -> None:
@@ -186,33 +189,53 @@ def need_draws(random: Any) -> None:
         raise InputError(f"random is {random}; it must be 0 or more")
 
 
-def started(family: Family | None, start: Any, plant: GeneralisedPlant) -> StateSpace:
+def need_form_for_all(program: Any) -> None:
+    """Raise InputError where several plants have one controller of which no form is told."""
+    told = (program.family, program.order, program.start)
+    if program.further_plants and all(each is None for each in told):
+        raise InputError(
+            "further_plants need order, family or start: a controller for several plants is "
+            "searched among those of a form"
+        )
+
+
+def started(family: Family | None, start: Any, plants: Sequence[GeneralisedPlant]) -> StateSpace:
     """A start as a system: given as one, or by its parameters in a family.
 
     Raises InputError for other numbers of parameters, for what is no member, and for what does not
-    stabilise the plant.
+    stabilise all plants.
     """
-    K = _as_member(family, start)
-    stability = stability_of(plant.close(K))
-    if not stability.holds:
+    K = _as_member(family, start, float(plants[0].system.dt or 0.0))
+    for number, plant in enumerate(plants):
+        stability = stability_of(plant.close(K))
+        if stability.holds:
+            continue
+        which = f"further plant {number}" if number else "the plant"
         raise InputError(
-            f"the start does not stabilise the plant: the loop has a pole with real part "
+            f"the start does not stabilise {which}: the loop has a pole with real part "
             f"{stability.value:.3g} {stability.where}, which must be less than "
             f"{stability.limit:.3g}, its rounding error"
         )
     return K
 
 
-def _as_member(family: Family | None, start: Any) -> StateSpace:
-    """A start as a system; raises InputError for what is no member of the family."""
+def _as_member(family: Family | None, start: Any, dt: float) -> StateSpace:
+    """A start as a system of that sampling time [s], 0 in continuous time.
+
+    Raises InputError for what is no member of the family.
+    """
     if family is None or isinstance(start, str) or np.ndim(start) != 1:
         K = as_system(start, "start")
+        if float(K.dt or 0.0) != dt:
+            raise InputError(
+                f"start has dt = {float(K.dt or 0.0)} s, the plant {dt} s; 0 is continuous time"
+            )
         if family is not None:
-            family.about(K)  # raises for what is no member
+            family.about(in_plane(K))  # raises for what is no member
         return K
     x, count = as_array(start, "start"), family.count
     if count is not None and len(x) != count:
         raise InputError(f"start has {len(x)} numbers; a member of {family} has {count} parameters")
     if not np.isfinite(x).all():
         raise InputError(f"start is {x.tolist()}; parameters must be finite")
-    return family.system(x)
+    return out_of_plane(family.system(x), dt)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from workbench.errors import InputError
@@ -17,10 +18,13 @@ from workbench.synthesis.families.family import (
     family_for,
     need_continuous_plant,
     need_draws,
+    need_form_for_all,
     started,
 )
+from workbench.synthesis.families.several_plants import closed_side_by_side, further
 from workbench.synthesis.no_controller.claim import no_controller
 from workbench.synthesis.no_controller.interlacing import violated, words
+from workbench.systems.bilinear import in_plane
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 
@@ -39,6 +43,8 @@ class ControllerSynthesis(Program):
     fastest_pole: float | None = field(default=None, kw_only=True)
     start: StateSpace | None = field(default=None, kw_only=True)
     random: int = field(default=0, kw_only=True)
+    largest_gain: float | None = field(default=None, kw_only=True)
+    further_plants: Sequence[GeneralisedPlant] = field(default=(), kw_only=True)
 
     @property
     @abstractmethod
@@ -50,10 +56,12 @@ class ControllerSynthesis(Program):
         _ = self.demands  # raises for what is none
         need_draws(self.random)
         need_continuous_plant(self)
+        object.__setattr__(self, "further_plants", further(self.further_plants, self.closed_plant))
+        need_form_for_all(self)
         if self.family is not None:
             object.__setattr__(self, "family", family_for(self.family, self.closed_plant))
         if self.start is not None:
-            start = started(self.family, self.start, self.closed_plant)
+            start = started(self.family, self.start, self.plants)
             object.__setattr__(self, "start", start)
         if any(each is not None for each in (self.family, self.order, self.start)):
             object.__setattr__(self, "default_method", "fixed")
@@ -61,16 +69,26 @@ class ControllerSynthesis(Program):
     @property
     def demands(self) -> Shippable:
         """What the controller must be besides."""
-        return Shippable(self.order, self.stable, self.fastest_pole)
+        return Shippable(self.order, self.stable, self.fastest_pole, gain=self.largest_gain)
+
+    @property
+    def plants(self) -> tuple[GeneralisedPlant, ...]:
+        """The plants that the controller closes."""
+        return (self.closed_plant, *self.further_plants)
+
+    def loop(self, controller: StateSpace) -> StateSpace:
+        """The closed loops of all plants, side by side."""
+        return closed_side_by_side(self.plants, controller)
 
     def claim_task(self, claim: Outcome) -> Task | None:
         if claim is not Outcome.INFEASIBLE or not asked_of(self) or self.plant.system.dt:
             return None
-        return no_controller(self.closed_plant.controlled(), self.stable)
+        return no_controller(self.closed_plant.controlled(), self.demands.stable)
 
     def respond(self, method: str | None, context: Context) -> Claim:
         controlled = self.closed_plant.controlled()
-        zeros = violated(controlled) if self.stable and not controlled.dt else None
+        stable = self.demands.stable
+        zeros = violated(controlled) if stable and not controlled.dt else None
         if zeros is not None:
             find_method(self, method)  # raises for an unknown one
             return None, Outcome.INFEASIBLE, words(controlled, *zeros)
@@ -85,7 +103,7 @@ class ControllerSynthesis(Program):
         """Whether a controller meets the demands and is of the family."""
         if self.family is not None:
             try:
-                self.family.about(controller)
+                self.family.about(in_plane(controller))
             except InputError:
                 return False
         return self.demands.admits(controller)

@@ -21,7 +21,7 @@ from workbench.synthesis.families.family import asked_of
 from workbench.synthesis.families.synthesis import ControllerSynthesis
 from workbench.synthesis.h2.direct import ROUNDING, cancelling_gain, direct_term
 from workbench.synthesis.h_infinity import figures as drawn
-from workbench.synthesis.h_infinity.assumptions import scaled_if_regular
+from workbench.synthesis.h_infinity.assumptions import need_all_stabilisable, scaled_if_regular
 from workbench.synthesis.h_infinity.normalised import Scaled
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -67,6 +67,16 @@ class H2Controller(drawn.DrawnController):
         return f"H2Controller: {in_words(self.K)}\n  H2 norm {self.norm:.6g}{least}"
 
 
+def h2_loop(plant: GeneralisedPlant, controller: StateSpace) -> StateSpace:
+    """The closed loop, without a direct term that is the rounding of terms that cancel."""
+    closed = plant.close(controller)
+    dt = float(plant.system.dt or 0.0)
+    if dt or not closed.D.any() or direct_term(standard_plant(plant), controller.D) > ROUNDING:
+        return closed
+    A, B, C, D = matrices_of(closed)
+    return realisation((A, B, C, 0.0 * D), dt)
+
+
 @dataclass(frozen=True, eq=False)
 class H2Synthesis(ControllerSynthesis):
     """The stabilising K with the least H2 norm of F_l(P, K).
@@ -81,8 +91,10 @@ class H2Synthesis(ControllerSynthesis):
         continuous time the norm is infinite unless a gain cancels the direct term of w -> z. Where
         D12 or D21 lacks rank, or there are zeros on the stability boundary, methods perturb the
         plant a little; the certificate is about the plant given.
-    order, family, stable, fastest_pole, start, random
+    order, family, stable, fastest_pole, largest_gain, start, random
         As in `HinfSynthesis`.
+    further_plants
+        As in `HinfSynthesis`: the norm is the largest of the H2 norms of all loops.
 
     Raises
     ------
@@ -130,6 +142,9 @@ class H2Synthesis(ControllerSynthesis):
         if not self.plant.system.dt:
             cancelling_gain(self.standard)  # raises where the norm is infinite
         self._set_form()
+        need_all_stabilisable(self.further_plants)
+        for plant in () if self.plant.system.dt else self.further_plants:
+            cancelling_gain(standard_plant(plant))
 
     @property
     def closed_plant(self) -> GeneralisedPlant:
@@ -158,15 +173,14 @@ class H2Synthesis(ControllerSynthesis):
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
             return found
-        loop = self.loop(K)
-        found += [stability_of(loop), *self.demands.checks(K)]
+        found += [stability_of(self.loop(K)), *self.demands.checks(K)]
         if not found[1].holds:
             return found
         if not self.plant.system.dt:
             statement = "direct term of the loop, w -> z, over the terms that cancel"
-            value = direct_term(self.standard, K.D)
+            value = max(direct_term(standard_plant(plant), K.D) for plant in self.plants)
             found.append(Check("direct", statement, value, ROUNDING, over=THIS_SYSTEM))
-        value = excess(h2_norm(loop).upper, answer.norm)
+        value = excess(self.largest_norm(K), answer.norm)
         statement = "proven H2 norm of the loop over the claimed one, less 1"
         found.append(
             Check("norm", statement, value, CLAIM_TOLERANCE, over=THIS_SYSTEM, proven=True)
@@ -178,8 +192,8 @@ class H2Synthesis(ControllerSynthesis):
         return found
 
     def second_opinion(self, answer: H2Controller) -> list[Check]:
-        loop = self.loop(answer.K)
-        size = root_energy(loop.A, loop.B, loop.C, loop.D, float(loop.dt or 0.0))
+        loop, each = self.loop(answer.K), self.loops(answer.K)
+        size = max(root_energy(*matrices_of(one), float(one.dt or 0.0)) for one in each)
         statement = "H2 norm of the loop, as a sum over samples, over the claimed one, less 1"
         value = excess(size, answer.norm)
         return [
@@ -206,23 +220,24 @@ class H2Synthesis(ControllerSynthesis):
             "stable_controller": float(stability_of(answer.K).holds),
         }
 
-    def loop(self, controller: StateSpace) -> StateSpace:
-        """The closed loop, without a direct term that is the rounding of terms that cancel."""
-        closed = self.plant.close(controller)
-        dt = float(self.plant.system.dt or 0.0)
-        if dt or not closed.D.any() or direct_term(self.standard, controller.D) > ROUNDING:
-            return closed
-        A, B, C, D = matrices_of(closed)
-        return realisation((A, B, C, 0.0 * D), dt)
+    def loops(self, controller: StateSpace) -> list[StateSpace]:
+        """The closed loops of all plants."""
+        return [h2_loop(plant, controller) for plant in self.plants]
+
+    def largest_norm(self, controller: StateSpace) -> float:
+        """The largest proven H2 norm of the stable loops of a controller.
+
+        Raises InputError where rounding hides whether one is stable.
+        """
+        return max(h2_norm(loop).upper for loop in self.loops(controller))
 
     def judged(self, controller: StateSpace, *, least: float = math.nan) -> H2Controller | None:
         """The answer for a controller; None where its loop has no proven finite norm."""
         K = self.plant.named(controller)
-        loop = self.loop(K)
-        if not stability_of(loop).holds:
+        if not stability_of(self.loop(K)).holds:
             return None
         try:
-            norm = h2_norm(loop).upper
+            norm = self.largest_norm(K)
         except InputError:  # rounding hides a pole
             return None
         return H2Controller(K, norm, least=least) if np.isfinite(norm) else None

@@ -8,6 +8,7 @@ Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,9 @@ from workbench.synthesis.h_infinity.normalised import (
 )
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous
+from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.hidden_states import ZERO_ROUNDING
-from workbench.systems.standard_plant import StandardPlant
+from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 
 class HiddenModeError(InputError):
@@ -77,6 +79,15 @@ def scaled_if_regular(plant: StandardPlant) -> Scaled | None:
     except SingularPlantError:
         need_stabilisable(plant)
     return None
+
+
+def need_all_stabilisable(plants: Sequence[GeneralisedPlant]) -> None:
+    """Raise HiddenModeError for a plant that no controller stabilises, by its number."""
+    for number, plant in enumerate(plants, start=1):
+        try:
+            need_stabilisable(standard_plant(plant))
+        except HiddenModeError as error:
+            raise HiddenModeError(f"further plant {number}: {error}") from None
 
 
 def need_stabilisable(plant: StandardPlant) -> None:

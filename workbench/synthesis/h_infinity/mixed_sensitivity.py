@@ -4,6 +4,7 @@ Tolerant Control of CD-players (2003), eq. 5.6, which weighs S and K S).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +39,7 @@ class MixedSensitivity(HinfSynthesis):
         A weight with a single channel acts on every channel. None leaves the row out. Weights are
         stable, but W_S may have poles on the stability boundary, as an integrator or a resonator:
         the controller then has them too (``answer.lti``), and the loop is stable without weights.
-    gamma, order, family, stable, fastest_pole, start, random
+    gamma, order, family, stable, fastest_pole, start, random, largest_gain, further_plants
         As in `HinfSynthesis`.
 
     Raises
@@ -79,6 +80,8 @@ class MixedSensitivity(HinfSynthesis):
         fastest_pole: float | None = None,
         start: Any = None,
         random: int = 0,
+        largest_gain: float | None = None,
+        further_plants: Sequence[GeneralisedPlant] = (),
     ) -> None:
         G = as_system(G, "G")
         given = {"S": W_S, "KS": W_KS, "T": W_T}
@@ -93,6 +96,7 @@ class MixedSensitivity(HinfSynthesis):
         fields = {"G": G, "weights": weights, "plant": _stack(G, weights), "gamma": gamma}
         fields |= {"order": order, "family": family, "stable": stable}
         fields |= {"fastest_pole": fastest_pole, "start": start, "random": random}
+        fields |= {"largest_gain": largest_gain, "further_plants": further_plants}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
         self.__post_init__()

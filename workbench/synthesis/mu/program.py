@@ -15,7 +15,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
-from workbench.mu import Peak, performance_peak
+from workbench.mu import Peak, peak, performance_peak
 from workbench.mu.frequency.peak_bounds import peak_checks, restored_peak, stored_peak
 from workbench.mu.frequency.scaled_peak import scaled_peak
 from workbench.program import Claim, Program, Task, find_method
@@ -29,9 +29,16 @@ from workbench.synthesis.families.family import (
     family_for,
     need_continuous_plant,
     need_draws,
+    need_form_for_all,
     started,
 )
 from workbench.synthesis.families.integral_action import integral_check, with_integrator
+from workbench.synthesis.families.several_plants import (
+    closed_side_by_side,
+    further,
+    joint_structure,
+)
+from workbench.synthesis.h_infinity.assumptions import need_all_stabilisable
 from workbench.synthesis.h_infinity.figures import controller
 from workbench.synthesis.h_infinity.singular_plants.absorbed import (
     Absorbed,
@@ -46,7 +53,7 @@ from workbench.synthesis.mu.rounds import Iterate, round_variables, rounds_of
 from workbench.synthesis.no_controller.claim import no_controller
 from workbench.synthesis.no_controller.interlacing import violated, words
 from workbench.systems.balancing import balanced
-from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled, in_plane
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -95,6 +102,13 @@ class MuSynthesis(Program):
         Whether the controller itself must be stable.
     fastest_pole
         Largest size of the controller's poles [rad/s].
+    largest_gain
+        Limit of the controller's own gain: its largest singular value at any frequency. The
+        controller is then stable too.
+    further_plants
+        Plants with the same controls and measurements, with perturbations of their own or none,
+        that the controller is for besides; the peak is the largest of all loops. An order, a family
+        or a start is needed with them.
     integral
         Whether the controller must have an exact integrator: its real pole nearest to zero is moved
         there before the peak is certified. Give the weight of the error a pole near zero, such as
@@ -155,6 +169,8 @@ class MuSynthesis(Program):
     fastest_pole: float | None = field(default=None, kw_only=True)
     units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     integral: bool = field(default=False, kw_only=True)
+    largest_gain: float | None = field(default=None, kw_only=True)
+    further_plants: Sequence[GeneralisedPlant] = field(default=(), kw_only=True)
 
     default_method: ClassVar[str] = "dk"
     methods_in: ClassVar[tuple[str, ...]] = (
@@ -188,12 +204,15 @@ class MuSynthesis(Program):
         plant = shared.plant
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
+        object.__setattr__(self, "further_plants", further(self.further_plants, plant))
+        need_form_for_all(self)
+        need_all_stabilisable(self.further_plants)
         if self.family is not None:
             object.__setattr__(self, "family", family_for(self.family, plant))
         if self.only_fixed:
             object.__setattr__(self, "default_method", "fixed")
         if self.start is not None:
-            object.__setattr__(self, "start", started(self.family, self.start, plant))
+            object.__setattr__(self, "start", started(self.family, self.start, self.plants))
 
     @property
     def shared(self) -> Absorbed:
@@ -203,23 +222,33 @@ class MuSynthesis(Program):
 
     @property
     def only_fixed(self) -> bool:
-        """Whether only method "fixed" answers: in a family, or without a perturbation."""
-        return self.family is not None or self.structure is None
+        """Whether only method "fixed" answers: in a family, without a perturbation, or for all."""
+        return self.family is not None or self.structure is None or bool(self.further_plants)
+
+    @property
+    def plants(self) -> tuple[GeneralisedPlant, ...]:
+        """The plants that the controller closes."""
+        return (self.plant, *self.further_plants)
+
+    def loop(self, controller: StateSpace) -> StateSpace:
+        """The closed loops of all plants, side by side."""
+        return closed_side_by_side(self.plants, controller)
 
     @property
     def demands(self) -> Shippable:
         """What the controller must be besides."""
-        return Shippable(self.order, self.stable, self.fastest_pole, self.integral)
+        asked = self.order, self.stable, self.fastest_pole, self.integral
+        return Shippable(*asked, gain=self.largest_gain)
 
     def claim_task(self, claim: Outcome) -> Task | None:
         if claim is not Outcome.INFEASIBLE or self.plant.system.dt:
             return None
-        return no_controller(self.plant.controlled(), self.stable)
+        return no_controller(self.plant.controlled(), self.demands.stable)
 
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
-        free["integral"] = False
+        free |= {"integral": False, "largest_gain": None, "further_plants": ()}
         return replace(self, start=None, family=None, random=0, **free)
 
     @cached_property
@@ -228,8 +257,11 @@ class MuSynthesis(Program):
         given = self.plant
         system = bilinear_continuous(given.system)
         plant = replace(given, system=system, structure=self.structure)
+        others = tuple(
+            replace(one, system=bilinear_continuous(one.system)) for one in self.further_plants
+        )
         start = None if self.start is None else bilinear_continuous(self.start)
-        return replace(self, plant=plant, start=start)
+        return replace(self, plant=plant, start=start, further_plants=others)
 
     def _respond_sampled(self, method: str | None, context: Context) -> Claim:
         """The answer in the plane of the bilinear transformation, certified in sampled time."""
@@ -244,7 +276,7 @@ class MuSynthesis(Program):
     def respond(self, method: str | None, context: Context) -> Claim:
         if self.plant.system.dt:
             return self._respond_sampled(method, context)
-        zeros = violated(self.plant.controlled()) if self.stable else None
+        zeros = violated(self.plant.controlled()) if self.demands.stable else None
         if zeros is not None:
             find_method(self, method)  # raises for an unknown one
             return None, Outcome.INFEASIBLE, words(self.plant.controlled(), *zeros)
@@ -261,11 +293,15 @@ class MuSynthesis(Program):
 
     @cached_property
     def closed(self) -> Structure:
-        """The perturbation and the performance block."""
-        return self.plant.performance_structure
+        """The perturbations and the performance blocks, of all plants."""
+        return joint_structure(self.plants)
 
     def certified(self, K: StateSpace, tolerance: float = PEAK_TOLERANCE) -> Peak | None:
         """The peak of the loop; None where it is unstable."""
+        if self.further_plants:
+            loop = self.loop(K)
+            stable = stability_of(loop).holds
+            return peak(loop, self.closed, tolerance=tolerance) if stable else None
         return performance_peak(self.plant, K, tolerance)
 
     def answer(
@@ -332,25 +368,35 @@ class MuSynthesis(Program):
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:
             return found
-        stability = stability_of(self.plant.close(K))
+        loop = self.loop(K)
+        stability = stability_of(loop)
         found += [stability, *self.demands.checks(K), *([integral_check(K)] * self.integral)]
         if not stability.holds:
             return found
-        loop = self.plant.close(K)
-        peak = peak_checks(loop, self.closed, answer.lower, answer.upper, answer.peak)
+        proof = peak_checks(loop, self.closed, answer.lower, answer.upper, answer.peak)
         if self.target is not None:
             statement = "proven supremum of mixed mu over the target, less 1"
-            peak.append(Check("target", statement, answer.upper / self.target - 1, BOUND_ROUNDING))
-        return [*found, *quantified(EVERY_PERTURBATION, peak)]
+            proof.append(Check("target", statement, answer.upper / self.target - 1, BOUND_ROUNDING))
+        return [*found, *quantified(EVERY_PERTURBATION, proof)]
 
     def second_opinion(self, answer: MuController) -> list[Check]:
-        loop = self.plant.close(answer.K)
-        claim = self.structure, answer.upper, answer.omega
         return [
-            loops.powers_fall(loop.A, loop.dt),
-            loops.gain(self.plant.system, answer.K, *claim, poles=loop.poles()),
-            *loops.in_time(loop, *claim),
+            loops.powers_fall(self.loop(answer.K).A, self.plant.system.dt),
+            *(
+                max(of_all, key=lambda check: check.value)
+                for of_all in zip(
+                    *(self._tried(answer, plant) for plant in self.plants), strict=True
+                )
+            ),
             *([self._whole_loop(answer)] if self.shared.copies else []),
+        ]
+
+    def _tried(self, answer: MuController, plant: GeneralisedPlant) -> list[Check]:
+        """The claimed peak, tried on plants of the set of one of the plants."""
+        loop, claim = plant.close(answer.K), (plant.structure, answer.upper, answer.omega)
+        return [
+            loops.gain(plant.system, answer.K, *claim, poles=loop.poles()),
+            *loops.in_time(loop, *claim),
         ]
 
     def _whole_loop(self, answer: MuController) -> Check:
@@ -380,7 +426,7 @@ class MuSynthesis(Program):
     def _settings(self, K: StateSpace) -> list[str]:
         """The numbers by which people know a member of the family, in one line, if it has any."""
         try:
-            found = {} if self.family is None else self.family.settings(K)
+            found = {} if self.family is None else self.family.settings(in_plane(K))
         except InputError:  # roots that met are no longer told apart
             return []
         return (

@@ -30,7 +30,9 @@ from workbench.synthesis.mu.finish import Finish
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.structured.minimax_step import known_units, minimax_step
 from workbench.synthesis.mu.structured.problem import PeakProblem
+from workbench.synthesis.mu.structured.searches import limited_search
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.synthesis.mu.structured.starts.search import Start
 
@@ -54,8 +56,6 @@ SHORTEST = 1e-3
 """Time for a start that comes late: it is its own answer [s]."""
 LEAST_PROMISE = 1e-6
 """Share of the peak that a step must promise."""
-SMALLEST_SLOPE = 1e-12
-"""Slope over the peak that counts as none: it tells no unit."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
 """The optimisation is settled if the peak falls by less than this share over this number of
 rounds."""
@@ -77,6 +77,8 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
 def _searched(program: MuSynthesis, context: Context, finish: Finish) -> tuple[list[Iterate], str]:
     """The rounds that lead to the best controller found, and what is said of them."""
     starts = _starts(program, context)
+    if program.further_plants or program.largest_gain is not None:
+        return limited_search(program, starts, context)
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     rules = list(dict.fromkeys(start.rule for start in starts))
     if len(starts) > 1:
@@ -268,7 +270,7 @@ def _lower(
         if time_is_up("step of the search"):
             return "no time for another step"
         scaled = hessian * units[:, None] * units
-        step, level, weights = _step(scaled, slope * units, value, radius, room)
+        step, level, weights = minimax_step(scaled, slope * units, value, radius, room)
         promised, length = peak - level, float(np.abs(step).max())
         if promised < LEAST_PROMISE * peak:
             return "no step promises less"
@@ -286,49 +288,3 @@ def _lower(
                 return _Lower(trial, new, turned, radius)
         radius = 0.35 * min(radius, length)
     return "no step lowers the peak"
-
-
-def known_units(units: RealArray, slope: RealArray, peak: float) -> RealArray:
-    """Units of parameters, where they are zero the step that moves a bound by the peak."""
-    steepest = np.abs(slope).max(axis=0)
-    moved = steepest > SMALLEST_SLOPE * peak
-    by_slope = np.where(moved, peak / np.where(moved, steepest, 1.0), 1.0)
-    found: RealArray = np.where(units > 0, units, by_slope)
-    return found
-
-
-def _step(
-    hessian: RealArray,
-    slope: RealArray,
-    value: RealArray,
-    radius: float,
-    room: tuple[RealArray, RealArray] | None = None,
-) -> tuple[RealArray, float, RealArray]:
-    """The step d that minimises max(value + slope d) + d H d / 2 in a box, with G d <= h in `room`.
-
-    Returns d, the level of the maximum, and the weights (multipliers) of the values in it.
-    """
-    import clarabel
-    from scipy.sparse import block_diag, csc_matrix, triu
-
-    n = len(hessian)
-    values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
-    convex = (vectors * np.maximum(values, 1e-9)) @ vectors.T
-    box = np.hstack([np.eye(n), np.zeros((n, 1))])
-    rows = np.vstack([np.column_stack([slope, -np.ones(len(value))]), box, -box])
-    sides = np.concatenate([-value, np.full(2 * n, radius)])
-    if room is not None:
-        rows = np.vstack([rows, np.hstack([room[0], np.zeros((len(room[0]), 1))])])
-        sides = np.concatenate([sides, room[1]])
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    solution = clarabel.DefaultSolver(
-        csc_matrix(triu(block_diag([convex, csc_matrix((1, 1))]))),
-        np.append(np.zeros(n), 1.0),
-        csc_matrix(rows),
-        sides,
-        [clarabel.NonnegativeConeT(len(sides))],
-        settings,
-    ).solve()
-    found = np.array(solution.x)
-    return found[:n], float(found[n]), np.maximum(np.array(solution.z)[: len(value)], 0.0)

@@ -1,56 +1,50 @@
 """H2 synthesis of controllers of an order or a family, by descent along gradients.
 
-The norm is a smooth function of a controller that stabilises. With gramians P and Q of the loop
-A_c, B_c, C_c the slope of tr(B_c' Q B_c) by the matrices of the controller is 2 (...) of products
-of P and Q (T. Rautert, E. W. Sachs, Computational design of optimal output feedback controllers,
-SIAM J. Optimization 7 (1997) 837-852). Steps are those of BFGS with a line search that takes an
-unstable loop for one of infinite norm (A. S. Lewis, M. L. Overton, Nonsmooth optimization via
-quasi-Newton methods, Mathematical Programming 141 (2013) 135-163).
+The norm is a smooth function of a controller that stabilises. Steps are those of BFGS with a line
+search that takes an unstable loop for one of infinite norm (A. S. Lewis, M. L. Overton, Nonsmooth
+optimization via quasi-Newton methods, Mathematical Programming 141 (2013) 135-163).
 """
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
-from scipy.linalg import LinAlgError, null_space, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import LinAlgError
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
-from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.families.modal import Modal
-from workbench.synthesis.h2.direct import ROUNDING, direct_term
 from workbench.synthesis.h2.methods import claim_of_step, riccati_step
 from workbench.synthesis.h2.program import H2Controller, H2Synthesis
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.synthesis.mu.structured.fixed import DRAWS_PER_START, START_SPREAD, known_units
+from workbench.synthesis.mu.structured.energy import EnergyProblem
+from workbench.synthesis.mu.structured.fixed import DRAWS_PER_START, START_SPREAD
 from workbench.synthesis.mu.structured.least_norm import asked_form, nothing_asked
+from workbench.synthesis.mu.structured.minimax_step import known_units
+from workbench.synthesis.mu.structured.searches import gain_limit, searched
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
+from workbench.synthesis.mu.structured.terms import EnergyTerm, Term
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
-from workbench.systems.bilinear import bilinear_sampled
+from workbench.systems.bilinear import in_plane, out_of_plane
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import Matrices, matrices_of, realisation
-from workbench.systems.standard_plant import StandardPlant
+from workbench.systems.realisation import matrices_of, realisation
+from workbench.systems.standard_plant import standard_plant
 
 NO_NORM = "no start was found whose loop is stable and has a finite norm"
 """What is said without a start: in continuous time w -> z must have no direct term."""
 MOST_STEPS = 300
 """Most steps from one start."""
-DIFFERENCE = 1e-6
-"""Step of differences of the loop's matrices, in units of the parameters."""
 FALL, SLOPE = 1e-4, 0.9
 """Shares of a line search by Wolfe's weak conditions: least fall, and most of the slope left."""
 MOST_HALVINGS = 40
@@ -59,101 +53,16 @@ SETTLED_FALL = 1e-9
 """The descent is settled where a step lowers the norm by less than this share."""
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyProblem:
-    """The square of the H2 norm of the loop as a function of the parameters of a family."""
-
-    plant: StandardPlant
-    family: Family
-    demands: Shippable
-
-    def controller(self, x: RealArray) -> StateSpace:
-        """The controller of parameters x, in the plant's time."""
-        return realisation(matrices_of(self.family.system(x)), self.plant.dt)
-
-    def closed(self, x: RealArray) -> Matrices:
-        """The closed loop of parameters x; raises LinAlgError where it is not determined."""
-        return self.plant.close(matrices_of(self.family.system(x)))
-
-    def value(self, x: RealArray) -> float:
-        """The energy; infinite where the loop is not stable or K is not what is asked."""
-        return self._gramians(x)[0]
-
-    def slopes(self, x: RealArray) -> RealArray:
-        """Derivatives of the energy by the parameters x (k,) of a stable loop."""
-        value, P, Q, (A, B, C, D) = self._gramians(x)
-        assert math.isfinite(value)
-        by_A = Q @ A @ P if self.plant.dt else Q @ P
-        parts = zip(self._derivatives(x), (by_A, Q @ B, C @ P, D), strict=True)
-        return np.asarray(sum(2.0 * np.einsum("kij,ij->k", each, by) for each, by in parts))
-
-    def free_directions(self, x: RealArray) -> RealArray:
-        """Directions (k, f) of the parameters that move no direct term of a continuous loop."""
-        k = len(x)
-        if self.plant.dt:
-            return np.eye(k)
-        moved = self._derivatives(x)[3].reshape(k, -1).T
-        return np.asarray(null_space(moved) if moved.any() else np.eye(k), dtype=float)
-
-    def without_direct(self, x: RealArray) -> RealArray:
-        """Parameters near x whose continuous loop has no direct term, where there are any."""
-        if self.plant.dt:
-            return x
-        moved, D = self._derivatives(x)[3].reshape(len(x), -1).T, self.closed(x)[3]
-        return x - np.asarray(np.linalg.lstsq(moved, D.ravel(), rcond=None)[0], dtype=float)
-
-    def _gramians(self, x: RealArray) -> tuple[float, RealArray, RealArray, Matrices]:
-        """The energy, both gramians, and the loop."""
-        none = np.zeros((0, 0))
-        dt = self.plant.dt
-        unstable = math.inf, none, none, (none,) * 4
-        K = self.controller(x)
-        if self.demands.asked and not self.demands.admits(K):
-            return unstable
-        try:
-            A, B, C, D = loop = self.plant.close(matrices_of(K))
-        except LinAlgError:
-            return unstable
-        if not stability_of(realisation(loop, dt)).holds:
-            return unstable
-        if not dt and not direct_term(self.plant, K.D) <= ROUNDING:
-            return unstable
-        try:
-            P, Q = _gramian(A, B, dt), _gramian(A.T, C.T, dt)
-        except (LinAlgError, RuntimeWarning):  # the equation is singular, up to rounding
-            return unstable
-        return float(np.trace(B.T @ Q @ B) + np.sum(D**2)), P, Q, loop
-
-    def _derivatives(self, x: RealArray) -> list[RealArray]:
-        """Derivatives (k, ...) of the matrices of the loop by the parameters."""
-        steps = DIFFERENCE * np.maximum(self.family.units(x), DIFFERENCE)
-        found = []
-        for place, step in enumerate(steps):
-            change = np.zeros(len(x))
-            change[place] = step
-            above, below = self.closed(x + change), self.closed(x - change)
-            found.append([(a - b) / (2 * step) for a, b in zip(above, below, strict=True)])
-        return [np.array(each) for each in zip(*found, strict=True)]
-
-
-def _gramian(A: RealArray, B: RealArray, dt: float) -> RealArray:
-    """The controllability gramian of a stable system; warnings of SciPy are raised."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
-        found = (
-            solve_discrete_lyapunov(A, B @ B.T) if dt else solve_continuous_lyapunov(A, -B @ B.T)
-        )
-    return np.asarray(found, dtype=float)
-
-
 @method(H2Synthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2Synthesis, context: Context) -> Claim:
     """Quasi-Newton descent over a family or an order, from the start or from those it finds."""
     every, *_ = claim_of_step(program, riccati_step)
     try:
-        begun = _starts(program, every, context)
+        begun = energy_starts(program, every, context)
     except NoStabilisingGainError:
         return None, Outcome.INFEASIBLE, ""
+    if program.further_plants or program.largest_gain is not None:
+        return _limited(program, begun, context)
     best: H2Controller | None = None
     said = NO_NORM
     for K in context.track(begun, "starts"):
@@ -176,7 +85,29 @@ def _fixed(program: H2Synthesis, context: Context) -> Claim:
     return H2Controller(best.K, best.norm, least=least), Outcome.SOLVED, said
 
 
-def _starts(program: H2Synthesis, every: H2Controller | None, context: Context) -> list[StateSpace]:
+def _limited(program: H2Synthesis, starts: Sequence[StateSpace], context: Context) -> Claim:
+    """The least of the largest norm of all plants within the limit of the gain."""
+
+    def terms_of(family: Family) -> list[Term]:
+        asked = program.demands.without_gain
+        energies = [
+            EnergyTerm(EnergyProblem(standard_plant(plant), family, asked))
+            for plant in program.plants
+        ]
+        return [*energies, *gain_limit(program, family)]
+
+    found, said = searched(program, starts, terms_of, context)
+    answer = None if found is None else program.judged(found)
+    if answer is None:
+        return None, Outcome.FAILED, said
+    leasts = [claim_of_step(H2Synthesis(plant), riccati_step)[0] for plant in program.plants]
+    least = max((one.least for one in leasts if one is not None), default=math.nan)
+    return H2Controller(answer.K, answer.norm, least=least), Outcome.SOLVED, said
+
+
+def energy_starts(
+    program: H2Synthesis, every: H2Controller | None, context: Context
+) -> list[StateSpace]:
     """The given start; or the best controller of all, reduced, and those of a small norm."""
     if program.start is not None:
         return [program.start, *_drawn(program, program.start, context.rng)]
@@ -190,17 +121,18 @@ def _starts(program: H2Synthesis, every: H2Controller | None, context: Context) 
         raise
     except SolverError:
         found = []
-    near += [bilinear_sampled(K, dt) if dt else K for K in found]
+    near += [out_of_plane(K, dt) for K in found]
     return near + [one for K in near[:1] for one in _drawn(program, K, context.rng)]
 
 
 def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
     """A controller of any order as one of the family or order that is asked for."""
     if program.family is not None:
-        omega = frequencies_of(program.plant.close(K))
-        member = program.family.nearest(K, omega, np.ones(len(omega)))
+        dt = float(program.plant.system.dt or 0.0)
+        omega = frequencies_of(in_plane(program.plant.close(K)))
+        member = program.family.nearest(in_plane(K), omega, np.ones(len(omega)))
         if member is not None:
-            yield member
+            yield out_of_plane(member, dt)
         return
     order = K.nstates if program.order is None else program.order
     if K.nstates <= order:
@@ -216,7 +148,7 @@ def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
 
 def _problem(program: H2Synthesis, K: StateSpace) -> tuple[EnergyProblem, RealArray]:
     """The energy over the parameters of the family, or of all controllers of K's order."""
-    family, x = (program.family or Modal(K.nstates)).about(K)
+    family, x = (program.family or Modal(K.nstates)).about(in_plane(K))
     return EnergyProblem(program.standard, family, program.demands), x
 
 

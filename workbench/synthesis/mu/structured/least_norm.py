@@ -16,13 +16,18 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.synthesis.families.family import asked_of
 from workbench.synthesis.families.synthesis import ControllerSynthesis
+from workbench.synthesis.h_infinity.assumptions import scaled_if_regular
 from workbench.synthesis.h_infinity.methods import LEAST_DISTANCE
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import central_of
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.standard_plant import standard_plant
 
-ASKED = ("order", "family", "stable", "fastest_pole", "start", "random")
+ASKED = (
+    *("order", "family", "stable", "fastest_pole", "start", "random"),
+    *("largest_gain", "further_plants"),
+)
 """What is asked of the controller, by the same names in all Programs."""
 
 
@@ -50,17 +55,24 @@ def _fixed(program: HinfSynthesis, context: Context) -> Claim:
     )
     if answer is None:
         return None, outcome, said
-    size = certified_norm(given.close(answer.K))
+    size = certified_norm(program.loop(answer.K))
     least = _least_of_all(program) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
     return HinfController(answer.K, size, level, least), outcome, said
 
 
 def _least_of_all(program: HinfSynthesis) -> float:
-    """A level below which no controller of any order is found; NaN where none is known."""
-    if program.scaled is None:
-        return math.nan
-    try:
-        return central_of(program.scaled, LEAST_DISTANCE / 2).lower
-    except (SolverError, InputError):
-        return math.nan
+    """A level below which no controller of any order is found; NaN where none is known.
+
+    That of the plant for which it is largest: a controller for all is one for each.
+    """
+    levels = []
+    for plant in program.plants:
+        scaled = scaled_if_regular(standard_plant(plant))
+        if scaled is None:
+            continue
+        try:
+            levels.append(central_of(scaled, LEAST_DISTANCE / 2).lower)
+        except (SolverError, InputError):
+            continue
+    return max(levels, default=math.nan)

@@ -88,9 +88,10 @@ def found_starts(program: MuSynthesis, context: Context) -> list[Start]:
 def _need_demands_met(search: Search) -> None:
     """Raise InputError where no member can be as stable or as slow as is asked."""
     examples = [K for each in search.corners for K in search.family.examples(each, search.gain)]
-    if not examples or any(search.program.demands.admits(K) for K in examples):
+    demands = search.program.demands.without_gain
+    if not examples or any(demands.admits(K) for K in examples):
         return
-    failed = [c for c in search.program.demands.checks(examples[-1]) if not c.holds]
+    failed = [c for c in demands.checks(examples[-1]) if not c.holds]
     raise InputError(
         f"no member of {search.family} meets what is asked of the controller: "
         f"{'; '.join(c.name for c in failed)}. An integrator is not stable: give it a leak "

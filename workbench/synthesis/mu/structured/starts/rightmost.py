@@ -49,7 +49,7 @@ def _moved_left(search: Search, family: Family, x: RealArray, units: RealArray) 
         nonlocal best, least
         search.context.seconds_left("rightmost pole")
         try:
-            poles = search.program.plant.close(family.system(y * units)).poles()
+            poles = search.program.loop(family.system(y * units)).poles()
         except InputError:  # direct terms that cancel, or beyond doubles
             return FAR_RIGHT
         value = float(np.max(poles.real)) / search.speed

@@ -85,11 +85,12 @@ class Search:
     @cached_property
     def _problem(self) -> PeakProblem:
         program = self.program
-        return PeakProblem(program.plant, program.closed, self.family, program.demands)
+        structure = program.plant.performance_structure
+        return PeakProblem(program.plant, structure, self.family, program.demands.without_gain)
 
     def stabilises(self, K: StateSpace) -> bool:
         """Whether a controller stabilises and meets the demands; what does not is kept."""
-        loop = self._closed(K) if self.program.demands.admits(K) else None
+        loop = self.closed(K) if self.program.demands.without_gain.admits(K) else None
         if loop is not None:
             self.abscissas.append(float(loop.poles().real.max(initial=-np.inf)))
             if stability_of(loop).holds:
@@ -97,19 +98,31 @@ class Search:
         self.missed.append(K)
         return False
 
-    def _closed(self, K: StateSpace) -> StateSpace | None:
-        """The loop; None where direct terms cancel, so that it is not determined."""
+    def closed(self, K: StateSpace) -> StateSpace | None:
+        """The loops of all plants; None where direct terms cancel, so that one is undetermined."""
         try:
-            return self.program.plant.close(K)
+            return self.program.loop(K)
         except InputError:
             return None
 
     def peak(self, K: StateSpace) -> float:
         """The largest upper bound of mu at frequencies that resolve it; infinite where unstable."""
         family, x = (self.program.family or Modal(K.nstates)).about(K)
-        problem = replace(self._problem, family=family)
-        loop = problem.loop(x)
-        return np.inf if loop is None else float(problem.curve(loop)[1].max())
+        largest = 0.0
+        for plant in self.program.plants:
+            problem = replace(
+                self._problem, plant=plant, structure=plant.performance_structure, family=family
+            )
+            loop = problem.loop(x)
+            largest = max(largest, np.inf if loop is None else problem.curve(loop)[1].max())
+        return float(largest)
+
+    def _nominal(self, K: StateSpace) -> StateSpace | None:
+        """The loop of the first plant; None where direct terms cancel."""
+        try:
+            return self.program.plant.close(K)
+        except InputError:
+            return None
 
     def members(self, targets: Iterable[StateSpace]) -> Iterator[StateSpace]:
         """The nearest members to controllers of any form."""
@@ -136,7 +149,7 @@ class Search:
 
     def _weights(self, target: StateSpace) -> Iterator[tuple[RealArray, RealArray]]:
         """Frequencies (F,) and weights (F,): of the closed loop where stable, and relative ones."""
-        loop = self._closed(target)
+        loop = self._nominal(target)
         omega = self.speed * np.logspace(-BAND_DECADES, BAND_DECADES, BAND_POINTS)
         if loop is not None and stability_of(loop).holds:
             omega = frequencies_of(loop)
