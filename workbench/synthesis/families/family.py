@@ -20,6 +20,7 @@ from workbench.input_checks import as_array, is_real, need_whole
 from workbench.synthesis.families.least_squares import fitted_parameters
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.realisation import Matrices, matrices_of
 
 LARGEST_LOG = 100.0
 """Largest size of a logarithm among parameters, so that products stay within doubles."""
@@ -44,6 +45,10 @@ class Family(ABC):
     @abstractmethod
     def system(self, x: RealArray) -> StateSpace:
         """The controller with parameters x (k,)."""
+
+    def matrices(self, x: RealArray) -> Matrices:
+        """A, B, C and D of the controller with parameters x (k,)."""
+        return matrices_of(self.system(x))
 
     @abstractmethod
     def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:

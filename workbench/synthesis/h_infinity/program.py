@@ -66,6 +66,11 @@ class HinfController(drawn.DrawnController):
     least: float = math.nan
     whole: StateSpace | None = None
     """The controller of the user's plant, where K is only a part of it."""
+    reached: tuple[float, ...] = ()
+    """Norms where the descents of a local search ended, one for each start, least first."""
+    slope: float = math.nan
+    """Relative change of the norm per unit of the parameters that remains: length of the least
+    element in the hull of gradients nearby. Small at a stationary point, which is a local one."""
 
     @property
     def lti(self) -> StateSpace:
@@ -152,6 +157,7 @@ class HinfSynthesis(ControllerSynthesis):
         "workbench.synthesis.h_infinity.methods",
         "workbench.synthesis.h_infinity.conic",
         "workbench.synthesis.mu.structured.least_norm",
+        "workbench.synthesis.mu.structured.norm.methods",
     )
     headline: ClassVar[str] = "norm"
 
@@ -316,10 +322,14 @@ class HinfSynthesis(ControllerSynthesis):
                 "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
                 "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
                 "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
+                "reached": ("start", np.array(answer.reached), units),
+                "slope": ((), answer.slope, units | {"long_name": "relative slope that remains"}),
             }
         )
 
     def from_dataset(self, data: Dataset) -> HinfController:
-        numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
+        norm, gamma, least = (float(data[name]) for name in ("norm", "gamma", "least"))
         K = self.absorbed.plant.named(restored(data, "controller"))
-        return self.witnessed(HinfController(K, *numbers))
+        reached = tuple(map(float, data["reached"].values)) if "reached" in data else ()
+        slope = float(data["slope"]) if "slope" in data else math.nan
+        return self.witnessed(HinfController(K, norm, gamma, least, reached=reached, slope=slope))

@@ -19,6 +19,7 @@ from workbench.synthesis.families.synthesis import ControllerSynthesis
 from workbench.synthesis.h_infinity.methods import LEAST_DISTANCE
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import central_of
+from workbench.synthesis.h_infinity.settling import level_of_more_known
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -39,9 +40,11 @@ def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
     return asked
 
 
-@method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
-def _fixed(program: HinfSynthesis, context: Context) -> Claim:
-    """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+@method(
+    HinfSynthesis, "trust_region", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE
+)
+def _trust_region(program: HinfSynthesis, context: Context) -> Claim:
+    """Steps within a trust region on the linearisations of all frequencies near the peak."""
     given = program.absorbed.plant
     plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
     asked = asked_form(program, given.system.nstates)
@@ -51,15 +54,19 @@ def _fixed(program: HinfSynthesis, context: Context) -> Claim:
     if answer is None:
         return None, outcome, said
     size = certified_norm(given.close(answer.K))
-    least = _least_of_all(program) if program.gamma is None else math.nan
+    least = least_of_all(program, size) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
     return HinfController(answer.K, size, level, least), outcome, said
 
 
-def _least_of_all(program: HinfSynthesis) -> float:
-    """A level below which no controller of any order is found; NaN where none is known."""
+def least_of_all(program: HinfSynthesis, reached: float) -> float:
+    """A level that no controller of any order reaches, of the plant as given; NaN: none is known.
+
+    Where the plant lacks an assumption it is a level that none reaches that knows states and
+    disturbances, or that moves every state: perturbed plants have larger ones.
+    """
     if program.scaled is None:
-        return math.nan
+        return level_of_more_known(program, reached)
     try:
         return central_of(program.scaled, LEAST_DISTANCE / 2).lower
     except (SolverError, InputError):
