@@ -279,6 +279,16 @@ class HinfSynthesis(ControllerSynthesis):
                 f"norm {answer.norm:.4g} reached; no controller of any order was found below "
                 f"{answer.least:.4g}: distance {answer.norm / answer.least - 1:.1%}"
             )
+        if len(answer.reached) > 1:
+            said.append(
+                f"{len(answer.reached)} starts reached {answer.reached[0]:.4g} to "
+                f"{answer.reached[-1]:.4g}"
+            )
+        if not math.isnan(answer.slope):
+            said.append(
+                f"relative slope that remains: {answer.slope:.2g}, 0 at a stationary point, which "
+                "is a local one"
+            )
         return [*said, *self.plant.tested]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:

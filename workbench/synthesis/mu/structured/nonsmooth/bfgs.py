@@ -24,8 +24,8 @@ Valued = Callable[[RealArray], tuple[float, RealArray]]
 
 FALL, SLOPE = 1e-4, 0.5
 """Shares of a line search by Wolfe's weak conditions: least fall, and most of the slope left."""
-MOST_TRIALS = 40
-"""Most trials of a line search."""
+MOST_TRIALS, LONGEST = 40, 500.0
+"""Most trials of a line search, and its longest step over the first trial."""
 PATIENCE, SETTLED_FALL = 10, 1e-6
 """BFGS is settled where the value falls by less than this within so many steps."""
 RADII = (1e-1, 1e-2, 1e-3, 1e-4)
@@ -52,7 +52,7 @@ def descended(
         if value <= enough or time_is_up("BFGS"):
             break
         direction = -inverse @ slope
-        found = _line_search(valued, y, value, slope, direction)
+        found = _line_search(valued, y, value, slope, direction, enough)
         if found is None:
             if not known:
                 break
@@ -121,9 +121,17 @@ def _in_ball(rng: np.random.Generator, count: int, size: int) -> RealArray:
 
 
 def _line_search(
-    valued: Valued, y: RealArray, value: float, slope: RealArray, direction: RealArray
+    valued: Valued,
+    y: RealArray,
+    value: float,
+    slope: RealArray,
+    direction: RealArray,
+    enough: float,
 ) -> tuple[float, float, RealArray] | None:
-    """A length by Wolfe's weak conditions, with value and slopes there; None where none falls."""
+    """A length by Wolfe's weak conditions, with value and slopes there; None where none falls.
+
+    It ends too where the value is `enough`, and where a function falls ever on.
+    """
     low, high, length = 0.0, math.inf, 1.0
     promised = float(slope @ direction)
     if not promised < 0.0:
@@ -133,7 +141,7 @@ def _line_search(
         reached, turned = valued(y + length * direction)
         if reached < value + FALL * length * promised:
             best = length, reached, turned
-            if turned @ direction >= SLOPE * promised:
+            if turned @ direction >= SLOPE * promised or reached <= enough or length > LONGEST:
                 return best
             low = length
         else:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from workbench.arrays import RealArray
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError, SolverError, TimeLimitError
 from workbench.executor import Context
 from workbench.executor.clock import time_is_up
 from workbench.heavy_types import StateSpace
@@ -118,7 +118,7 @@ class NormSearch:
                 found += [] if point is None else [point]
         except NoStabilisingGainError:
             raise
-        except (SolverError, InputError) as error:  # a time limit too
+        except (SolverError, InputError, TimeLimitError) as error:
             why = error
         if not found:
             raise why
