@@ -98,7 +98,7 @@ def test_plants_that_do_not_fit():
             np.zeros((2, 2)),
             np.ones((2, 2)),
         )
-    with pytest.raises(InputError, match="7 gains|9 gains"):
+    with pytest.raises(InputError, match="9 gains may move"):
         least_norm_in_box(
             random_plant(0, controls=3, measurements=3, exogenous=3),
             np.zeros((3, 3)),
