@@ -9,7 +9,7 @@ from workbench import Options
 from workbench.synthesis import PI, HinfSynthesis
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.free import FreeMatrices
-from workbench.synthesis.mu.structured.norm.drawn import drawn
+from workbench.synthesis.mu.structured.norm.drawn import stable_draws
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
 from workbench.systems.standard_plant import standard_plant
 from workbench.uncertainty import GeneralisedPlant
@@ -80,7 +80,7 @@ def test_slopes_are_those_of_differences(order):
     rng = np.random.default_rng(5)
     if order == 0:
         norm = LoopNorm(standard_plant(first_order()), family, Shippable())
-    x = next(drawn(norm, family, rng, 20))
+    x = next(stable_draws(norm, family, rng, 20))
     value, slope = norm.valued(x)
     step = 1e-6
     differences = [
@@ -94,6 +94,6 @@ def test_random_starts_stabilise_a_flexible_plant():
     plant = standard_plant(flexible())
     family = FreeMatrices(2, 1, 1)
     norm = LoopNorm(plant, family, Shippable())
-    found = list(drawn(norm, family, np.random.default_rng(0), 6))
+    found = list(stable_draws(norm, family, np.random.default_rng(0), 6))
     assert found
     assert all(np.isfinite(norm.value(x)) for x in found)

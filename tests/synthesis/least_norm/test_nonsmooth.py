@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from workbench.synthesis.mu.structured.nonsmooth.bfgs import descended, sampled, stationarity
-from workbench.synthesis.mu.structured.nonsmooth.evolution import evolved
+from workbench.synthesis.mu.structured.nonsmooth.bfgs import bfgs_end, sampled_end, stationarity
+from workbench.synthesis.mu.structured.nonsmooth.evolution import evolution_end
 from workbench.synthesis.mu.structured.nonsmooth.hull import least_in_hull
 from workbench.synthesis.mu.structured.nonsmooth.smoothed import ipopt_minimum
 
@@ -34,20 +34,20 @@ def test_the_least_element_of_a_hull():
 
 
 def test_bfgs_goes_down_along_a_kink():
-    y, value = descended(absolute_rosenbrock, np.array([-1.0, 1.5]), 300)
-    y, value = sampled(absolute_rosenbrock, y, np.random.default_rng(0))
+    y, value = bfgs_end(absolute_rosenbrock, np.array([-1.0, 1.5]), 300)
+    y, value = sampled_end(absolute_rosenbrock, y, np.random.default_rng(0))
     assert value < 1e-3
     assert y == pytest.approx([1.0, 1.0], abs=0.05)
 
 
 def test_a_wall_is_no_obstacle():
-    y, value = descended(walled, np.array([0.01, -5.0]), 100)
+    y, value = bfgs_end(walled, np.array([0.01, -5.0]), 100)
     assert value == pytest.approx(1.0, abs=1e-6)
     assert y == pytest.approx([1.0, 2.0], abs=1e-3)
 
 
 def test_enough_is_enough():
-    _, value = descended(walled, np.array([4.0, 5.0]), 100, enough=50.0)
+    _, value = bfgs_end(walled, np.array([4.0, 5.0]), 100, enough=50.0)
     assert 1.0 < value <= 50.0
 
 
@@ -58,12 +58,14 @@ def test_stationarity_tells_a_minimum_from_a_slope():
 
 
 def test_evolution_needs_no_slopes():
-    y, value = evolved(
+    y, value = evolution_end(
         lambda y: absolute_rosenbrock(y)[0], np.array([-1.0, 1.5]), np.random.default_rng(3), 300
     )
     assert value < 1e-3
     assert y == pytest.approx([1.0, 1.0], abs=0.05)
-    y, value = evolved(lambda y: walled(y)[0], np.array([3.0, 0.0]), np.random.default_rng(4), 300)
+    y, value = evolution_end(
+        lambda y: walled(y)[0], np.array([3.0, 0.0]), np.random.default_rng(4), 300
+    )
     assert y == pytest.approx([1.0, 2.0], abs=1e-2)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from flint import acb, acb_mat, arb, ctx
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certify.balls import balls, below, identity, length
+from workbench.certify.balls import balls, below, identity
 from workbench.certify.rounding import exact, positive_definite
 
 BITS = 128
@@ -86,13 +86,13 @@ def level_of_box(
         outward = P11 * inward + P12 * u
         by_u, moved = P12 - P11 * (R * P22), R * P22
         reach = [
-            sum((float(radius[i, j]) * abs(y[j, 0]) for j in range(y.nrows())), arb(0))
+            sum((float(radius[i, j]) * y[j, 0].abs_upper() for j in range(y.nrows())), arb(0))
             for i in range(u.nrows())
         ]
-        least, most = _length(outward), _length(inward)
+        least, most = _at_least(outward), _at_most(inward)
         for i, by in enumerate(reach):
-            least -= by * _length(_part(by_u, 0, by_u.nrows(), i, i + 1))
-            most += by * _length(_part(moved, 0, moved.nrows(), i, i + 1))
+            least -= by * _at_most(_part(by_u, 0, by_u.nrows(), i, i + 1))
+            most += by * _at_most(_part(moved, 0, moved.nrows(), i, i + 1))
         return max(below(least / most), 0.0)
 
 
@@ -109,7 +109,7 @@ def is_unstable_box(
     x = exact(vectors[:, :1])
     if not positive_definite(x.H @ (exact(-P) @ x)):
         return False
-    for corner in corners(box):
+    for corner in box_corners(box):
         closed = exact(A) + exact(B) @ (exact(corner) @ exact(C))
         down = closed.H @ exact(P)
         if not positive_definite(-(down + down.H)):
@@ -117,7 +117,7 @@ def is_unstable_box(
     return True
 
 
-def corners(box: tuple[RealArray, RealArray]) -> Iterator[RealArray]:
+def box_corners(box: tuple[RealArray, RealArray]) -> Iterator[RealArray]:
     """The corners of a box of gains: each entry that may move at either end."""
     low, high = box
     moving = np.argwhere(low < high)
@@ -158,6 +158,11 @@ def _conjugate(M: acb_mat) -> acb_mat:
     return acb_mat(rows, columns, [each.conjugate() for each in entries])
 
 
-def _length(column: acb_mat) -> arb:
-    """Length of a vector."""
-    return length([column[i, 0] for i in range(column.nrows())])
+def _at_least(column: acb_mat) -> arb:
+    """A number that the length of a vector is not below."""
+    return sum((column[i, 0].abs_lower() ** 2 for i in range(column.nrows())), arb(0)).sqrt()
+
+
+def _at_most(column: acb_mat) -> arb:
+    """A number that the length of a vector is not above."""
+    return sum((column[i, 0].abs_upper() ** 2 for i in range(column.nrows())), arb(0)).sqrt()

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -332,10 +332,20 @@ class HinfSynthesis(ControllerSynthesis):
                 "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
                 "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
                 "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
-                "reached": ("start", np.array(answer.reached), units),
-                "slope": ((), answer.slope, units | {"long_name": "relative slope that remains"}),
+                **self._stored_search(answer),
             }
         )
+
+    @staticmethod
+    def _stored_search(answer: HinfController) -> dict[str, Any]:
+        """What is stored of a local search; nothing of other answers."""
+        if not answer.reached:
+            return {}
+        units = {"units": "1"}
+        return {
+            "reached": ("start", np.array(answer.reached), units),
+            "slope": ((), answer.slope, units | {"long_name": "relative slope that remains"}),
+        }
 
     def from_dataset(self, data: Dataset) -> HinfController:
         norm, gamma, least = (float(data[name]) for name in ("norm", "gamma", "least"))

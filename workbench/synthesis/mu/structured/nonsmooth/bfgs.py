@@ -38,7 +38,7 @@ LONGEST_STEP, LEAST_STEP = 1.0, 1e-9
 """Longest first trial along a sampled direction, and the shortest trial."""
 
 
-def descended(
+def bfgs_end(
     valued: Valued, y: RealArray, most_steps: int, enough: float = -math.inf
 ) -> tuple[RealArray, float]:
     """The end of BFGS from y, where the value is finite, and the value there.
@@ -73,7 +73,7 @@ def descended(
     return y, value
 
 
-def sampled(
+def sampled_end(
     valued: Valued, y: RealArray, rng: np.random.Generator, radii: tuple[float, ...] = RADII
 ) -> tuple[RealArray, float]:
     """The end of steps along directions of sampled gradients from y, and the value there."""

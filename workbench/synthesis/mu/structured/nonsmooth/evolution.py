@@ -21,7 +21,7 @@ LEAST_SPREAD, LEAST_SPAN = 1e-6, 1e-7
 less."""
 
 
-def evolved(
+def evolution_end(
     function: Callable[[RealArray], float],
     y: RealArray,
     rng: np.random.Generator,

@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certificate import Certificate, Check
-from workbench.certify.proofs.gain_boxes import corners, is_unstable_box, level_of_box
+from workbench.certify.proofs.gain_boxes import box_corners, is_unstable_box, level_of_box
 from workbench.errors import InputError
 from workbench.executor.clock import tick
 from workbench.input_checks import as_array, need_kind, need_positive, need_whole
@@ -319,7 +319,7 @@ class _Search:
         except (LinAlgError, RuntimeWarning):
             return None
         form = (form + form.T) / 2
-        for corner in corners((low, high)):
+        for corner in box_corners((low, high)):
             moved = self._closed(corner).T @ form
             if np.linalg.eigvalsh(moved + moved.T)[-1] >= 0:
                 return None

@@ -8,10 +8,10 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor.clock import time_is_up
-from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued, descended, sampled
-from workbench.synthesis.mu.structured.nonsmooth.evolution import evolved
+from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued, bfgs_end, sampled_end
+from workbench.synthesis.mu.structured.nonsmooth.evolution import evolution_end
 from workbench.synthesis.mu.structured.nonsmooth.smoothed import ipopt_minimum
-from workbench.synthesis.mu.structured.norm.search import Point
+from workbench.synthesis.mu.structured.norm.search import NormPoint
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.realisation import realisation
 
@@ -27,29 +27,29 @@ GENERATIONS = 400
 """Generations of an evolution."""
 
 
-def first_steps(point: Point) -> Point:
+def first_steps(point: NormPoint) -> NormPoint:
     """The end of the first steps of BFGS from a point."""
-    y, _ = descended(point.scaled, np.zeros(len(point.x)), FIRST_STEPS)
+    y, _ = bfgs_end(point.scaled, np.zeros(len(point.x)), FIRST_STEPS)
     return min(point.moved(y), point, key=lambda one: one.value)
 
 
-def by_bfgs(point: Point) -> Point:
+def by_bfgs(point: NormPoint) -> NormPoint:
     """The end of BFGS from a point, begun again in new units while that leads on."""
     while True:
-        y, _ = descended(point.scaled, np.zeros(len(point.x)), MOST_STEPS)
+        y, _ = bfgs_end(point.scaled, np.zeros(len(point.x)), MOST_STEPS)
         new = point.moved(y)
         if not new.value < (1 - LED_ON) * point.value or time_is_up("BFGS"):
             return min(new, point, key=lambda one: one.value)
         point = new
 
 
-def along_kinks(point: Point, rng: np.random.Generator) -> Point:
+def along_kinks(point: NormPoint, rng: np.random.Generator) -> NormPoint:
     """The end of steps along sampled gradients."""
-    y, _ = sampled(point.scaled, np.zeros(len(point.x)), rng)
+    y, _ = sampled_end(point.scaled, np.zeros(len(point.x)), rng)
     return min(point.moved(y), point, key=lambda one: one.value)
 
 
-def hopped(point: Point, rng: np.random.Generator, count: int) -> Point:
+def hopped(point: NormPoint, rng: np.random.Generator, count: int) -> NormPoint:
     """The best end of descents from random places about a point, each about the best so far."""
     for number in range(count):
         if time_is_up("hops"):
@@ -61,13 +61,13 @@ def hopped(point: Point, rng: np.random.Generator, count: int) -> Point:
     return point
 
 
-def by_evolution(point: Point, rng: np.random.Generator) -> Point:
+def by_evolution(point: NormPoint, rng: np.random.Generator) -> NormPoint:
     """The best point of an evolution."""
-    y, _ = evolved(lambda y: point.scaled(y)[0], np.zeros(len(point.x)), rng, GENERATIONS)
+    y, _ = evolution_end(lambda y: point.scaled(y)[0], np.zeros(len(point.x)), rng, GENERATIONS)
     return min(point.moved(y), point, key=lambda one: one.value)
 
 
-def by_smoothing(point: Point) -> Point:
+def by_smoothing(point: NormPoint) -> NormPoint:
     """The best end of IPOPT on smoothed norms, each closer to the norm, on frequencies of the loop.
 
     The power mean (sum of s^p over singular values and frequencies)^(1/p) has no kinks, and tends
@@ -83,7 +83,7 @@ def by_smoothing(point: Point) -> Point:
     return point
 
 
-def _smoothed(point: Point, power: float) -> Valued:
+def _smoothed(point: NormPoint, power: float) -> Valued:
     """The logarithm of the power mean over steps in units from a point, and its slopes."""
     norm, units = point.norm, point.units
     loop = norm.closed(point.x)

@@ -16,7 +16,7 @@ from scipy.linalg import LinAlgError
 
 from workbench.arrays import RealArray
 from workbench.synthesis.families.free import FreeMatrices
-from workbench.synthesis.mu.structured.nonsmooth.bfgs import descended
+from workbench.synthesis.mu.structured.nonsmooth.bfgs import bfgs_end
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
 from workbench.systems.standard_plant import StandardPlant
 
@@ -28,7 +28,7 @@ DECADES = 1.0
 """Standard deviation of the size of random gains [decades]."""
 
 
-def drawn(
+def stable_draws(
     norm: LoopNorm, family: FreeMatrices, rng: np.random.Generator, count: int
 ) -> Iterator[RealArray]:
     """Parameters (k,) of random controllers whose loops are stable; fewer where few become so."""
@@ -42,7 +42,7 @@ def drawn(
         unit = units.ravel()
         start = unit * rng.normal(size=unit.size)
         rightmost = partial(_rightmost, norm, family, speed, unit)
-        y, _ = descended(rightmost, start / unit, MOST_STEPS, enough=-WELL_STABLE)
+        y, _ = bfgs_end(rightmost, start / unit, MOST_STEPS, enough=-WELL_STABLE)
         if math.isfinite(norm.value(y * unit)):
             yield y * unit
 

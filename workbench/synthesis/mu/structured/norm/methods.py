@@ -25,7 +25,7 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.structured.least_norm import asked_form, least_of_all, nothing_asked
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import stationarity
 from workbench.synthesis.mu.structured.norm import descents
-from workbench.synthesis.mu.structured.norm.search import NormSearch, Point
+from workbench.synthesis.mu.structured.norm.search import NormPoint, NormSearch
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -37,7 +37,7 @@ HOPS, ROUNDS = 6, 2
 GAINED = 1e-3
 """Share of the norm by which a round must lower it for another one to follow."""
 
-Descent = Callable[[Point, Context], Point]
+Descent = Callable[[NormPoint, Context], NormPoint]
 
 
 @method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
@@ -64,19 +64,19 @@ def _evolution(program: HinfSynthesis, context: Context) -> Claim:
     return _claim(program, context, _by_evolution, lambda point, _: point)
 
 
-def _by_bfgs(point: Point, context: Context) -> Point:
+def _by_bfgs(point: NormPoint, context: Context) -> NormPoint:
     return descents.along_kinks(descents.by_bfgs(point), context.rng)
 
 
-def _by_smoothing(point: Point, _: Context) -> Point:
+def _by_smoothing(point: NormPoint, _: Context) -> NormPoint:
     return descents.by_smoothing(point)
 
 
-def _by_evolution(point: Point, context: Context) -> Point:
+def _by_evolution(point: NormPoint, context: Context) -> NormPoint:
     return descents.by_evolution(point, context.rng)
 
 
-def _on(point: Point, context: Context) -> Point:
+def _on(point: NormPoint, context: Context) -> NormPoint:
     """The best point of rounds of hops and evolution, while they gain."""
     for _ in range(ROUNDS):
         before = point.value
@@ -120,15 +120,15 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
 
 
 def _descended(
-    program: HinfSynthesis, context: Context, starts: Sequence[Point], descent: Descent
-) -> list[Point]:
+    program: HinfSynthesis, context: Context, starts: Sequence[NormPoint], descent: Descent
+) -> list[NormPoint]:
     """Where descents from the best starts end, the best first: first some steps from each."""
     ahead = []
     for start in starts:
         ahead.append(start if time_is_up("first steps") else descents.first_steps(start))
         context.progress("first steps", len(ahead), len(starts))
     ahead.sort(key=lambda point: point.value)
-    ended: list[Point] = []
+    ended: list[NormPoint] = []
     for number, point in enumerate(ahead[:FINALISTS], start=1):
         late = time_is_up("descents") or (ended and _enough(program, min(ended, key=_value)))
         ended.append(point if late else descent(point, context))
@@ -137,10 +137,10 @@ def _descended(
     return sorted([*ended, *ahead[FINALISTS:]], key=_value)
 
 
-def _value(point: Point) -> float:
+def _value(point: NormPoint) -> float:
     return point.value
 
 
-def _enough(program: HinfSynthesis, point: Point) -> bool:
+def _enough(program: HinfSynthesis, point: NormPoint) -> bool:
     """Whether the level that is asked for is reached."""
     return program.gamma is not None and point.value <= program.gamma

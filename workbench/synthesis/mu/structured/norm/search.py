@@ -22,7 +22,7 @@ from workbench.synthesis.mu.structured.fixed import (
     known_units,
 )
 from workbench.synthesis.mu.structured.nonsmooth.bfgs import Valued
-from workbench.synthesis.mu.structured.norm.drawn import drawn
+from workbench.synthesis.mu.structured.norm.drawn import stable_draws
 from workbench.synthesis.mu.structured.norm.loop_norm import LoopNorm
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.systems.standard_plant import standard_plant
@@ -34,7 +34,7 @@ STARTING_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class NormPoint:
     """Parameters x (k,) of a controller in a family, and the norm of its loop."""
 
     norm: LoopNorm
@@ -66,12 +66,12 @@ class Point:
 
         return valued
 
-    def moved(self, y: RealArray) -> Point:
+    def moved(self, y: RealArray) -> NormPoint:
         """The point after a step in units."""
         return self.at(self.x + self.units * y)
 
-    def at(self, x: RealArray) -> Point:
-        return Point(self.norm, x, self.norm.value(x))
+    def at(self, x: RealArray) -> NormPoint:
+        return NormPoint(self.norm, x, self.norm.value(x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class NormSearch:
     mu: MuSynthesis
     context: Context
 
-    def about(self, K: StateSpace) -> Point | None:
+    def about(self, K: StateSpace) -> NormPoint | None:
         """A controller as a point; None where it is no member, or its loop unstable."""
         family = self.mu.family
         try:
@@ -98,9 +98,9 @@ class NormSearch:
             return None
         norm = LoopNorm(standard_plant(self.mu.plant), own, self.mu.demands)
         value = norm.value(x)
-        return Point(norm, x, value) if math.isfinite(value) else None
+        return NormPoint(norm, x, value) if math.isfinite(value) else None
 
-    def starts(self) -> list[Point]:
+    def starts(self) -> list[NormPoint]:
         """Stabilising members to start from, that of the least norm first.
 
         Raises NoStabilisingGainError or SolverError where there is none.
@@ -131,7 +131,7 @@ class NormSearch:
         limit = None if math.isinf(left) else max(STARTING_SHARE * left, SHORTEST)
         return Context(replace(options, time_limit=limit), self.context.progress)
 
-    def _drawn(self) -> list[Point]:
+    def _drawn(self) -> list[NormPoint]:
         """Points of random controllers of an order."""
         family, plant = self.mu.family, self.mu.plant
         if not (family is None or isinstance(family, Modal)):
@@ -142,16 +142,16 @@ class NormSearch:
         norm = LoopNorm(standard_plant(plant), own, self.mu.demands)
         found = []
         self.context.progress("random starts", 0, DRAWN)
-        for number, x in enumerate(drawn(norm, own, self.context.rng, DRAWN), start=1):
-            found.append(Point(norm, x, norm.value(x)))
+        for number, x in enumerate(stable_draws(norm, own, self.context.rng, DRAWN), start=1):
+            found.append(NormPoint(norm, x, norm.value(x)))
             self.context.progress("random starts", number, DRAWN)
             if time_is_up("random starts"):
                 break
         return found
 
-    def _members(self, first: Point) -> list[Point]:
+    def _members(self, first: NormPoint) -> list[NormPoint]:
         """Random members about a point whose loops are stable, as many as are asked for."""
-        found: list[Point] = []
+        found: list[NormPoint] = []
         for _ in range(DRAWS_PER_START * self.mu.random):
             step = START_SPREAD * self.context.rng.normal(size=first.x.size)
             member = first.moved(step)
