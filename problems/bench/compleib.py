@@ -56,9 +56,12 @@ def compleib(
     study reads the user's own copy: MAT files AC1.mat and so on with the matrices that COMPleib.m
     returns. Where a file lacks the matrices of a channel the case is said to have no plant.
 
-    folder: of the MAT files. searches: methods that are compared, with the same settings for all cases.
-    seconds: of each search. cases: so many from the first on; those with published norms come
-    first.
+    Beside them stand norm and time of the controller of full order. No open peer that installs
+    from Python's index takes an order or a family.
+
+    folder: of the MAT files. searches: methods that are compared, with the same settings for all
+    cases. seconds: of each search. cases: so many from the first on; those with published norms
+    come first.
     """
     return Compleib(folder, searches, seconds, cases)
 
@@ -95,7 +98,19 @@ class Compleib(Study):
                 result[place, column] = self._solved(each, one, context.options.seed)
         return result
 
-    def _solved(self, case: Case, method: str, seed: int) -> tuple[float, float, float]:
+    @part
+    def of_full_order(self, context: Context) -> Array:
+        """Certified norm of a controller of full order, and processor time [s] (case, 2)."""
+        names = {name for name, _, _ in CASES[: self.cases]}
+        found = {
+            name: self._solved((name, None, False), "riccati", context.options.seed)
+            for name in context.track(sorted(names), "controllers of full order")
+        }
+        return np.array([[found[name][0], found[name][2]] for name, _, _ in CASES[: self.cases]])
+
+    def _solved(
+        self, case: tuple[str, int | None, bool], method: str, seed: int
+    ) -> tuple[float, float, float]:
         """Norm, level and time; NaN where there is no plant or no certified controller."""
         name, order, stable = case
         path = Path(self.folder) / f"{name}.mat"
@@ -115,6 +130,15 @@ class Compleib(Study):
     norm = array((case, method), "1", "norm of the loop", lambda found: found[..., 0])
     least = array(case, "1", "least norm of any order", lambda found: largest(found[..., 1]))
     spent = array((case, method), "s", "processor time", lambda found: found[..., 2], **WALL_TIME)
+
+    full = array(case, "1", "norm at full order", lambda of_full_order: of_full_order[:, 0])
+    full_spent = array(
+        case,
+        "s",
+        "processor time at full order",
+        lambda of_full_order: of_full_order[:, 1],
+        **WALL_TIME,
+    )
 
     @array(case, unit="1")
     def published(self) -> Array:
@@ -140,17 +164,27 @@ class Compleib(Study):
 
     @table
     def norms(
-        self, norm: DataArray, published: DataArray, least: DataArray, spent: DataArray
+        self,
+        norm: DataArray,
+        published: DataArray,
+        least: DataArray,
+        spent: DataArray,
+        full: DataArray,
+        full_spent: DataArray,
     ) -> tuple[list[str], list[list[str]]]:
         rows = []
         for each in CASES[: self.cases]:
             at = {"case": said(each)}
-            row = [said(each), *(f"{float(x.sel(at)):.5g}" for x in (published, least))]
+            row = [
+                said(each),
+                *(f"{float(x.sel(at)):.5g}" for x in (published, least, full, full_spent)),
+            ]
             for one in self.searches:
                 row += [f"{float(x.sel(at | {'method': one})):.5g}" for x in (norm, spent)]
             rows.append(row)
         columns = [f"{one}{unit}" for one in self.searches for unit in ("", " [s]")]
-        return ["case", "published", "any order", *columns], rows
+        head = ["case", "published", "least of any order", "full order", "full order [s]"]
+        return [*head, *columns], rows
 
 
 def said(case: Case) -> str:

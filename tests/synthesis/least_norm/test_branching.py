@@ -33,7 +33,7 @@ def norms_of(plant, gains):
 @pytest.mark.parametrize("seed", range(6))
 def test_no_gain_of_the_box_comes_below_the_bound(seed):
     plant = random_plant(seed)
-    found = least_norm_in_box(plant, [[-4.0]], [[4.0]], tolerance=0.1, most_boxes=300)
+    found = least_norm_in_box(plant, [[-4.0]], [[4.0]], distance=0.1, most_boxes=300)
     best = norms_of(plant, np.linspace(-4.0, 4.0, 400)[:, None, None]).min()
     assert found.holds
     assert found.lower <= best * (1 + 1e-9)
@@ -44,7 +44,7 @@ def test_no_gain_of_the_box_comes_below_the_bound(seed):
 def test_two_gains():
     plant = random_plant(11, states=2, measurements=2)
     low, high = [[-2.0, -2.0]], [[2.0, 2.0]]
-    found = least_norm_in_box(plant, low, high, tolerance=0.3, most_boxes=400)
+    found = least_norm_in_box(plant, low, high, distance=0.3, most_boxes=400)
     rng = np.random.default_rng(0)
     best = norms_of(plant, rng.uniform(-2, 2, size=(400, 1, 2))).min()
     assert found.holds
@@ -61,7 +61,7 @@ def test_a_box_without_a_stabilising_gain():
 
 
 def test_a_proof_that_is_spoilt_fails():
-    found = least_norm_in_box(random_plant(2), [[-4.0]], [[4.0]], tolerance=0.1, most_boxes=60)
+    found = least_norm_in_box(random_plant(2), [[-4.0]], [[4.0]], distance=0.1, most_boxes=60)
     object.__setattr__(found, "lower", 1.01 * found.lower)
     found.__dict__.pop("certificate", None)
     assert not found.holds

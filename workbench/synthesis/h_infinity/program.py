@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -66,9 +66,9 @@ class HinfController(drawn.DrawnController):
     least: float = math.nan
     whole: StateSpace | None = None
     """The controller of the user's plant, where K is only a part of it."""
-    reached: tuple[float, ...] = ()
+    reached: tuple[float, ...] = field(default=(), kw_only=True)
     """Norms where the descents of a local search ended, one for each start, least first."""
-    slope: float = math.nan
+    slope: float = field(default=math.nan, kw_only=True)
     """Relative change of the norm per unit of the parameters that remains: length of the least
     element in the hull of gradients nearby. Small at a stationary point, which is a local one."""
 

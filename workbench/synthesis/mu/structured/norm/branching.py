@@ -153,7 +153,7 @@ def least_norm_in_box(
     low: ArrayLike,
     high: ArrayLike,
     *,
-    tolerance: float = 0.05,
+    distance: float = 0.05,
     most_boxes: int = 20_000,
 ) -> GainBoxBound:
     """Prove how small the norm of a loop with a constant gain in a box can be.
@@ -166,7 +166,7 @@ def least_norm_in_box(
         many exogenous inputs as measurements, or as many performance outputs as controls.
     low, high
         The least and the largest gains (controls, measurements), six of which may differ.
-    tolerance
+    distance
         Relative distance of the proven bound from the best norm seen at which the search ends.
     most_boxes
         Most boxes that are looked at; the bound of those left is then the answer, and ``finished``
@@ -194,10 +194,10 @@ def least_norm_in_box(
     no gain in 0 to 10 stabilises, proven on 1 boxes
     """
     need_kind(plant, GeneralisedPlant, "plant")
-    need_positive(tolerance, "tolerance")
+    need_positive(distance, "distance")
     need_whole(most_boxes, "most_boxes")
     search = _Search(standard_plant(plant), *_box(plant, low, high))
-    return search.bounded(tolerance, most_boxes)
+    return search.bounded(distance, most_boxes)
 
 
 def _box(plant: GeneralisedPlant, low: ArrayLike, high: ArrayLike) -> tuple[RealArray, RealArray]:
@@ -238,14 +238,14 @@ class _Search:
     gain: RealArray = field(default_factory=lambda: np.zeros((0, 0)))
     proofs: list[_Proof] = field(default_factory=list)
 
-    def bounded(self, tolerance: float, most_boxes: int) -> GainBoxBound:
+    def bounded(self, distance: float, most_boxes: int) -> GainBoxBound:
         """Halve the box with the least bound until that is close to the best norm."""
         number, lower, finished = 1, math.inf, True
         level, proof = self._proven(self.low, self.high)
         open_boxes = [(level, 0, proof)]
         while open_boxes:
             level, _, proof = open_boxes[0]
-            close = level >= self.upper / (1.0 + tolerance)
+            close = level >= self.upper / (1.0 + distance)
             if close or number >= most_boxes:
                 lower, finished = level, close
                 break
