@@ -46,7 +46,11 @@ MATHEMATICS = {
     | {
         "riccati": "Riccati equations",
         "sb10ad": "Riccati equations",
-        "fixed": "nonsmooth descent",
+        "fixed": "",
+        "bfgs": "quasi-Newton descent and sampled gradients",
+        "smoothed": "interior points on power means",
+        "evolution": "a population",
+        "trust_region": "nonsmooth descent",
     },
     "H2Synthesis": SOLVERS
     | {

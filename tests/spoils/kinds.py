@@ -33,7 +33,7 @@ class Free(NamedTuple):
 CONTROLLER = Free("controller_[ABCD]", ANSWER)
 ROOTS = Free("(zeros|poles|gain)", ANSWER)
 MODELS = Free("(predictor|simulator)_.*", ANSWER)
-HINF = (CONTROLLER, Free("norm|gamma", ABOVE), Free("least", TOLD))
+HINF = (CONTROLLER, Free("norm|gamma", ABOVE), Free("least|reached|slope", TOLD))
 COVER = (Free("nominal_[AB]|W_[12]_[ABCD]|left|right", ANSWER), Free("weights|of_loop", PROOF))
 FREE: dict[str, tuple[Free, ...]] = {
     "MuUpperBound": (Free("value", ABOVE), Free("Delta", PROOF)),

@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
+    from workbench.synthesis.mu.structured.norm.branching import GainBoxBound, least_norm_in_box
     from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
@@ -115,6 +116,7 @@ __all__ = [
     "FeedbackFromRecords",
     "FixedCascade",
     "FixedPoint",
+    "GainBoxBound",
     "H2Controller",
     "H2HinfController",
     "H2HinfSynthesis",
@@ -171,6 +173,7 @@ __all__ = [
     "known_disturbance_bound",
     "largest_least_mu",
     "least_mu",
+    "least_norm_in_box",
     "load_controller",
     "lqg",
     "measurement_dropped",

@@ -97,8 +97,8 @@ def _periodic(
     excitation = f"{lines.size} excited lines{thinning}"
     if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
-        found, said = _arbitrary(means, frequency, rate)
-        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
+        found, told = _arbitrary(means, frequency, rate)
+        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {told}"
     found = [
         with_neighbours(from_periods(frequency, U[chosen], Y[chosen]), U, Y, lines, chosen)
         for U, Y in spectra

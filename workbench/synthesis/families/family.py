@@ -21,6 +21,7 @@ from workbench.synthesis.families.least_squares import fitted_parameters
 from workbench.systems.bilinear import in_plane, out_of_plane
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.realisation import Matrices, matrices_of
 
 LARGEST_LOG = 100.0
 """Largest size of a logarithm among parameters, so that products stay within doubles."""
@@ -45,6 +46,10 @@ class Family(ABC):
     @abstractmethod
     def system(self, x: RealArray) -> StateSpace:
         """The controller with parameters x (k,)."""
+
+    def matrices(self, x: RealArray) -> Matrices:
+        """A, B, C and D of the controller with parameters x (k,)."""
+        return matrices_of(self.system(x))
 
     @abstractmethod
     def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -67,6 +67,11 @@ class HinfController(drawn.DrawnController):
     least: float = math.nan
     whole: StateSpace | None = None
     """The controller of the user's plant, where K is only a part of it."""
+    reached: tuple[float, ...] = field(default=(), kw_only=True)
+    """Norms where the descents of a local search ended, one for each start, least first."""
+    slope: float = field(default=math.nan, kw_only=True)
+    """Relative change of the norm per unit of the parameters that remains: length of the least
+    element in the hull of gradients nearby. Small at a stationary point, which is a local one."""
 
     @property
     def lti(self) -> StateSpace:
@@ -159,6 +164,7 @@ class HinfSynthesis(ControllerSynthesis):
         "workbench.synthesis.h_infinity.methods",
         "workbench.synthesis.h_infinity.conic",
         "workbench.synthesis.mu.structured.least_norm",
+        "workbench.synthesis.mu.structured.norm.methods",
     )
     headline: ClassVar[str] = "norm"
 
@@ -284,6 +290,16 @@ class HinfSynthesis(ControllerSynthesis):
                 f"norm {answer.norm:.4g} reached; no controller of any order was found below "
                 f"{answer.least:.4g}: distance {answer.norm / answer.least - 1:.1%}"
             )
+        if len(answer.reached) > 1:
+            said.append(
+                f"{len(answer.reached)} starts reached {answer.reached[0]:.4g} to "
+                f"{answer.reached[-1]:.4g}"
+            )
+        if not math.isnan(answer.slope):
+            said.append(
+                f"relative slope that remains: {answer.slope:.2g}, 0 at a stationary point, which "
+                "is a local one"
+            )
         return [*said, *self.plant.tested]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
@@ -327,10 +343,24 @@ class HinfSynthesis(ControllerSynthesis):
                 "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
                 "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
                 "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
+                **self._stored_search(answer),
             }
         )
 
+    @staticmethod
+    def _stored_search(answer: HinfController) -> dict[str, Any]:
+        """What is stored of a local search; nothing of other answers."""
+        if not answer.reached:
+            return {}
+        units = {"units": "1"}
+        return {
+            "reached": ("start", np.array(answer.reached), units),
+            "slope": ((), answer.slope, units | {"long_name": "relative slope that remains"}),
+        }
+
     def from_dataset(self, data: Dataset) -> HinfController:
-        numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
+        norm, gamma, least = (float(data[name]) for name in ("norm", "gamma", "least"))
         K = self.absorbed.plant.named(restored(data, "controller"))
-        return self.witnessed(HinfController(K, *numbers))
+        reached = tuple(map(float, data["reached"].values)) if "reached" in data else ()
+        slope = float(data["slope"]) if "slope" in data else math.nan
+        return self.witnessed(HinfController(K, norm, gamma, least, reached=reached, slope=slope))

@@ -132,10 +132,18 @@ def _bounded(program: HinfSynthesis, found: HinfController) -> HinfController:
     """
     if program.gamma is not None:
         return found
+    return replace(found, least=level_of_more_known(program, found.norm))
+
+
+def level_of_more_known(program: HinfSynthesis, reached: float) -> float:
+    """The level below which no controller knows enough, or moves enough; NaN where none is known.
+
+    ``reached`` is the norm of a loop.
+    """
     given = _given(program)
-    levels = [informed_level(side, found.norm, SETTLED_CHANGE / 2) for side in (given, given.dual)]
+    levels = [informed_level(side, reached, SETTLED_CHANGE / 2) for side in (given, given.dual)]
     known = [level for level in levels if not math.isnan(level)]
-    return replace(found, least=max(known, default=math.nan))
+    return max(known, default=math.nan)
 
 
 def _is_settled(program: HinfSynthesis, tried: list[Made]) -> bool:

@@ -16,13 +16,12 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.synthesis.families.family import asked_of
 from workbench.synthesis.families.synthesis import ControllerSynthesis
-from workbench.synthesis.h_infinity.assumptions import scaled_if_regular
 from workbench.synthesis.h_infinity.methods import LEAST_DISTANCE
 from workbench.synthesis.h_infinity.program import HinfController, HinfSynthesis
 from workbench.synthesis.h_infinity.riccati import central_of
+from workbench.synthesis.h_infinity.settling import level_of_more_known
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.standard_plant import standard_plant
 
 ASKED = (
     *("order", "family", "stable", "fastest_pole", "start", "random"),
@@ -44,9 +43,11 @@ def asked_form(program: ControllerSynthesis, order: int) -> dict[str, Any]:
     return asked
 
 
-@method(HinfSynthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
-def _fixed(program: HinfSynthesis, context: Context) -> Claim:
-    """Nonsmooth optimisation over a family or an order, from the start or from those it finds."""
+@method(
+    HinfSynthesis, "trust_region", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE
+)
+def by_trust_region(program: HinfSynthesis, context: Context) -> Claim:
+    """Steps within a trust region on the linearisations of all frequencies near the peak."""
     given = program.absorbed.plant
     plant = GeneralisedPlant(given.system, None, given.controls, given.measurements)
     asked = asked_form(program, given.system.nstates)
@@ -56,23 +57,27 @@ def _fixed(program: HinfSynthesis, context: Context) -> Claim:
     if answer is None:
         return None, outcome, said
     size = certified_norm(program.loop(answer.K))
-    least = _least_of_all(program) if program.gamma is None else math.nan
+    least = least_of_all(program, size) if program.gamma is None else math.nan
     level = size if program.gamma is None else program.gamma
     return HinfController(answer.K, size, level, least), outcome, said
 
 
-def _least_of_all(program: HinfSynthesis) -> float:
-    """A level below which no controller of any order is found; NaN where none is known.
+def least_of_all(program: HinfSynthesis, reached: float) -> float:
+    """A level that no controller of any order reaches, of the plants as given; NaN: none is known.
 
-    That of the plant for which it is largest: a controller for all is one for each.
+    That of the plant for which it is largest: a controller for all is one for each. Where a plant
+    lacks an assumption it is a level that none reaches that knows states and disturbances, or that
+    moves every state: perturbed plants have larger ones.
     """
-    levels = []
-    for plant in program.plants:
-        scaled = scaled_if_regular(standard_plant(plant))
-        if scaled is None:
-            continue
-        try:
-            levels.append(central_of(scaled, LEAST_DISTANCE / 2).lower)
-        except (SolverError, InputError):
-            continue
-    return max(levels, default=math.nan)
+    alone = [HinfSynthesis(plant) for plant in program.plants]
+    levels = [_least_of_one(one, reached) for one in alone]
+    return max((level for level in levels if not math.isnan(level)), default=math.nan)
+
+
+def _least_of_one(program: HinfSynthesis, reached: float) -> float:
+    if program.scaled is None:
+        return level_of_more_known(program, reached)
+    try:
+        return central_of(program.scaled, LEAST_DISTANCE / 2).lower
+    except (SolverError, InputError):
+        return math.nan

@@ -1,0 +1,210 @@
+"""Controllers of an order for plants of COMPleib, against the best norms that were published."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, Options, problem, solve
+from workbench.arrays import Array
+from workbench.collections import read_plant
+from workbench.errors import InputError, WorkbenchError
+from workbench.executor import WALL_TIME, Context
+from workbench.heavy_types import DataArray
+from workbench.study import Study, array, check, dim, metric, part, table
+from workbench.synthesis import HinfSynthesis
+
+from .compleib_cases import APKARIAN_NOLL, STABLE, TRAN_DINH, UNPUBLISHED, ZERO
+
+Method = Literal["fixed", "bfgs", "smoothed", "evolution", "trust_region"]
+Case = tuple[str, int, bool]
+"""A plant, the order of its controller, and whether that must itself be stable."""
+
+PUBLISHED: dict[Case, float] = {
+    **{(name, 0, False): norm for name, norm in (TRAN_DINH | ZERO).items()},
+    **{(name, order, False): norm for (name, order), norm in APKARIAN_NOLL.items()},
+}
+"""Best norms that were published, by case."""
+CASES: tuple[Case, ...] = (
+    *PUBLISHED,
+    *((name, order, False) for order, names in UNPUBLISHED.items() for name in names),
+    *((name, order, True) for order, names in STABLE.items() for name in names),
+)
+"""All cases, those with published norms first."""
+NEAR, WITHIN, OF_ZERO = 5e-3, 5e-2, 1e-3
+"""Shares above the published norm that are asked about, and the size that counts for zero."""
+NEAR_SHARE, WITHIN_SHARE = 0.8, 0.95
+"""Shares of the cases that are asked to be so near."""
+
+
+@problem("bench/compleib", slow=True)
+def compleib(
+    folder: str = "compleib",
+    searches: tuple[Method, ...] = ("fixed",),
+    seconds: Annotated[float, Field(gt=0)] = 60.0,
+    cases: Annotated[int, Field(ge=1, le=len(CASES))] = len(CASES),
+) -> Compleib:
+    """Fixed-order H-infinity controllers for plants of COMPleib, against published norms.
+
+    The cases were named before the first of them was run. The collection is its author's, so the
+    study reads the user's own copy: MAT files AC1.mat and so on with the matrices that COMPleib.m
+    returns. Where a file lacks the matrices of a channel the case is said to have no plant.
+
+    Beside them stand norm and time of the controller of full order. No open peer that installs
+    from Python's index takes an order or a family.
+
+    folder: of the MAT files. searches: methods that are compared, with the same settings for all
+    cases. seconds: of each search. cases: so many from the first on; those with published norms
+    come first.
+    """
+    return Compleib(folder, searches, seconds, cases)
+
+
+@dataclass(frozen=True)
+class Compleib(Study):
+    """Norms by case and method, beside published ones and the least of any order."""
+
+    folder: str
+    searches: tuple[str, ...]
+    seconds: float
+    cases: int
+
+    headline: ClassVar[str] = "near_share"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these plants"
+
+    @dim
+    def case(self) -> list[str]:
+        return [said(each) for each in CASES[: self.cases]]
+
+    @dim
+    def method(self) -> list[str]:
+        return list(self.searches)
+
+    @part
+    def found(self, context: Context) -> Array:
+        """Certified norm, level of any order, and processor time [s] (case, method, 3)."""
+        result = np.full((self.cases, len(self.searches), 3), np.nan)
+        for place, each in enumerate(context.track(CASES[: self.cases], "cases")):
+            for column, one in enumerate(self.searches):
+                result[place, column] = self._solved(each, one, context.options.seed)
+        return result
+
+    @part
+    def of_full_order(self, context: Context) -> Array:
+        """Certified norm of a controller of full order, and processor time [s] (case, 2)."""
+        names = {name for name, _, _ in CASES[: self.cases]}
+        found = {
+            name: self._solved((name, None, False), "riccati", context.options.seed)
+            for name in context.track(sorted(names), "controllers of full order")
+        }
+        return np.array([[found[name][0], found[name][2]] for name, _, _ in CASES[: self.cases]])
+
+    def _solved(
+        self, case: tuple[str, int | None, bool], method: str, seed: int
+    ) -> tuple[float, float, float]:
+        """Norm, level and time; NaN where there is no plant or no certified controller."""
+        name, order, stable = case
+        path = Path(self.folder) / f"{name}.mat"
+        if not Path(self.folder).is_dir():
+            raise InputError(f"{self.folder} is no folder: give that of your MAT files of COMPleib")
+        begun = time.process_time()
+        try:
+            program = HinfSynthesis(read_plant(path), order=order, stable=stable)
+            solution = solve(program, method, Options(time_limit=self.seconds, seed=seed))
+        except WorkbenchError:
+            return math.nan, math.nan, math.nan
+        spent = time.process_time() - begun
+        if solution.certificate is None or not solution.certificate.holds:
+            return math.nan, math.nan, spent
+        return solution.answer.norm, solution.answer.least, spent
+
+    norm = array((case, method), "1", "norm of the loop", lambda found: found[..., 0])
+    least = array(case, "1", "least norm of any order", lambda found: largest(found[..., 1]))
+    spent = array((case, method), "s", "processor time", lambda found: found[..., 2], **WALL_TIME)
+
+    full = array(case, "1", "norm at full order", lambda of_full_order: of_full_order[:, 0])
+    full_spent = array(
+        case,
+        "s",
+        "processor time at full order",
+        lambda of_full_order: of_full_order[:, 1],
+        **WALL_TIME,
+    )
+
+    @array(case, unit="1")
+    def published(self) -> Array:
+        """Best norm that was published; NaN where none was at hand."""
+        return np.array([PUBLISHED.get(each, np.nan) for each in CASES[: self.cases]])
+
+    @check()
+    def as_good_as_published(self, norm: DataArray, published: DataArray) -> list[Check]:
+        return [
+            Check(
+                f"{word} as published",
+                f"share of cases that are not, by {self.searches[0]}",
+                1.0 - share_near(norm, published, far),
+                1.0 - wanted,
+            )
+            for word, far, wanted in (
+                ("as good", NEAR, NEAR_SHARE),
+                ("nearly as good", WITHIN, WITHIN_SHARE),
+            )
+        ]
+
+    near_share = metric("near_share", lambda norm, published: share_near(norm, published, NEAR))
+
+    @table
+    def norms(
+        self,
+        norm: DataArray,
+        published: DataArray,
+        least: DataArray,
+        spent: DataArray,
+        full: DataArray,
+        full_spent: DataArray,
+    ) -> tuple[list[str], list[list[str]]]:
+        rows = []
+        for each in CASES[: self.cases]:
+            at = {"case": said(each)}
+            row = [
+                said(each),
+                *(f"{float(x.sel(at)):.5g}" for x in (published, least, full, full_spent)),
+            ]
+            for one in self.searches:
+                row += [f"{float(x.sel(at | {'method': one})):.5g}" for x in (norm, spent)]
+            rows.append(row)
+        columns = [f"{one}{unit}" for one in self.searches for unit in ("", " [s]")]
+        head = ["case", "published", "least of any order", "full order", "full order [s]"]
+        return [*head, *columns], rows
+
+
+def said(case: Case) -> str:
+    """A case in words."""
+    name, order, stable = case
+    return f"{name}, order {order}{', stable' if stable else ''}"
+
+
+def largest(levels: Array) -> Array:
+    """The largest level of each row; NaN where none is known."""
+    known = np.where(np.isnan(levels), -np.inf, levels).max(axis=1)
+    return np.where(np.isfinite(known), known, np.nan)
+
+
+def share_near(norm: DataArray, published: DataArray, far: float) -> float:
+    """Share of the published cases where the first method is at most a share above.
+
+    A published norm of zero asks for an absolute size.
+    """
+    reached, best = np.asarray(norm)[:, 0], np.asarray(published)
+    known = np.isfinite(best)
+    limit = np.where(best > 0, (1 + far) * best, OF_ZERO)
+    return float((reached[known] <= limit[known]).mean())

@@ -1,0 +1,50 @@
+"""Cases of COMPleib for controllers of an order, named before the first of them was run.
+
+F. Leibfritz, COMPleib: constrained matrix-optimization problem library (2004). The collection is
+its author's: only names of plants and published norms stand here, and matrices come from the user's
+own copy. Each case is a plant and an order; all are continuous.
+"""
+
+from __future__ import annotations
+
+TRAN_DINH = {
+    "AC2": 0.1115, "AC3": 3.5053, "AC6": 4.1140, "AC7": 0.0651, "AC8": 2.0050, "AC9": 1.0048,
+    "AC11": 3.0104, "AC12": 0.3160, "AC15": 15.1995, "AC16": 14.9881, "AC17": 6.6124,
+    "HE1": 0.1540, "HE2": 4.4931, "HE3": 0.8545, "HE4": 22.8713, "HE5": 8.8952,
+    "REA1": 0.8815, "REA2": 1.1881, "REA3": 74.2513,
+    "DIS1": 4.1716, "DIS2": 1.0548, "DIS3": 1.0816, "DIS4": 0.7465,
+    "TG1": 12.8462, "AGS": 8.1732, "WEC2": 4.2726, "WEC3": 4.4497, "BDT1": 0.2664,
+    "MFP": 31.5899, "IH": 1.1858, "CSE1": 0.0201, "PSM": 0.9202,
+    "EB1": 3.1225, "EB2": 2.0201, "EB3": 2.0575, "EB4": 2.0563,
+    "NN1": 13.8782, "NN2": 2.2216, "NN4": 1.3627, "NN8": 2.8871, "NN9": 28.9083,
+    "NN11": 0.0912, "NN15": 0.1039, "NN16": 0.9557, "NN17": 11.2182,
+}  # fmt: skip
+"""Least norms of static gains: the best of HIFOO, PENBMI and the authors' own method.
+
+For AC9 and EB1 to EB3 the norm is HIFOO's: lower ones, which stood here before the first run, lie
+below the least norm of controllers of any order.
+
+Q. Tran Dinh, S. Gumussoy, W. Michiels, M. Diehl, Combining convex-concave decompositions and
+linearization approaches for solving BMIs, with application to static output feedback, IEEE Trans.
+Automatic Control 57 (2012) 1377-1390.
+"""
+
+APKARIAN_NOLL = {("AC10", 0): 13.11, ("AC10", 1): 10.21, ("BDT2", 0): 0.8364, ("HF1", 0): 0.447}
+"""Least norms by plant and order.
+
+P. Apkarian, D. Noll, Nonsmooth H-infinity synthesis, IEEE Trans. Automatic Control 51 (2006) 71-86.
+"""
+
+ZERO = {"AC1": 0.0}
+"""A plant whose least norm is zero: gains suppress the disturbance the more the larger they are."""
+
+UNPUBLISHED = {
+    0: ("AC4", "AC5", "AC18", "TF1", "TF2", "DIS5", "WEC1", "TMD", "FS", "NN13", "NN14", "CM1"),
+    1: ("AC4", "AC17", "HE1", "HE5", "REA2", "NN1", "NN2", "NN9", "NN15", "NN17", "EB1"),
+    2: ("AC7", "HE2", "REA3", "MFP", "NN3", "NN8"),
+}
+"""Plants by order for which no published norm was at hand: judged by the least of any order, or by
+the best of long runs of every method."""
+
+STABLE = {1: ("AC4", "HE2", "NN1", "NN2", "REA1"), 2: ("AC8", "NN8", "DIS2")}
+"""Plants by order whose controller must itself be stable."""
