@@ -34,7 +34,7 @@ test test-all: $(READY)
 test-only: $(READY)
 	$(PYTEST) -m "not slow" --sampled
 
-# Every test, in parts of less than half an hour. What was stopped goes on where it was, and a table
+# Every test, in parts that are meant for less than half an hour. What was stopped goes on where it was, and a table
 # tells when each part last passed; PART='here/mu-*' runs some of them, and
 # `tests/processors/run.py --list 'here/*'` names them.
 test-all-only: $(READY)

@@ -23,6 +23,7 @@ def run(*command: str, cwd: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_records_are_made_anew(name, tmp_path):
     run(sys.executable, str(EXAMPLES / name / "make_records.py"), cwd=tmp_path)

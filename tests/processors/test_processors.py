@@ -50,7 +50,7 @@ def here():
     return observed()
 
 
-@pytest.mark.cases(0)
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(("name", "runs"), SAMPLE.values(), ids=SAMPLE)
 def test_a_sample_of_stored_runs_is_verified_on_another_processor(name, runs, here):
     """These runs need no compiled code, which it would take minutes to compile anew."""

@@ -36,6 +36,7 @@ def test_there_are_edits_in_thirty_rooms():
     assert len({Path(file).parent for file, _ in EDITS}) >= 30
 
 
+@pytest.mark.cases(2)
 @each_edit
 def test_what_an_edit_breaks_is_chosen(graph, edit):
     found = chosen_of(graph, *edit)

@@ -60,6 +60,7 @@ def test_what_is_not_reached_is_found(solved):
     assert {"3 states, success", "peak"} <= failures(study, answer)
 
 
+@pytest.mark.cases(0)
 def test_failures_of_the_peer_are_counted(solved):
     _, solution = solved
     answer = solution.answer.copy(deep=True)

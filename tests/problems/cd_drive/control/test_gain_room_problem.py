@@ -43,6 +43,7 @@ def test_both_channels_narrow_the_room(run):
     assert FACTORS[len(FACTORS) // 2] == 1.0
 
 
+@pytest.mark.slow
 def test_a_wrong_edge_is_rejected(run):
     study, data = run.task, run.data
     assert study.certify(data, 1e-6).holds

@@ -149,6 +149,7 @@ def test_study_holds(runs, axis):
     assert solution.outcome is Outcome.SOLVED, solution.certificate.failures
 
 
+@pytest.mark.cases(0)
 def test_what_the_study_found(runs):
     task, solution = runs("focus")
     numbers = task.metrics(solution.answer)

@@ -197,6 +197,7 @@ def test_another_seed_changes_no_verdict(runs):
     assert verdicts[0] == verdicts[1]
 
 
+@pytest.mark.cases(0)
 def test_draws_differ_in_what_is_told(runs):
     answer = runs("focus")[1].answer
     assert len(np.unique(answer["seed"])) == DRAWS

@@ -47,6 +47,7 @@ def test_the_map_is_certified(focus):
     assert solution.certificate.holds, solution.certificate
 
 
+@pytest.mark.cases(0)
 def test_the_strategies_are_in_the_order_of_the_thesis(focus):
     worst = focus[1].answer["peak"].sel(share=1.0).max(["angle", "length", "draw"])
     for name in ("A", "B", "C"):

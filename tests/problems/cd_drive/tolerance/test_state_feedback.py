@@ -116,6 +116,7 @@ def test_draws_are_shared_and_checks_can_fail(studies):
     assert "bandwidth" in {one.name for one in task.checks(worse, 1e-6) if not one.holds}
 
 
+@pytest.mark.cases(0)
 def test_figures_and_tables(studies):
     task, solutions = studies
     assert set(task.figures(solutions[0].answer)) == {"loops", "excursions"}

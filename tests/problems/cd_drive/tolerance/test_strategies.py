@@ -84,6 +84,7 @@ def test_another_seed_changes_no_verdict(studies, axis):
     assert verdicts[0] == verdicts[1]
 
 
+@pytest.mark.cases(0)
 def test_draws_are_independent_and_strategies_share_them(studies):
     task, solution = studies("focus")
     answer = solution.answer
