@@ -42,8 +42,8 @@ FREE: dict[str, tuple[Free, ...]] = {
     "H2Synthesis": (CONTROLLER, Free("norm", ABOVE), Free("least", TOLD)),
     "H2HinfSynthesis": (
         CONTROLLER,
-        Free("norm|hinf_norm|bound", ABOVE),
-        Free("least", TOLD),
+        Free("norm|hinf_norm", ABOVE),
+        Free("least|bound", TOLD),
     ),
     "LoopShaping": HINF,
     "MixedSensitivity": HINF,

@@ -76,11 +76,11 @@ def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
     return realisation((A, B, C, D), period)
 
 
-def in_plane(K: StateSpace) -> StateSpace:
+def in_continuous_plane(K: StateSpace) -> StateSpace:
     """A controller in continuous time: a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
     return bilinear_continuous(K) if K.dt else K
 
 
-def out_of_plane(K: StateSpace, dt: float) -> StateSpace:
-    """A controller of `in_plane`, in the time of a plant; dt: sampling time [s], or 0."""
+def from_continuous_plane(K: StateSpace, dt: float) -> StateSpace:
+    """A controller of `in_continuous_plane` in a plant's time; dt: sampling time [s], or 0."""
     return bilinear_sampled(K, dt) if dt else K

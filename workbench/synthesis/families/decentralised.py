@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.synthesis.families.entries import EntryFamilies, Place
+from workbench.synthesis.families.entries import EntryFamilies, EntryPlace
 from workbench.synthesis.families.family import Family, need_family, need_size
 
 
@@ -47,17 +47,17 @@ class Decentralised(EntryFamilies):
         return cls(*families), np.concatenate(parts)
 
     @property
-    def shape(self) -> Place:
+    def shape(self) -> EntryPlace:
         return len(self.channels), len(self.channels)
 
     @property
-    def entries(self) -> Mapping[Place, Family]:
+    def entries(self) -> Mapping[EntryPlace, Family]:
         return {(k, k): family for k, family in enumerate(self.channels)}
 
     def with_entries(self, families: Sequence[Family]) -> Decentralised:
         return Decentralised(*families)
 
-    def place_name(self, place: Place) -> str:
+    def place_name(self, place: EntryPlace) -> str:
         return f"channel {place[0] + 1}"
 
     def sized(self, inputs: int, outputs: int) -> Decentralised:

@@ -18,7 +18,7 @@ from workbench.systems.realisation import realisation
 MOST_EXAMPLES = 64
 """Most combinations of the entries' examples."""
 
-Place = tuple[int, int]
+EntryPlace = tuple[int, int]
 """Output i and input j of the controller."""
 
 
@@ -30,16 +30,16 @@ class EntryFamilies(Family):
 
     @property
     @abstractmethod
-    def shape(self) -> Place:
+    def shape(self) -> EntryPlace:
         """Numbers of outputs and inputs."""
 
     @property
     @abstractmethod
-    def entries(self) -> Mapping[Place, Family]:
+    def entries(self) -> Mapping[EntryPlace, Family]:
         """The families of the entries that are not zero, row by row."""
 
     @abstractmethod
-    def place_name(self, place: Place) -> str:
+    def place_name(self, place: EntryPlace) -> str:
         """What messages call an entry."""
 
     @property

@@ -18,7 +18,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, is_real, need_whole
 from workbench.synthesis.families.least_squares import fitted_parameters
-from workbench.systems.bilinear import in_plane, out_of_plane
+from workbench.systems.bilinear import from_continuous_plane, in_continuous_plane
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of
@@ -236,11 +236,11 @@ def _as_member(family: Family | None, start: Any, dt: float) -> StateSpace:
                 f"start has dt = {float(K.dt or 0.0)} s, the plant {dt} s; 0 is continuous time"
             )
         if family is not None:
-            family.about(in_plane(K))  # raises for what is no member
+            family.about(in_continuous_plane(K))  # raises for what is no member
         return K
     x, count = as_array(start, "start"), family.count
     if count is not None and len(x) != count:
         raise InputError(f"start has {len(x)} numbers; a member of {family} has {count} parameters")
     if not np.isfinite(x).all():
         raise InputError(f"start is {x.tolist()}; parameters must be finite")
-    return out_of_plane(family.system(x), dt)
+    return from_continuous_plane(family.system(x), dt)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from workbench.errors import InputError
-from workbench.synthesis.families.entries import EntryFamilies, Place
+from workbench.synthesis.families.entries import EntryFamilies, EntryPlace
 from workbench.synthesis.families.family import Family, need_family, need_size
 
 
@@ -58,11 +58,11 @@ class Sparse(EntryFamilies):
         return f"Sparse([{', '.join(str(list(row)) for row in self.rows)}])"
 
     @property
-    def shape(self) -> Place:
+    def shape(self) -> EntryPlace:
         return len(self.rows), len(self.rows[0])
 
     @property
-    def entries(self) -> Mapping[Place, Family]:
+    def entries(self) -> Mapping[EntryPlace, Family]:
         return {
             (i, j): family
             for i, row in enumerate(self.rows)
@@ -75,7 +75,7 @@ class Sparse(EntryFamilies):
         outputs, inputs = self.shape
         return Sparse([[own.get((i, j)) for j in range(inputs)] for i in range(outputs)])
 
-    def place_name(self, place: Place) -> str:
+    def place_name(self, place: EntryPlace) -> str:
         return f"entry {place[0] + 1},{place[1] + 1}"
 
     def sized(self, inputs: int, outputs: int) -> Sparse:

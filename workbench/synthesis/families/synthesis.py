@@ -24,7 +24,7 @@ from workbench.synthesis.families.family import (
 from workbench.synthesis.families.several_plants import closed_side_by_side, further
 from workbench.synthesis.no_controller.claim import no_controller
 from workbench.synthesis.no_controller.interlacing import violated, words
-from workbench.systems.bilinear import in_plane
+from workbench.systems.bilinear import in_continuous_plane
 from workbench.systems.generalised_plant import GeneralisedPlant
 
 
@@ -103,7 +103,7 @@ class ControllerSynthesis(Program):
         """Whether a controller meets the demands and is of the family."""
         if self.family is not None:
             try:
-                self.family.about(in_plane(controller))
+                self.family.about(in_continuous_plane(controller))
             except InputError:
                 return False
         return self.demands.admits(controller)

@@ -15,7 +15,7 @@ from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
 from workbench.synthesis.h2.direct import with_D22, without_D22
 from workbench.synthesis.h2.methods import claim_of_step, riccati_step
 from workbench.synthesis.h2.program import H2Synthesis
-from workbench.synthesis.mixed_norms.inequalities import Inequalities
+from workbench.synthesis.mixed_norms.inequalities import MixedInequalities
 from workbench.synthesis.mixed_norms.program import H2HinfSynthesis
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.realisation import realisation
@@ -57,7 +57,7 @@ def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> C
     plant, rate = _scaled(without_D22(given))
     channels = _channel(program, plant, "nominal"), _channel(program, plant, "perturbation")
     with context.stating():
-        stated = Inequalities(*channels, INSIDE * program.gamma)
+        stated = MixedInequalities(*channels, INSIDE * program.gamma)
     energy, said = _least(stated, solver, options, context)
     if not math.isfinite(energy):
         message = "no Lyapunov matrix common to both norms was found; gamma may be too small"
@@ -96,7 +96,7 @@ def least_norm(program: H2HinfSynthesis) -> float:
 
 
 def _least(
-    stated: Inequalities, solver: ConicSolver, options: Options, context: Context
+    stated: MixedInequalities, solver: ConicSolver, options: Options, context: Context
 ) -> tuple[float, str]:
     """The least bound of the energy over shares of gamma, and what the solver says; or infinity."""
     import cvxpy as cp
@@ -126,7 +126,11 @@ def _least(
 
 
 def _centred(
-    stated: Inequalities, energy: float, solver: ConicSolver, options: Options, context: Context
+    stated: MixedInequalities,
+    energy: float,
+    solver: ConicSolver,
+    options: Options,
+    context: Context,
 ) -> tuple[Outcome, str]:
     """Values of that bound with small X and Y: the controller is ill-conditioned at the edge."""
     import cvxpy as cp

@@ -21,7 +21,7 @@ LEAST_MOVE = 1e-6
 """Least change of the state in a sample that is told from none."""
 
 
-class Inequalities:
+class MixedInequalities:
     """Variables of the controller and of the Lyapunov matrix, and what they must meet.
 
     ``energy`` bounds the square of the H2 norm of one plant, gamma the H-infinity norm of another,

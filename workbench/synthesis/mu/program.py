@@ -53,7 +53,7 @@ from workbench.synthesis.mu.rounds import Iterate, round_variables, rounds_of
 from workbench.synthesis.no_controller.claim import no_controller
 from workbench.synthesis.no_controller.interlacing import violated, words
 from workbench.systems.balancing import balanced
-from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled, in_plane
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled, in_continuous_plane
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -426,7 +426,7 @@ class MuSynthesis(Program):
     def _settings(self, K: StateSpace) -> list[str]:
         """The numbers by which people know a member of the family, in one line, if it has any."""
         try:
-            found = {} if self.family is None else self.family.settings(in_plane(K))
+            found = {} if self.family is None else self.family.settings(in_continuous_plane(K))
         except InputError:  # roots that met are no longer told apart
             return []
         return (

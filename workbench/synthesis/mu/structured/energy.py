@@ -20,7 +20,7 @@ from workbench.heavy_types import StateSpace
 from workbench.synthesis.families.demands import Shippable
 from workbench.synthesis.families.family import Family
 from workbench.synthesis.h2.direct import ROUNDING, direct_term
-from workbench.systems.bilinear import out_of_plane
+from workbench.systems.bilinear import from_continuous_plane
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 from workbench.systems.standard_plant import StandardPlant
 
@@ -38,7 +38,7 @@ class EnergyProblem:
 
     def controller(self, x: RealArray) -> StateSpace:
         """The controller of parameters x, in the plant's time."""
-        return out_of_plane(self.family.system(x), self.plant.dt)
+        return from_continuous_plane(self.family.system(x), self.plant.dt)
 
     def closed(self, x: RealArray) -> Matrices:
         """The closed loop of parameters x; raises LinAlgError where it is not determined."""
@@ -84,7 +84,7 @@ class EnergyProblem:
         if self.demands.asked and not self.demands.admits(member):
             return unstable
         try:
-            K = out_of_plane(member, dt)
+            K = from_continuous_plane(member, dt)
             A, B, C, D = loop = self.plant.close(matrices_of(K))
         except LinAlgError:
             return unstable

@@ -35,7 +35,7 @@ from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainErro
 from workbench.synthesis.mu.structured.terms import EnergyTerm, Term
 from workbench.synthesis.reduction import truncation
 from workbench.synthesis.reduction.kept_part import kept_and_stable
-from workbench.systems.bilinear import in_plane, out_of_plane
+from workbench.systems.bilinear import from_continuous_plane, in_continuous_plane
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import matrices_of, realisation
@@ -121,7 +121,7 @@ def energy_starts(
         raise
     except SolverError:
         found = []
-    near += [out_of_plane(K, dt) for K in found]
+    near += [from_continuous_plane(K, dt) for K in found]
     return near + [one for K in near[:1] for one in _drawn(program, K, context.rng)]
 
 
@@ -129,10 +129,10 @@ def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
     """A controller of any order as one of the family or order that is asked for."""
     if program.family is not None:
         dt = float(program.plant.system.dt or 0.0)
-        omega = frequencies_of(in_plane(program.plant.close(K)))
-        member = program.family.nearest(in_plane(K), omega, np.ones(len(omega)))
+        omega = frequencies_of(in_continuous_plane(program.plant.close(K)))
+        member = program.family.nearest(in_continuous_plane(K), omega, np.ones(len(omega)))
         if member is not None:
-            yield out_of_plane(member, dt)
+            yield from_continuous_plane(member, dt)
         return
     order = K.nstates if program.order is None else program.order
     if K.nstates <= order:
@@ -148,7 +148,7 @@ def _reduced(program: H2Synthesis, K: StateSpace) -> Iterator[StateSpace]:
 
 def _problem(program: H2Synthesis, K: StateSpace) -> tuple[EnergyProblem, RealArray]:
     """The energy over the parameters of the family, or of all controllers of K's order."""
-    family, x = (program.family or Modal(K.nstates)).about(in_plane(K))
+    family, x = (program.family or Modal(K.nstates)).about(in_continuous_plane(K))
     return EnergyProblem(program.standard, family, program.demands), x
 
 

@@ -21,7 +21,7 @@ from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.synthesis.mu.structured.searches import INSIDE, gain_limit, searched
 from workbench.synthesis.mu.structured.starts.found import NoStabilisingGainError, found_starts
 from workbench.synthesis.mu.structured.terms import EnergyTerm, PeakTerm, Term
-from workbench.systems.bilinear import out_of_plane
+from workbench.systems.bilinear import from_continuous_plane
 from workbench.systems.standard_plant import standard_plant
 
 CONIC = "clarabel"
@@ -88,7 +88,7 @@ def _starts(program: H2HinfSynthesis, mu: MuSynthesis, context: Context) -> list
     near = [*energy_starts(h2, every, context), *_common_lyapunov(program, context)]
     dt = float(program.plant.system.dt or 0.0)
     try:
-        near += [out_of_plane(one.K, dt) for one in found_starts(mu, context)]
+        near += [from_continuous_plane(one.K, dt) for one in found_starts(mu, context)]
     except NoStabilisingGainError:
         raise
     except SolverError:  # the others may do

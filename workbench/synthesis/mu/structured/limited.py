@@ -50,7 +50,7 @@ START_SPREAD, DRAWS_PER_START = 0.5, 20
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class SearchPoint:
     """Parameters (k,) of a family, and the curve of every term there."""
 
     family: Family
@@ -87,7 +87,7 @@ class Place:
     def _pairs(self) -> list[tuple[Term, Curve]]:
         return list(zip(self.terms, self.curves, strict=True))
 
-    def merit(self, other: Place) -> float:
+    def merit(self, other: SearchPoint) -> float:
         """How the norm, or the excess of a limit, of another place changes; negative is better."""
         changes = [other.norm / self.norm - 1.0 - self._slack]
         changes += [
@@ -121,7 +121,7 @@ class Place:
         return np.concatenate(values), np.vstack(slopes)
 
 
-def place_of(family: Family, terms: Sequence[Term], x: RealArray) -> Place | None:
+def search_point(family: Family, terms: Sequence[Term], x: RealArray) -> SearchPoint | None:
     """Parameters as a place; None where a loop is not stable or not what is asked."""
     curves = []
     for term in terms:
@@ -129,10 +129,12 @@ def place_of(family: Family, terms: Sequence[Term], x: RealArray) -> Place | Non
         if curve is None:
             return None
         curves.append(curve)
-    return Place(family, terms, x, curves)
+    return SearchPoint(family, terms, x, curves)
 
 
-def begun(family: Family, terms_of: Callable[[Family], Sequence[Term]], x: RealArray) -> Place:
+def first_point(
+    family: Family, terms_of: Callable[[Family], Sequence[Term]], x: RealArray
+) -> SearchPoint:
     """The place where a descent from parameters begins, with no direct terms that must not be.
 
     Raises SolverError where a norm is not finite there.
@@ -141,19 +143,19 @@ def begun(family: Family, terms_of: Callable[[Family], Sequence[Term]], x: RealA
     value, slope = _direct(terms, x)
     if value.any():
         x = x - np.linalg.lstsq(slope, value, rcond=None)[0]
-    place = place_of(family, terms, x)
+    place = search_point(family, terms, x)
     if place is None:
         raise SolverError("no start was found whose loops are stable and have finite norms")
     return place
 
 
-def descended(
-    place: Place,
+def limited_descent(
+    place: SearchPoint,
     halfspaces: Callable[[Family], tuple[RealArray, RealArray]],
     context: Context,
     target: float = 0.0,
     steps: int = MOST_STEPS,
-) -> tuple[list[Place], str]:
+) -> tuple[list[SearchPoint], str]:
     """Places, each better than the one before, and why they ended. The clock ends them too."""
     history = [place]
     begun_at, radius, hessian = 0, FIRST_RADIUS, _none(place)
@@ -179,7 +181,7 @@ def descended(
     return history, f"stopped after {steps} steps"
 
 
-def _settled(history: Sequence[Place]) -> bool:
+def _settled(history: Sequence[SearchPoint]) -> bool:
     """Whether the last steps changed little."""
     if len(history) <= PATIENCE:
         return False
@@ -190,12 +192,12 @@ def _settled(history: Sequence[Place]) -> bool:
 
 
 def _stepped(
-    place: Place,
+    place: SearchPoint,
     free: RealArray,
     hessian: RealArray,
     radius: float,
     halfspaces: tuple[RealArray, RealArray],
-) -> tuple[Place, RealArray, float] | str:
+) -> tuple[SearchPoint, RealArray, float] | str:
     """The first step within the trust radius, or a smaller one, that is taken; else why none is."""
     x, near = place.x, place.near()
     if not place.norm:
@@ -212,7 +214,7 @@ def _stepped(
         length = float(np.abs(step).max())
         if level > -LEAST_PROMISE:
             return "no step promises less"
-        trial = place_of(place.family, place.terms, x + units @ step)
+        trial = search_point(place.family, place.terms, x + units @ step)
         change = math.inf if trial is None else place.merit(trial)
         if trial is not None and change < ACCEPTED_SHARE * level:
             turned = (place.linear(trial.x, near)[1] - slope).T @ weights
@@ -226,13 +228,13 @@ def _stepped(
     return "no step lowers the norm"
 
 
-def _none(place: Place) -> RealArray:
+def _none(place: SearchPoint) -> RealArray:
     """No curvature."""
     size = _free(place).shape[1]
     return np.zeros((size, size))
 
 
-def _free(place: Place) -> RealArray:
+def _free(place: SearchPoint) -> RealArray:
     """Directions (k, f) of parameters that move no direct term that must be zero."""
     _, slope = _direct(place.terms, place.x)
     return null_space(slope) if slope.any() else np.eye(len(place.x))
@@ -244,7 +246,7 @@ def _direct(terms: Sequence[Term], x: RealArray) -> tuple[RealArray, RealArray]:
     return np.concatenate(values), np.vstack(slopes)
 
 
-def _rebased(place: Place) -> Place:
+def _rebased(place: SearchPoint) -> SearchPoint:
     """The place in parameters that suit its controller, where the family has a choice."""
     if not isinstance(place.family, Modal):
         return place
@@ -252,7 +254,7 @@ def _rebased(place: Place) -> Place:
         family, x = place.family.about(place.family.system(place.x))
     except InputError:  # poles that met have no common block
         return place
-    new = place_of(family, [term.in_family(family) for term in place.terms], x)
+    new = search_point(family, [term.in_family(family) for term in place.terms], x)
     return place if new is None or new.rank > place.rank else new
 
 
@@ -260,20 +262,20 @@ def _rebased(place: Place) -> Place:
 
 
 def best_descent(
-    starts: Sequence[Place],
+    starts: Sequence[SearchPoint],
     halfspaces: Callable[[Family], tuple[RealArray, RealArray]],
     context: Context,
     target: float = 0.0,
-) -> tuple[list[Place], str, int]:
+) -> tuple[list[SearchPoint], str, int]:
     """The descent that ends best: some steps from each start, and more from the best of these.
 
     Returns its places, why it ended, and the number of its start.
     """
-    tried: list[tuple[list[Place], str, int]] = []
+    tried: list[tuple[list[SearchPoint], str, int]] = []
     several = len(starts) > 1
     for number, start in enumerate(context.track(starts, "starts")):
         steps = TRIAL_STEPS if several else MOST_STEPS
-        tried.append((*descended(start, halfspaces, context, target, steps), number))
+        tried.append((*limited_descent(start, halfspaces, context, target, steps), number))
         if context.late:
             break
     tried.sort(key=lambda one: one[0][-1].rank)
@@ -281,17 +283,17 @@ def best_descent(
         return tried[0]
     ended = []
     for history, _, number in context.track(tried[:FINALISTS], "further steps"):
-        more, said = descended(history[-1], halfspaces, context, target)
+        more, said = limited_descent(history[-1], halfspaces, context, target)
         ended.append((history + more[1:], said, number))
     return min(ended, key=lambda one: one[0][-1].rank)
 
 
-def drawn_places(place: Place, count: int, rng: np.random.Generator) -> Iterator[Place]:
+def drawn_points(place: SearchPoint, count: int, rng: np.random.Generator) -> Iterator[SearchPoint]:
     """Random places around one, of finite norms; fewer than `count` where few are."""
     units, found, free = place.family.units(place.x), 0, _free(place)
     for _ in range(DRAWS_PER_START * count):
         move = free @ (free.T @ (START_SPREAD * units * rng.normal(size=place.x.size)))
-        member = place_of(place.family, place.terms, place.x + move) if found < count else None
+        member = search_point(place.family, place.terms, place.x + move) if found < count else None
         if member is not None:
             found += 1
             yield member

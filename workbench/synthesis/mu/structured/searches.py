@@ -15,11 +15,16 @@ from workbench.synthesis.families.modal import Modal
 from workbench.synthesis.families.synthesis import ControllerSynthesis
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
-from workbench.synthesis.mu.structured.limited import Place, begun, best_descent, drawn_places
+from workbench.synthesis.mu.structured.limited import (
+    SearchPoint,
+    best_descent,
+    drawn_points,
+    first_point,
+)
 from workbench.synthesis.mu.structured.problem import PeakProblem
 from workbench.synthesis.mu.structured.starts.search import Start
 from workbench.synthesis.mu.structured.terms import PeakTerm, Term, gain_term
-from workbench.systems.bilinear import in_plane, out_of_plane
+from workbench.systems.bilinear import from_continuous_plane, in_continuous_plane
 
 INSIDE = 1.0 - 2.0 * NORM_TOLERANCE
 """Share of a limit that a search stays below, so that the proven norm keeps the limit."""
@@ -91,7 +96,7 @@ def searched(
         return None, f"{NOT_MET} {last.excess:.2%}"
     context.record({"norm": last.norm})
     dt = float(program.plant.system.dt or 0.0)
-    return out_of_plane(last.family.system(last.x), dt), said
+    return from_continuous_plane(last.family.system(last.x), dt), said
 
 
 def _from_starts(
@@ -101,20 +106,20 @@ def _from_starts(
     context: Context,
     target: float,
     random: int,
-) -> tuple[list[Place], str, int]:
+) -> tuple[list[SearchPoint], str, int]:
     """The best descent, why it ended, and the number of its start; SolverError without a start."""
-    places: list[Place] = []
+    places: list[SearchPoint] = []
     numbers = []
     for number, K in enumerate(starts):
         try:
-            family, x = (program.family or Modal(K.nstates)).about(in_plane(K))
-            places.append(begun(family, terms_of, x))
+            family, x = (program.family or Modal(K.nstates)).about(in_continuous_plane(K))
+            places.append(first_point(family, terms_of, x))
         except (InputError, SolverError):  # no member, or no finite norm
             continue
         numbers.append(number)
     if not places:
         raise SolverError(NO_NORM)
-    drawn = list(drawn_places(places[0], random, context.rng))
+    drawn = list(drawn_points(places[0], random, context.rng))
     numbers += [len(starts)] * len(drawn)
     demands: Shippable = program.demands
     history, said, won = best_descent(
