@@ -64,7 +64,11 @@ MATHEMATICS = {
         "riccati": "Riccati equations",
         "sb10ad": "Riccati equations",
         "coprime": "a closed form of the level",
-        "fixed": "nonsmooth descent",
+        "fixed": "",
+        "bfgs": "quasi-Newton descent and sampled gradients",
+        "smoothed": "interior points on power means",
+        "evolution": "a population",
+        "trust_region": "nonsmooth descent",
     },
     "MuSynthesis": {
         "dk": "complex multipliers",

@@ -2,8 +2,9 @@
 
 All take the same starts and differ in how they go down: by BFGS and sampled gradients, within a
 trust region on all linearisations near the peak, by IPOPT on smoothed norms, or by evolution.
-Method "fixed" begins with BFGS from every start, goes on from the best, and hops and evolves from
-where kinks hold it. For several plants or under a limit of the gain it is the trust region.
+Method "fixed" begins with BFGS from every start and goes on from the best. Where its two best ends
+differ, it hops and evolves from the best one. For several plants or under a limit of the gain it is
+the trust region.
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ HOPS, ROUNDS = 6, 2
 """Hops from the best point before an evolution, and rounds of hops and evolution."""
 GAINED = 1e-3
 """Share of the norm by which a round must lower it for another one to follow."""
+
+AGREED = 1e-4
+"""Relative difference of the best two ends of descents below which the search goes no further."""
 
 Descent = Callable[[NormPoint, Context], NormPoint]
 
@@ -122,7 +126,7 @@ def _claim(program: HinfSynthesis, context: Context, descent: Descent, on: Desce
         return None, Outcome.FAILED, str(error)
     ended = _descended(program, context, starts, descent)
     best = ended[0]
-    if not _enough(program, best):
+    if not (_enough(program, best) or _agreed(ended)):
         best = on(best, context)
     K = bilinear_sampled(best.controller, dt) if dt else best.controller
     try:
@@ -157,6 +161,11 @@ def _descended(
 
 def _value(point: NormPoint) -> float:
     return point.value
+
+
+def _agreed(ended: Sequence[NormPoint]) -> bool:
+    """Whether descents from two starts ended at the same norm, the least."""
+    return len(ended) > 1 and ended[1].value <= (1 + AGREED) * ended[0].value
 
 
 def _enough(program: HinfSynthesis, point: NormPoint) -> bool:
