@@ -97,20 +97,15 @@ def name_of(plant: str) -> str:
     return f"stranger-{plant}"
 
 
-def delivered(
-    plant: str, one: Stranger, way: Way, omega: RealArray, asked: tuple[str, ...] = ()
-) -> Delivered:
-    """Go the whole way. Raises `RefusedError` where it ends early.
-
-    ``asked``: further words of `workbench init`.
-    """
+def delivered(plant: str, one: Stranger, way: Way, omega: RealArray) -> Delivered:
+    """Go the whole way. Raises `RefusedError` where it ends early."""
     write_records(one, way.folder / "records")
     study = name_of(plant)
     actuator = one.inputs[0]
     given = ["--input", actuator.name, "--output", one.outputs[0].name]
     given += ["--limits", f"{actuator.low:g}", f"{actuator.high:g}"]
     workbench = ["-m", "workbench"]
-    way.go([*workbench, "init", study, "--data", "records/*.csv", *given, *asked], way.folder)
+    way.go([*workbench, "init", study, "--data", "records/*.csv", *given], way.folder)
     place = way.folder / study
     way.go([*workbench, "run", f"{study}/*"], place)
     np.save(place / "omega.npy", omega)

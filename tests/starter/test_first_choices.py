@@ -60,6 +60,13 @@ def test_a_gain_that_spreads_evenly_is_known_about_its_middle():
     assert "hold and delay" in chosen.reasons["bandwidth"]
 
 
+def test_plants_of_opposite_sign_have_no_nominal_there():
+    gain = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    opposite = plants(gain / (S + 1) * np.where(np.arange(6) < 3, 1, np.where(S.imag > 1e3, -1, 1)))
+    chosen = first_choices(opposite, period=1e-6)
+    assert "differ by inf % from any nominal" in chosen.reasons["bandwidth"]
+
+
 def test_noise_narrows_the_band():
     values = (1 + 0.02 * SPREAD[0]) / (S + 1)
     noisy = plants(values, variance=np.full((60, 6), 1e-5**2 * 100), degrees=20)

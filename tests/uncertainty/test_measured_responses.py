@@ -339,3 +339,8 @@ def test_responses_without_variance_have_no_regions():
         plain.within(5, 6)
     with pytest.raises(InputError, match="one plant has no spread"):
         Responses.from_frd(control.frd([1.0, 2.0], [1.0, 2.0]))
+
+
+def test_an_empty_list_of_files_is_refused():
+    with pytest.raises(InputError, match="the list of files is empty"):
+        Responses.from_files([], input="u", output="y", time="t")

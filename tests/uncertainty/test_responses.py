@@ -142,7 +142,9 @@ def test_a_stated_difference_from_linear_plants_adds_to_the_noise():
     wider = known.linear_within(0.1)
     np.testing.assert_allclose(wider.variance, 0.04 + 0.01 * np.abs(values) ** 2)
     assert (region_radius(wider, 0.99) > region_radius(known, 0.99)).all()
+    assert "stated, not measured: linear plants lie 10 % off" in wider.assumption
     np.testing.assert_array_equal(known.linear_within(0.0).variance, known.variance)
+    assert known.linear_within(0.0).assumption == known.assumption
     for wrong in (-0.1, 1.0, np.nan, "1 %", True):
         with pytest.raises(InputError, match="share is"):
             known.linear_within(wrong)

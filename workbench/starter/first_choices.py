@@ -290,8 +290,12 @@ def _phase(nominal: Rational, omega: RealArray) -> RealArray:
 
 
 def _relative_size(responses: Responses) -> RealArray:
-    """Radius (F,) of the smallest circle about the plants and regions, relative to its centre."""
+    """Radius (F,) of the smallest circle about the plants and regions, relative to its centre.
+
+    Infinite where the centre is 0.
+    """
     center, radius = exact_circle(responses.points)
     regions = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0).max(axis=1)
-    size: RealArray = (radius + regions) / np.abs(center)
+    infinite = np.full(center.shape, np.inf)
+    size: RealArray = np.divide(radius + regions, np.abs(center), out=infinite, where=center != 0)
     return size

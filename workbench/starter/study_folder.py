@@ -153,9 +153,10 @@ def write_study(
         **stated,
     )
     actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
-    responses = responses.within(0.0, UNDISTORTED / look.period).linear_within(BENT)
+    responses = responses.within(0.0, UNDISTORTED / look.period)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes
+    responses = responses.linear_within(BENT)
     notes += oddities(responses, [name.partition(" [")[0] for name in responses.plants])
     notes += tuple(
         f"{name}: {finding}"

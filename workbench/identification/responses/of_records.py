@@ -104,8 +104,8 @@ def _periodic(
         for U, Y in spectra
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
-    said = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
-    return found, "; ".join(said)
+    told = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
+    return found, "; ".join(told)
 
 
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:

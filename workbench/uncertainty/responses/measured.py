@@ -237,7 +237,10 @@ def from_files(
 def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
     """Paths in the order of their names; raises InputError where there are none."""
     if not isinstance(files, str | PathLike):
-        return [need_path(file) for file in as_list(files, "files")]
+        listed = [need_path(file) for file in as_list(files, "files")]
+        if not listed:
+            raise InputError("the list of files is empty: name one or more, or give a pattern")
+        return listed
     if not str(files):
         raise InputError(
             "the name of the files is empty; name a file, or a pattern such as 'a*.csv'"

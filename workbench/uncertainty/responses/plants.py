@@ -428,7 +428,9 @@ class Responses:
             raise InputError("the responses have no variance that a share could be added to")
         added = np.where(self.present, share * np.abs(self.values), 0.0) ** 2
         ratios = None if self.ratios is None else self.ratios.with_numerator(added)
-        return replace(self, variance=self.variance + added, ratios=ratios)
+        said = f"stated, not measured: linear plants lie {100 * share:g} % off the responses, rms"
+        assumption = "; ".join(filter(None, [self.assumption, said if share else ""]))
+        return replace(self, variance=self.variance + added, ratios=ratios, assumption=assumption)
 
     def refined(self) -> Responses:
         """The same plants with further frequencies of the band, at which resonances show.
