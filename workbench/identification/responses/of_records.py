@@ -182,7 +182,14 @@ def _unsettled(Y: np.ndarray) -> bool:
 
 def excited(U: np.ndarray) -> IntegerArray:
     """Lines of amplitudes (lines, periods) that the input excites; not 0, and not the last one."""
-    mean = np.abs(U.mean(axis=1))
-    spread = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0
+    return excited_together(U[..., None, None])
+
+
+def excited_together(U: np.ndarray) -> IntegerArray:
+    """Lines of amplitudes (lines, periods, channels, experiments) at which the experiments excite
+    all channels, each in a way of its own; not 0, and not the last one."""
+    mean = np.linalg.svd(U.mean(axis=1), compute_uv=False)[:, -1]
+    scatter = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0 * U[:, 0]
+    spread = np.linalg.norm(scatter, axis=(1, 2))
     mean[0] = mean[-1] = 0.0
     return np.flatnonzero((mean > EXCITED * mean.max()) & (mean > EXCITED_OVER_NOISE * spread))

@@ -39,7 +39,7 @@ NEAREST_SILENT = 6
 """Silent odd harmonics from which the distortion at an excited one is taken."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PeriodicLocalResponse(ResponseEstimate):
     """A response at the excited harmonics, with the covariance that noise gives it.
 
@@ -333,7 +333,7 @@ def _of_record(
         values = values[..., None] if values.ndim == 2 else values
         if values.ndim != 3:
             raise InputError(f"{name} has shape {values.shape}; (N, channels, experiments) needed")
-        require_alive(np.moveaxis(values, 0, -1), name)
+        require_alive(np.concatenate(np.moveaxis(values, -1, 0)).T, name)  # in some experiment
         pair.append(values)
     inputs, outputs = pair
     if len(inputs) != len(outputs) or inputs.shape[2] != outputs.shape[2]:
