@@ -135,6 +135,14 @@ def test_regions_hold_the_plant_in_many_records(loop, excitation, size):
     assert refused <= (0.2 if size == SIZES[0] else 0.0)
 
 
+@pytest.mark.parametrize("excitation", ["steps", "binary"])
+@pytest.mark.parametrize("size", [100.0, 1e4])
+def test_bias_counts_where_there_is_hardly_any_noise(excitation, size):
+    """Polynomials of degree 2 alone held 71 % of the steps' regions."""
+    held, refused = coverage("lag", excitation, size, 6, seed=5)
+    assert held >= LEAST and refused == 0
+
+
 def test_a_region_is_all_ratios_that_are_compatible():
     rng = np.random.default_rng(3)
     y, u = rng.standard_normal((2, 200, 2)) @ [1, 1j] + 3

@@ -24,9 +24,9 @@ from workbench.identification.responses.of_records import excited_together
 from workbench.identification.responses.periodic_local import periodic_local_polynomial
 from workbench.identification.responses.ratios import seen
 
-DEGREE, SPARE_LINES = 2, 20
-"""Degree of local polynomials, and lines of their bands beyond the unknowns. They are wide, because
-a region of U / R with few degrees of freedom seldom ends."""
+DEGREE, FINER, SPARE_LINES = 2, 4, 20
+"""Degree of local polynomials, one that tells their bias, and lines beyond the unknowns. Bands are
+wide, because a region of U / R with few degrees of freedom seldom ends."""
 FEWEST_SEEN = 2
 """Fewest lines that make a response."""
 ITSELF = 1e-12
@@ -212,8 +212,12 @@ def parts_of_bands(
     found = []
     for one in records:
         both = np.hstack([one.y[..., 0], one.u[..., 0]])[-length:]
-        local = polynomials_in_bands(one.r[-length:, :, 0], both, DEGREE, lines, at=at)
-        noise, spread = _factors(local.covariance, both.shape[1])
+        local, finer = (
+            polynomials_in_bands(one.r[-length:, :, 0], both, degree, lines, at=at)
+            for degree in (DEGREE, FINER)
+        )
+        spread, more = (_spread(fit.covariance, fit.noise) for fit in (local, finer))
+        noise = local.noise + _bias(finer.response - local.response, local.noise, spread, more)
         found.append(
             DrivenParts(local.frequency * rate, local.response, noise, spread, 2.0 * SPARE_LINES)
         )
@@ -242,7 +246,10 @@ def parts_of_periods(
     for one in records:
         both = np.concatenate([one.y, one.u], axis=1)
         local = periodic_local_polynomial(one.r, both, samples, at, sample_rate=rate)
-        noise, spread = _factors(local.covariance, both.shape[1])
+        columns = one.r.shape[1]
+        parts = local.covariance.reshape(-1, both.shape[1], columns, both.shape[1], columns)
+        noise = np.einsum("faibi->fab", parts)
+        spread = _spread(local.covariance, noise)
         found.append(DrivenParts(local.frequency, local.response, noise, spread, local.degrees))
     thin = f", {at.size} taken" if at.size < lines.size else ""
     said = f"an excitation of period {samples} samples; {lines.size} excited lines{thin}"
@@ -257,12 +264,31 @@ def _periods(signal: RealArray, samples: int) -> ComplexArray:
     return np.asarray(found.swapaxes(0, 1))
 
 
-def _factors(covariance: ComplexArray, rows: int) -> tuple[ComplexArray, ComplexArray]:
-    """The factors noise (F, a, b) and spread (F, i, j) of a covariance (F, a i, b j)."""
+def _bias(
+    apart: ComplexArray, noise: ComplexArray, spread: ComplexArray, more: ComplexArray
+) -> ComplexArray:
+    """Bias (F, a, b) of responses, in the place of noise, from what separates a finer fit.
+
+    ``apart`` (F, rows, columns) is the difference of the fits of one band. Noise makes one of the
+    covariance of the finer fit, noise x ``more``, less that of the coarse one, noise x ``spread``;
+    what of each row is beyond that is bias.
+    """
+    inner = np.linalg.inv(spread)
+    square = apart @ inner.conj() @ apart.conj().swapaxes(1, 2)
+    by_noise = np.einsum("fij,fji->f", inner, more - spread).real[:, None]
+    rows = np.einsum("faa->fa", square).real
+    noisy = np.maximum(by_noise, 0.0) * np.einsum("faa->fa", noise).real
+    share = np.sqrt(np.maximum(rows - noisy, 0.0) / np.where(rows > 0, rows, 1.0))
+    found: ComplexArray = share[:, :, None] * square * share[:, None, :]
+    return found
+
+
+def _spread(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
+    """The factor (F, i, j) of a covariance (F, a i, b j) beside the noise (F, a, b)."""
+    rows = noise.shape[1]
     columns = covariance.shape[1] // rows
     parts = covariance.reshape(-1, rows, columns, rows, columns)
-    noise = np.einsum("faibi->fab", parts)
     total = np.einsum("faa->f", noise).real
     there = total > 0
-    spread = np.einsum("faiaj->fij", parts) / np.where(there, total, 1.0)[:, None, None]
-    return noise, np.where(there[:, None, None], spread, np.eye(columns) / columns)
+    found = np.einsum("faiaj->fij", parts) / np.where(there, total, 1.0)[:, None, None]
+    return np.where(there[:, None, None], found, np.eye(columns))
