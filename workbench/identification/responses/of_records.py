@@ -16,7 +16,15 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
-from workbench.identification.responses.periodic import ResponseEstimate, from_periods
+from workbench.identification.responses.periodic import (
+    PeriodicResponse,
+    ResponseEstimate,
+    from_periods,
+)
+from workbench.identification.responses.repeated_rounding import (
+    FEWEST_LEVELS,
+    repeated_rounding,
+)
 
 EXCITED = 1e-3
 """Amplitude of an excited line, relative to the largest."""
@@ -93,9 +101,24 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, said = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
-    found = [from_periods(frequency, U[chosen], Y[chosen]) for U, Y in spectra]
+    found = [
+        _with_rounding(from_periods(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
+        for (U, Y), pair in zip(spectra, pairs, strict=True)
+    ]
     dropped = ", the first left out as not settled" if unsettled else ""
     return found, f"{count} periods of {samples} samples{dropped}; {excitation}"
+
+
+def _with_rounding(
+    estimate: PeriodicResponse, U: np.ndarray, pair: tuple[RealArray, ...], samples: int
+) -> PeriodicResponse:
+    """The estimate of amplitudes U (F, periods) whose variance counts rounding that repeats."""
+    u, y = (repeated_rounding(x, samples, k) for x, k in zip(pair, (FEWEST_LEVELS, 2), strict=True))
+    size = samples / np.abs(U.mean(axis=1)[:, None, None]) ** 2
+    more = size * (y + np.abs(estimate.response) ** 2 * u)
+    return replace(
+        estimate, variance=estimate.variance + more, covariance=estimate.covariance + more
+    )
 
 
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:
