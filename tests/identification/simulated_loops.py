@@ -56,6 +56,36 @@ def periodic(rng, samples, records):
 EXCITATIONS = {"steps": steps, "binary": binary, "periodic": periodic}
 
 
+POLES = np.exp(-1 / np.array([[20.0, 12.0], [8.0, 15.0]]))
+GAINS = np.array([[1.0, 0.5], [-0.4, 1.2]])
+
+
+def two_by_two_response(frequency):
+    """Response (F, 2, 2) of four coupled lags, at frequencies [cycles/sample]."""
+    z = np.exp(2j * np.pi * frequency)[:, None, None]
+    return GAINS * (1 - POLES) / (z - POLES)
+
+
+def two_by_two(excitation, size, samples, rng, only=None):
+    """Inputs, outputs and set-points (N, 2) of these lags, each output under a PI controller.
+
+    ``only`` is the number of the set-point that moves, None: both do.
+    """
+    r = size * EXCITATIONS[excitation](rng, samples, 2)
+    if only is not None:
+        r[:, 1 - only] = 0.0
+    white = rng.standard_normal((samples + 200, 2))
+    noise = lfilter([np.sqrt(1 - CORRELATED**2)], [1, -CORRELATED], white, axis=0)[200:]
+    x, total = np.zeros((2, 2)), np.zeros(2)
+    u, y = np.empty_like(r), np.empty_like(r)
+    for k in range(samples):
+        y[k] = x.sum(axis=1) + noise[k]
+        total = total + 0.05 * (r[k] - y[k])
+        u[k] = 1.5 * (r[k] - y[k]) + total
+        x = POLES * x + GAINS * (1 - POLES) * u[k]
+    return u, y, r
+
+
 def records_of(loop, excitation, size, samples, records, rng):
     """Signals u, y and r (N, records) of a loop u = C (r - y), and its plant."""
     plant, controller = LOOPS[loop]()

@@ -108,7 +108,7 @@ BAD = {
     "no such column": ({"excitation": "force"}, "force"),
     "the input": ({"excitation": "power"}, "excitation 'power'.*input itself"),
     "a copy of the input": ({"excitation": "copy"}, "excitation 'copy'.*input itself"),
-    "no name": ({"excitation": 3}, "3"),
+    "no name": ({"excitation": 3.5}, "3"),
     "an empty name": ({"excitation": ""}, "excitation|column|variable|''"),
     "no assumption": ({"assume": 3.0}, "assume"),
     "an assumption that is none": ({"assume": ["open lop"]}, "open lop"),
@@ -138,3 +138,22 @@ def test_init_takes_the_excitation_and_the_study_names_it(files, closed, tmp_pat
     assert "KNOWN = {'excitation': 'set'}" in design and "**KNOWN" in design
     compile(design, "design.py", "exec")
     assert "open loop: tested" in (tmp_path / "oven" / "README.md").read_text()
+
+
+def test_files_of_a_loop_whose_excitation_was_not_recorded(tmp_path):
+    u, y, _, plant = records_of("lag", "periodic", 3.0, 2000, 2, np.random.default_rng(8))
+    for k in range(2):
+        rows = np.column_stack([np.arange(2000) * 0.5, u[:, k], y[:, k]])
+        np.savetxt(
+            tmp_path / f"oven{k}.csv", rows, delimiter=",", header="t,power,temp", comments=""
+        )
+    files = str(tmp_path / "oven*.csv")
+    with pytest.raises(InputError, match=r"feedback.*samples of its period"):
+        Responses.from_files(files, **NAMES)
+    found = Responses.from_files(files, **NAMES, excitation=256)
+    assert "period 256 samples" in found.read
+    assert any("not recorded, and stated to repeat" in one for one in found.tested)
+    exact = plant(np.exp(0.5j * found.omega)).ravel()
+    assert (np.abs(found.values - exact[:, None]) <= region_radius(found, 0.99)).mean() > 0.95
+    with pytest.raises(InputError, match="a period of 2 to 1000 samples"):
+        Responses.from_files(files, **NAMES, excitation=1500)

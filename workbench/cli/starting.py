@@ -31,7 +31,12 @@ def share(text: str | None, option: str) -> float | None:
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
 @click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
-@click.option("--excitation", metavar="NAME", help="Column of what drove a closed loop [none].")
+@click.option(
+    "--excitation",
+    metavar="NAME",
+    callback=lambda _, __, text: int(text) if text and text.isdigit() else text,
+    help="Column of what drove a closed loop, or the samples of its period [none].",
+)
 @click.option(
     "--assume", metavar="NAME", multiple=True, help="Vouch for an assumption: 'open loop'."
 )

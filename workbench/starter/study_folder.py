@@ -44,7 +44,7 @@ def write_study(
     output: str | None = None,
     time: str | None = None,
     sample_rate: float | None = None,
-    excitation: str | None = None,
+    excitation: str | int | None = None,
     assume: str | Sequence[str] = (),
     period: float | None = None,
     delay: float = 1.0,
@@ -71,7 +71,8 @@ def write_study(
     sample_rate
         Sampling frequency [Hz] of records without a column of time.
     excitation
-        Name of the column of what was added to closed loops from outside, such as the set-point.
+        Name of the column of what was added to closed loops from outside, such as the set-point;
+        or, if it was not recorded but repeats itself, the samples of its period.
     assume
         Assumptions on the records that you vouch for against their reports, such as "open loop".
     period

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench.errors import InputError
 from workbench.identification import IdentificationWarning, local_response
 from workbench.identification.responses.local_response import spaced_in_log
 from workbench.identification.responses.of_records import informative, mean_of_periods
@@ -90,13 +91,20 @@ def records(case: Case, count: int, seed: int) -> tuple[RealArray, RealArray, Re
 
 
 def judged(case: Case, made: tuple[RealArray, RealArray, RealArray], most: int) -> Judged:
-    """What `local_response` says of records of a case, of periodic ones of their mean period."""
+    """What `local_response` says of records of a case, of periodic ones of their mean period.
+
+    A record that it refuses tells nothing at all.
+    """
 
     def ours(u: RealArray, y: RealArray, frequency: RealArray) -> ResponseEstimate:
         if case.excitation == "multisine":
             samples = case.samples // PERIODS
             u, y = (np.stack([mean_of_periods(x, samples) for x in s.T], axis=1) for s in (u, y))
-        return local_response(u, y, 1.0, frequency_hz=frequency)
+        try:
+            return local_response(u, y, 1.0, frequency_hz=frequency)
+        except InputError:
+            none = np.zeros((frequency.size, 1, u.shape[1]))
+            return ResponseEstimate(frequency, none.astype(complex), none + np.inf, 2.0)
 
     frequency = places(case, most)
     return judged_with(ours, case, made, frequency, truth(case, frequency))

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import BoolArray, ComplexArray, RealArray
+from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.identification.responses.local_polynomial import SILENT, UNEXCITED
 
 REWEIGHTED, STEPS = 3, 8
@@ -92,12 +93,11 @@ def fitted_bands(
     found: list[BandFits] = []
     last: tuple[ComplexArray, ComplexArray] | None = None
     for degree, poles in models:
-        above = (powers[..., : degree + 1, None] * columns[:, :, None]).reshape(*lines.shape, -1)
-        fit = _Fit(above, powers[..., 1 : poles + 1], values)
+        fit = _Fit(columns, powers[..., : max(degree, poles) + 1], values, degree, poles)
         last, slopes, left = fit.solved(last)
         free = width - unknowns(nu, degree, poles)
         variance = _variance(slopes, left, nu, free)
-        variance[_dark(above, degree, U)] = np.inf
+        variance[_dark(fit.above, degree, U)] = np.inf
         share = once / width
         found.append(
             BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
@@ -116,12 +116,30 @@ def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Rational functions of bands: numerators' regressors (F, width, n), powers (F, width, poles)
-    of the denominator, and values (F, width)."""
+    """Rational functions of F bands.
 
-    above: ComplexArray
-    below: RealArray
+    The numerators' regressors are ``columns`` (F, width, nu + 1) times powers of the offset up to
+    ``degree``; those of the denominator are powers from 1 to ``poles``. ``powers`` (F, width, ...)
+    begin with 1; ``values`` (F, width).
+    """
+
+    columns: ComplexArray
+    powers: RealArray
     values: ComplexArray
+    degree: int
+    poles: int
+
+    @property
+    def above(self) -> ComplexArray:
+        """The numerators' regressors (F, width, n)."""
+        powers = self.powers[..., : self.degree + 1]
+        found: ComplexArray = powers[..., None] * self.columns[:, :, None]
+        return found.reshape(*self.values.shape, -1)
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients of the numerators."""
+        return (self.degree + 1) * self.columns.shape[2]
 
     def solved(
         self, smaller: tuple[ComplexArray, ComplexArray] | None
@@ -130,17 +148,17 @@ class _Fit:
 
         ``smaller`` are coefficients of a model that this one contains.
         """
-        count = self.above.shape[2]
-        theta = np.zeros((len(self.values), count + self.below.shape[2]), complex)
-        for _ in range(REWEIGHTED if self.below.shape[2] else 1):
+        theta = np.zeros((len(self.values), self.count + self.poles), complex)
+        for _ in range(REWEIGHTED if self.poles else 1):
             denominator = self._denominator(theta)
             values = self.values / denominator
-            theta = _least_squares(self._slopes(denominator, values), values, SINGULAR)
-        if self.below.shape[2]:
+            theta = self._least_squares(denominator, values, values, SINGULAR)
+        if self.poles:
             theta = self._descended(theta if smaller is None else self._better(theta, smaller))
         denominator, model = self._model(theta)
-        slopes = self._slopes(denominator, model / denominator)
-        return (theta[:, :count], theta[:, count:]), slopes, self.values - model
+        below = -self.powers[..., 1 : self.poles + 1] * (model / denominator)[..., None]
+        slopes = np.concatenate([self.above / denominator[..., None], below], axis=2)
+        return (theta[:, : self.count], theta[:, self.count :]), slopes, self.values - model
 
     def _better(
         self, theta: ComplexArray, smaller: tuple[ComplexArray, ComplexArray]
@@ -149,7 +167,7 @@ class _Fit:
 
         Poles beside lines, which follow the noise of one, trap the linear fits of large models.
         """
-        sizes = self.above.shape[2], self.below.shape[2]
+        sizes = self.count, self.poles
         parts = [
             np.pad(part, ((0, 0), (0, size - part.shape[1])))
             for part, size in zip(smaller, sizes, strict=True)
@@ -166,7 +184,7 @@ class _Fit:
         square = _square(left)
         damping = np.full(len(theta), FIRST_DAMPING)
         for _ in range(STEPS):
-            step = _least_squares(self._slopes(denominator, model / denominator), left, damping)
+            step = self._least_squares(denominator, model / denominator, left, damping)
             tried, at = self._model(theta + step)
             after = _square(self.values - at)
             lower = after < square
@@ -181,7 +199,8 @@ class _Fit:
 
     def _denominator(self, theta: ComplexArray) -> ComplexArray:
         """Denominators (F, width), kept off zero at the lines."""
-        found = 1.0 + (self.below @ theta[:, self.above.shape[2] :, None])[..., 0]
+        below = self.powers[..., 1 : self.poles + 1]
+        found = 1.0 + (below @ theta[:, self.count :, None])[..., 0]
         tiny = np.sqrt(np.finfo(float).eps)
         result: ComplexArray = np.where(np.abs(found) < tiny, tiny, found)
         return result
@@ -189,14 +208,55 @@ class _Fit:
     def _model(self, theta: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Denominators and models (F, width)."""
         denominator = self._denominator(theta)
-        above = (self.above @ theta[:, : self.above.shape[2], None])[..., 0]
-        return denominator, above / denominator
+        shape = len(theta), self.degree + 1, self.columns.shape[2]
+        each = self.powers[..., : self.degree + 1] @ theta[:, : self.count].reshape(shape)
+        return denominator, np.einsum("fwc,fwc->fw", each, self.columns) / denominator
 
-    def _slopes(self, denominator: ComplexArray, over: ComplexArray) -> ComplexArray:
-        """Slopes by the coefficients, of a model whose share with the denominator is ``over``."""
-        return np.concatenate(
-            [self.above / denominator[..., None], -self.below * over[..., None]], axis=2
-        )
+    def _least_squares(
+        self,
+        denominator: ComplexArray,
+        over: ComplexArray,
+        values: ComplexArray,
+        damping: RealArray | float,
+    ) -> ComplexArray:
+        """Coefficients (F, n) of damped least squares of values by the slopes of a model.
+
+        ``over`` is the model's share with the denominator. All slopes are powers of the offset
+        times few signals, so that their products are moments of the products of these; damping is
+        that of slopes of length 1.
+        """
+        signals = [self.columns / denominator[..., None], -over[..., None]]
+        right = np.concatenate([*signals, values[..., None]], axis=2)
+        left = right[..., :-1].conj()
+        pairs = (left[..., None] * right[..., None, :]).reshape(*values.shape, -1)
+        moments = (self._moments @ pairs.view(float)).view(complex)
+        moments = moments.reshape(*moments.shape[:2], left.shape[2], right.shape[2])
+        power, signal = self._places
+        normal = moments[:, power[:, None] + power, signal[:, None], signal]
+        diagonal = np.arange(len(power))
+        scale = np.sqrt(normal[:, diagonal, diagonal].real)
+        scale[scale == 0] = 1.0
+        normal = normal / (scale[:, :, None] * scale[:, None, :])
+        normal[:, diagonal, diagonal] += np.broadcast_to(damping, len(normal))[:, None] + SINGULAR
+        told = moments[:, power, signal, -1] / scale
+        found: ComplexArray = np.linalg.solve(normal, told[..., None])[..., 0] / scale
+        return found
+
+    @cached_property
+    def _moments(self) -> RealArray:
+        """Powers (F, ..., width) of the offset up to that of any product of two regressors."""
+        most = self.powers.shape[2] - 1
+        higher = self.powers[..., 1:] * self.powers[..., -1:]
+        powers = np.concatenate([self.powers, higher], axis=2)[..., : 2 * most + 1]
+        return np.ascontiguousarray(powers.swapaxes(1, 2))
+
+    @cached_property
+    def _places(self) -> tuple[IntegerArray, IntegerArray]:
+        """Of each coefficient the power of the offset, and the signal that it belongs to."""
+        columns = self.columns.shape[2]
+        power = [*np.repeat(np.arange(self.degree + 1), columns), *range(1, self.poles + 1)]
+        signal = [*np.tile(np.arange(columns), self.degree + 1), *[columns] * self.poles]
+        return np.array(power), np.array(signal)
 
 
 def _square(x: ComplexArray) -> RealArray:
@@ -209,20 +269,6 @@ def _unit(slopes: ComplexArray) -> tuple[ComplexArray, RealArray]:
     scale = np.linalg.norm(slopes, axis=1)
     scale[scale == 0] = 1.0
     return slopes / scale[:, None], scale
-
-
-def _least_squares(
-    slopes: ComplexArray, values: ComplexArray, damping: RealArray | float
-) -> ComplexArray:
-    """Coefficients (F, n) of damped least squares."""
-    unit, scale = _unit(slopes)
-    adjoint = unit.conj().swapaxes(1, 2)
-    normal = adjoint @ unit
-    diagonal = np.arange(normal.shape[1])
-    normal[:, diagonal, diagonal] += np.broadcast_to(damping, len(normal))[:, None] + SINGULAR
-    solved = np.linalg.solve(normal, adjoint @ values[..., None])[..., 0]
-    found: ComplexArray = np.asarray(solved / scale, dtype=complex)
-    return found
 
 
 def _variance(slopes: ComplexArray, left: ComplexArray, nu: int, free: int) -> RealArray:

@@ -19,7 +19,7 @@ from workbench.errors import InputError
 from workbench.identification.responses.periodic import ResponseEstimate
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LinearApproximation(ResponseEstimate):
     """The mean of responses to several realisations; its variance is by noise and distortion.
 

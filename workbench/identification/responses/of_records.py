@@ -17,7 +17,15 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.record_tests.periods import period
 from workbench.identification.responses.local_response import averaged_models, spaced_in_log
-from workbench.identification.responses.periodic import ResponseEstimate, from_periods
+from workbench.identification.responses.periodic import (
+    PeriodicResponse,
+    ResponseEstimate,
+    from_periods,
+)
+from workbench.identification.responses.repeated_rounding import (
+    FEWEST_LEVELS,
+    repeated_rounding,
+)
 from workbench.identification.responses.silent_lines import with_neighbours
 
 EXCITED = 1e-3
@@ -99,13 +107,29 @@ def _periodic(
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
         found, told = _arbitrary(means, frequency, rate)
         return found, f"{count} periods of {samples} samples, averaged; {excitation}; {told}"
+    alone = [
+        _with_rounding(from_periods(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
+        for (U, Y), pair in zip(spectra, pairs, strict=True)
+    ]
     found = [
-        with_neighbours(from_periods(frequency, U[chosen], Y[chosen]), U, Y, lines, chosen)
-        for U, Y in spectra
+        with_neighbours(one, U, Y, lines, chosen)
+        for one, (U, Y) in zip(alone, spectra, strict=True)
     ]
     dropped = ", the first left out as not settled" if unsettled else ""
     told = [f"{count} periods of {samples} samples{dropped}", excitation, *_told_narrow(found)]
     return found, "; ".join(told)
+
+
+def _with_rounding(
+    estimate: PeriodicResponse, U: np.ndarray, pair: tuple[RealArray, ...], samples: int
+) -> PeriodicResponse:
+    """The estimate of amplitudes U (F, periods) whose variance counts rounding that repeats."""
+    u, y = (repeated_rounding(x, samples, k) for x, k in zip(pair, (FEWEST_LEVELS, 2), strict=True))
+    size = samples / np.abs(U.mean(axis=1)[:, None, None]) ** 2
+    more = size * (y + np.abs(estimate.response) ** 2 * u)
+    return replace(
+        estimate, variance=estimate.variance + more, covariance=estimate.covariance + more
+    )
 
 
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:
@@ -198,8 +222,15 @@ def _unsettled(Y: np.ndarray) -> bool:
 
 def excited(U: np.ndarray) -> IntegerArray:
     """Lines of amplitudes (lines, periods) that the input excites; not 0, and not the last one."""
-    mean = np.abs(U.mean(axis=1))
-    spread = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0
+    return excited_together(U[..., None, None])
+
+
+def excited_together(U: np.ndarray) -> IntegerArray:
+    """Lines of amplitudes (lines, periods, channels, experiments) at which the experiments excite
+    all channels, each in a way of its own; not 0, and not the last one."""
+    mean = np.linalg.svd(U.mean(axis=1), compute_uv=False)[:, -1]
+    scatter = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0 * U[:, 0]
+    spread = np.linalg.norm(scatter, axis=(1, 2))
     mean[0] = mean[-1] = 0.0
     enough = np.maximum(EXCITED * mean.max(), OF_NEIGHBOURS * _largest_near(mean))
     return np.flatnonzero((mean > enough) & (mean > EXCITED_OVER_NOISE * spread))

@@ -136,7 +136,7 @@ class ResponseEstimate:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PeriodicResponse(ResponseEstimate):
     """A response from averaged periods, with the noise of one period.
 

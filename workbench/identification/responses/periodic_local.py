@@ -28,6 +28,10 @@ from workbench.identification.experiments.distortion import LineDistortion, dist
 from workbench.identification.experiments.quality import as_record, require_alive
 from workbench.identification.responses.line_sums import LineSums
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.identification.responses.repeated_rounding import (
+    FEWEST_LEVELS,
+    repeated_rounding,
+)
 from workbench.identification.responses.transients import without_transient
 from workbench.input_checks import need_count, need_whole
 
@@ -39,7 +43,7 @@ NEAREST_SILENT = 6
 """Silent odd harmonics from which the distortion at an excited one is taken."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PeriodicLocalResponse(ResponseEstimate):
     """A response at the excited harmonics, with the covariance that noise gives it.
 
@@ -136,6 +140,7 @@ class PeriodicStream:
         self._records: list[LineSums] = []
         self._periods, self._period = int(periods), int(period)
         self._inputs = 0
+        self._rounding: RealArray | None = None
 
     def _new_sums(self) -> LineSums:
         """Empty sums at every harmonic from the first excited one to the last."""
@@ -167,6 +172,13 @@ class PeriodicStream:
             raise InputError(f"{u.shape[1]} inputs after {self._inputs}")
         self._records[experiment].add(np.hstack([y, u]))
 
+    def _count_rounding(self, variance: RealArray) -> None:
+        """Count rounding of samples (ny + nu,) that repeats itself in each period.
+
+        It is at the excited lines alone, so that those between do not tell it.
+        """
+        self._rounding = self._periods * variance
+
     def response(self, sample_rate: float = 1.0) -> PeriodicLocalResponse:
         """The response, when all samples have arrived; ``sample_rate`` [Hz].
 
@@ -184,6 +196,8 @@ class PeriodicStream:
             spectra, sums.offsets, sums.harmonics * self._periods, self._periods,
             self._period * self._periods, self.degree, rational=self.rational,
         )  # fmt: skip
+        if self._rounding is not None:
+            spread = spread + np.diag(self._rounding)
         at = np.searchsorted(sums.harmonics, self.lines)
         outputs = clean.shape[1] - self._inputs
         Y, U = clean[at, :outputs], clean[at, outputs:]
@@ -333,7 +347,7 @@ def _of_record(
         values = values[..., None] if values.ndim == 2 else values
         if values.ndim != 3:
             raise InputError(f"{name} has shape {values.shape}; (N, channels, experiments) needed")
-        require_alive(np.moveaxis(values, 0, -1), name)
+        require_alive(np.concatenate(np.moveaxis(values, -1, 0)).T, name)  # in some experiment
         pair.append(values)
     inputs, outputs = pair
     if len(inputs) != len(outputs) or inputs.shape[2] != outputs.shape[2]:
@@ -343,6 +357,12 @@ def _of_record(
     first = len(inputs) % period
     for experiment in range(inputs.shape[2]):
         stream.add(inputs[first:, :, experiment], outputs[first:, :, experiment], experiment)
+    rounding = [
+        max(repeated_rounding(one, period, fewest) for one in channel)
+        for values, fewest in ((outputs, 2), (inputs, FEWEST_LEVELS))
+        for channel in np.moveaxis(values, 0, -1)
+    ]
+    stream._count_rounding(np.array(rounding))
     return stream.response(sample_rate)
 
 

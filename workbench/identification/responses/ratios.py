@@ -28,10 +28,12 @@ FALSELY_SEEN = 1e-3
 """Share of the chosen lines, in the mean, at which u is zero and was seen by chance."""
 
 
-def seen(u: ComplexArray, variance: RealArray, degrees: float) -> BoolArray:
-    """Lines (F,) at which u (F,) of a variance E|error|^2 (F,) is distinguishable from zero."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        chance = stats.f.sf(np.abs(u) ** 2 / variance, 2, degrees)
+def seen(power: RealArray, degrees: float) -> BoolArray:
+    """Lines (F,) at which |u|^2 over its variance E|error|^2 (F,) is distinguishable from zero.
+
+    Of a matrix U take the least eigenvalue of U U^H over the covariance of one of its columns.
+    """
+    chance = stats.f.sf(power, 2, degrees)
     chance = np.where(np.isnan(chance), 1.0, chance)
     limits = FALSELY_SEEN * np.arange(1, chance.size + 1) / chance.size
     below = np.flatnonzero(np.sort(chance) <= limits)
@@ -39,28 +41,74 @@ def seen(u: ComplexArray, variance: RealArray, degrees: float) -> BoolArray:
     return found
 
 
-def ratio_variance(ratio: ComplexArray, joint: ComplexArray) -> RealArray:
-    """E|error|^2 of ratios (...), to first order; ``joint`` (..., 2, 2) is C / |u|^2 of (y, u)."""
-    cross = (ratio.conj() * joint[..., 0, 1]).real
-    own: RealArray = joint[..., 0, 0].real - 2 * cross + np.abs(ratio) ** 2 * joint[..., 1, 1].real
-    return np.maximum(own, 0.0)
-
-
 def ratio_reach(
     ratio: ComplexArray, joint: ComplexArray, degrees: RealArray, confidence: RealArray
 ) -> RealArray:
-    """Least radii (...) of discs about the ratios that hold Fieller's sets; infinite ones too.
+    """Least radii (...) of discs about ratios that hold Fieller's sets; infinite ones too.
 
-    ``joint`` is as for `ratio_variance`.
+    ``joint`` (..., 2, 2) is C / |u|^2 of (y, u).
     """
-    quantile = stats.f.ppf(confidence, 2, degrees)
-    variance = ratio_variance(ratio, joint)
-    lean = np.abs(joint[..., 0, 1] - ratio * joint[..., 1, 1])
-    rest = 1.0 - quantile * joint[..., 1, 1].real
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shift = quantile * lean / rest
-        reach: RealArray = shift + np.sqrt(shift**2 + quantile * variance / rest)
-    return np.where(rest > 0, reach, np.inf)
+    one = np.ones((*ratio.shape, 1, 1), complex)
+    return row_reach(ratio[..., None], joint, one, degrees, confidence)[..., 0]
+
+
+def row_variance(row: ComplexArray, joint: ComplexArray, spread: ComplexArray) -> RealArray:
+    """E|error|^2 (..., n) of rows y U^-1, to first order; arguments as for `row_reach`."""
+    ways = _ways(row)
+    own = np.einsum("...a,...ab,...b->...", ways, joint, ways.conj()).real
+    found: RealArray = np.maximum(own, 0.0)[..., None] * np.einsum("...ii->...i", spread).real
+    return found
+
+
+def row_reach(
+    row: ComplexArray,
+    joint: ComplexArray,
+    spread: ComplexArray,
+    degrees: RealArray,
+    confidence: RealArray,
+) -> RealArray:
+    """Least radii (..., n) of discs about the entries of rows G = y U^-1 that hold Fieller's sets.
+
+    The set of a row holds all of it at once, with this confidence: all G for which y - G U is
+    compatible with zero. With the errors d of G it is an ellipsoid in complex space,
+
+        d S^-1 d^H <= n F ((1, -G - d) J (1, -G - d)^H),   F the quantile of F(2 n, nu),
+
+    where the errors of y - G U have the covariance (1, -G) J (1, -G)^H S after U^-1.
+
+    Parameters
+    ----------
+    row
+        Estimates (..., n).
+    joint
+        Covariance J (..., 1 + n, 1 + n) of the noise of y and of the rows of U.
+    spread
+        S (..., n, n).
+    """
+    n = row.shape[-1]
+    quantile = np.asarray(n * stats.f.ppf(confidence, 2 * n, degrees))
+    ways, inner = _ways(row), np.linalg.inv(spread)
+    product = np.einsum("...ab,...b->...a", joint, ways.conj())
+    variance = np.einsum("...a,...a->...", ways, product).real
+    lean = product[..., 1:]
+    rest = inner - quantile[..., None, None] * joint[..., 1:, 1:]
+    ends = np.linalg.eigvalsh(rest)[..., 0] > 0
+    rest = np.where(ends[..., None, None], rest, np.eye(n))
+    inverse = np.linalg.inv(rest)
+    shift = quantile[..., None] * np.einsum("...ij,...j->...i", inverse, lean)
+    beyond = quantile * (np.maximum(variance, 0.0) + _inner(lean, shift))
+    size = np.sqrt(beyond[..., None] * np.einsum("...ii->...i", inverse).real)
+    return np.where(ends[..., None], np.abs(shift) + size, np.inf)
+
+
+def _ways(row: ComplexArray) -> ComplexArray:
+    """(1, -G), by which noise enters y - G U."""
+    return np.concatenate([np.ones_like(row[..., :1]), -row], axis=-1)
+
+
+def _inner(a: ComplexArray, b: ComplexArray) -> RealArray:
+    found: RealArray = np.einsum("...i,...i->...", a.conj(), b).real
+    return found
 
 
 def of_chosen(confidence: float, share: RealArray) -> RealArray:

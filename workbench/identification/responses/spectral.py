@@ -15,7 +15,7 @@ from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import need_positive
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SpectralResponse(ResponseEstimate):
     """A response from averaged spectra.
 

@@ -23,7 +23,12 @@ from workbench.identification.experiments.records import read_record
 from workbench.identification.experiments.reports import record_report
 from workbench.identification.files.variables import need_path
 from workbench.identification.record_tests.report import RecordReport
-from workbench.identification.responses.of_excitation import DrivenResponse, driven_responses
+from workbench.identification.responses.driven_parts import pulses
+from workbench.identification.responses.of_excitation import (
+    DrivenResponse,
+    driven_responses,
+    unrecorded,
+)
 from workbench.identification.responses.of_records import FEWEST_SAMPLES, record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_places, need_whole
@@ -56,7 +61,7 @@ class RecordNames:
     output: str | None
     time: str | None
     sample_rate: float | None
-    excitation: str | None
+    excitation: str | int | None
     assume: str | Sequence[str]
 
     @property
@@ -309,14 +314,17 @@ def _of_records(
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     rate = sample_rate or float(np.mean(rates))
-    driven = _excitations(paths, record) if record.excitation is not None else None
+    driven = _excitations(paths, record, records) if record.excitation is not None else None
     reports = _reports(paths, read, driven, rate, record)
     estimates: Sequence[ResponseEstimate]
     if driven is None:
         estimates, said = record_responses(records, rate, most)
     else:
         each = zip(records, driven, strict=True)
-        triples = [(u[:, None], y[:, None], r) for (u, y), r in each]
+        triples = [
+            (u[:, None], y[:, None], record.excitation if isinstance(record.excitation, int) else r)
+            for (u, y), r in each
+        ]
         try:
             estimates, said = driven_responses(triples, rate, most)
         except InputError as error:
@@ -330,8 +338,12 @@ def _of_records(
     return _unheld(_stacked(estimates, 0, 0, told | dict(names)), rate)
 
 
-def _excitations(paths: Sequence[Path], record: RecordNames) -> list[np.ndarray]:
+def _excitations(
+    paths: Sequence[Path], record: RecordNames, records: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[np.ndarray]:
     """What drove each loop from outside (N, 1); its unit does not matter."""
+    if isinstance(record.excitation, int):
+        return [pulses(len(u), record.excitation)[..., 0] for u, _ in records]
     name, output = [str(record.excitation)], [str(record.output)]
     read = [read_record(path, name, output, record.sample_rate, record.time) for path in paths]
     return [data["u"].values.T for data in read]
@@ -352,6 +364,8 @@ def _reports(
             report = record_report(data, None, r=r, dt=1.0 / rate).assuming(record.assume)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+        if isinstance(record.excitation, int):
+            report = unrecorded(report, record.excitation)
         report.need_usable(name=str(path))
         found.append(report)
     return found

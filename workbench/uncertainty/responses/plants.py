@@ -248,7 +248,7 @@ class Responses:
         sample_rate: float | None = None,
         frequency: str | None = None,
         response: str | tuple[str, str] | None = None,
-        excitation: str | None = None,
+        excitation: str | int | None = None,
         assume: str | Sequence[str] = (),
         most: int = 200,
         hold: bool = False,
@@ -274,7 +274,8 @@ class Responses:
         files
             A pattern such as ``"drive*.csv"``, or paths; read as by `read_record`.
         excitation
-            Name of what was added to a closed loop from outside, such as the set-point.
+            Name of what was added to a closed loop from outside, such as the set-point; or, if it
+            was not recorded but repeats itself, the samples of its period.
         assume
             Assumptions on the records that you vouch for against their reports, such as
             "open loop"; certificates say so.
