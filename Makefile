@@ -8,7 +8,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all test-only test-all-only mutants test-processors quick lint reference study thesis bench report docs notebooks clean
+.PHONY: reproduce reproduce-all test test-all test-only test-all-only mutants test-processors quick lint reference study readings thesis bench report docs notebooks clean
 
 # Run every named problem that is not marked slow, print the table, write the HTML index, and open it
 # where somebody looks.
@@ -107,7 +107,11 @@ reference: $(READY)
 	$(REFERENCE) bench/synthesis --set largest=10 --set plants=1 --set distillation=false --set drives=false
 	rm -rf results/reference/.partial
 
-# The page about the thesis, from the reference results.
+# Numbers of the runs that show other readings of the thesis, which the ledger holds as a table.
+readings: $(READY)
+	$(BIN)/python docs/readings.py
+
+# The pages about the thesis, from the reference results.
 thesis: $(READY)
 	$(BIN)/python docs/thesis.py
 

@@ -1,4 +1,7 @@
-"""Write docs/thesis.md, the page about the thesis, from the reference result of cd/claims."""
+"""Write the pages about the thesis from the reference result of cd/claims.
+
+docs/thesis.md has the verdicts, docs/thesis-numbers.md every number.
+"""
 
 from pathlib import Path
 
@@ -7,12 +10,16 @@ import workbench as wb
 ROOT = Path(__file__).parents[1]
 
 
-def page() -> str:
-    """The page as the committed results give it."""
+def pages() -> dict[str, str]:
+    """The pages by name, as the committed results give them."""
     (folder,) = (ROOT / "results" / "reference" / "cd" / "claims").iterdir()
     run = wb.open_run(folder)
-    return run.task.page(run.answer)
+    return {
+        "thesis.md": run.task.page(run.answer),
+        "thesis-numbers.md": run.task.numbers_page(run.answer),
+    }
 
 
 if __name__ == "__main__":
-    Path(__file__).with_suffix(".md").write_text(page(), encoding="utf-8")
+    for name, text in pages().items():
+        (Path(__file__).parent / name).write_text(text, encoding="utf-8")

@@ -58,6 +58,14 @@ def test_second_stadium_is_never_narrower_and_often_wider(away):
     assert missed.mean() > 0.1
 
 
+@pytest.mark.parametrize("away", [0.0, 0.5, 3.0, 30.0])
+def test_midpoints_of_all_pairs_never_miss_the_second_stadium(away):
+    points = random_sets(6)
+    given = points.mean(axis=-1) + away
+    found = thesis_stadium(points, given, medians="pairs")
+    np.testing.assert_allclose(found[1], exact_stadium(points, given)[1], rtol=1e-9)
+
+
 def test_second_stadium_of_the_figure():
     """Figure 5.9, triangles with the centre outside: the side case and the midpoint case."""
     sides = np.array([0j, 4, 2 + 1j])

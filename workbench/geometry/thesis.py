@@ -7,7 +7,8 @@ They are here to be compared with the exact answers. Where the text is ambiguous
 * 5.4.2, first candidate: a side of the polygon and its mirror image in the given centre; valid if
   all vertices lie between the two.
 * 5.4.2, second candidate: "all the median points of the polygon" are the midpoints of its sides,
-  as in figure 5.9 (the optimum asks for the midpoints of all pairs of vertices).
+  or those of all pairs of its vertices, for which the optimum asks. In figure 5.9, a triangle, they
+  are the same.
 * A set of coincident points has no sides, so the stadium's procedures have no candidate.
 
 Radius and half-length of the chosen direction are those of the exact kernel: with a given angle
@@ -17,6 +18,8 @@ Radius and half-length of the chosen direction are those of the exact kernel: wi
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +36,8 @@ from workbench.geometry.points import (
     to_frame,
 )
 
+Medians = Literal["sides", "pairs"]
+"""Whose midpoints the median points of a polygon are."""
 BETWEEN_SLACK = 64.0 * EPS
 """Distance, in units of the set's size, by which a vertex may lie outside the strip of a candidate:
 rounding only."""
@@ -53,11 +58,17 @@ def thesis_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def thesis_stadium(
-    points: ArrayLike, center: ArrayLike | None = None, angle: ArrayLike | None = None
+    points: ArrayLike,
+    center: ArrayLike | None = None,
+    angle: ArrayLike | None = None,
+    *,
+    medians: Medians = "sides",
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Centre, radius, half-length and angle, each (...), of the stadiums of 5.4.1 and 5.4.2.
 
     Without a valid candidate radius, half-length and angle are NaN, and so is a free centre.
+    medians: whose midpoints 5.4.2 tries with a given centre, those of sides or of all pairs of
+    vertices.
     """
     if angle is not None:
         return exact_stadium(points, center, angle)
@@ -69,7 +80,7 @@ def thesis_stadium(
         x, y = to_frame(set_, frame)
         vertices = hull_indices(x, y)
         polygon = x[vertices] + 1j * y[vertices]
-        candidates = _first_set(polygon) if center is None else _second_set(polygon)
+        candidates = _first_set(polygon) if center is None else _second_set(polygon, medians)
         chosen[i] = min(candidates, default=(np.inf, np.nan))[1]
     chosen = chosen.reshape(batch.shape)
     failed = np.isnan(chosen)
@@ -132,12 +143,13 @@ def _first_set(polygon: np.ndarray) -> Iterator[tuple[float, float]]:
             yield width, float(canonical_angle(np.angle(end - start)))
 
 
-def _second_set(polygon: np.ndarray) -> Iterator[tuple[float, float]]:
+def _second_set(polygon: np.ndarray, medians: Medians) -> Iterator[tuple[float, float]]:
     """5.4.2: (radius, angle) of the valid candidates of both cases; the origin is the centre."""
     for start, end in _sides(polygon):
         distance = np.abs(_heights(start, end - start))
         if np.abs(_heights(polygon, end - start)).max() <= distance + BETWEEN_SLACK:
             yield float(distance), float(canonical_angle(np.angle(end - start)))
+    for start, end in _sides(polygon) if medians == "sides" else combinations(polygon, 2):
         middle = 0.5 * (start + end)
         if middle != 0.0:
             distance = np.abs(_heights(start, middle))

@@ -6,7 +6,6 @@ Control of CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
@@ -17,24 +16,24 @@ from pydantic import Field
 from workbench import Check, Run, figures, problem, ref
 from workbench.arrays import RealArray
 from workbench.bench.declare import Ref
-from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.study import Study, array, figure, metric, table
-from workbench.tables import markdown
+from workbench.heavy_types import Dataset, Figure
+from workbench.study import Study, arrays, dim, figure, metric, part
 
-from .chapters import CHAPTERS
-from .items import Item, Number, Verdict
+from . import page, summaries
+from .assignments import Assignment, asked, assignments, natural, settable
+from .chapters import NAMES, chapters, file_of, numbers, sources
+from .intervals import Measured
+from .items import Found, Item, Number, Quantity
+from .verdicts import Verdict, verdict
 
-INTRODUCTION = (
-    "E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), item by item, in "
-    "our words. Numbers are those of the committed reference results; each verdict is a check that "
-    "stands while they stay between its limits. The page is made by `make thesis`."
-)
-"""What stands at the head of the page."""
 COLOURS = {
-    Verdict.REPRODUCED: figures.GREEN,
-    Verdict.READING: figures.SKY,
-    Verdict.REFUTED: figures.ORANGE,
+    Verdict.BUILT_IN: "0.6",
     Verdict.NOT_COMPUTABLE: "0.75",
+    Verdict.NOT_EXPLAINED: figures.PURPLE,
+    Verdict.REFUTED: figures.ORANGE,
+    Verdict.ALL: figures.GREEN,
+    Verdict.NATURAL: figures.BLUE,
+    Verdict.STATED: figures.SKY,
     Verdict.OPEN: "0.9",
 }
 REPEATED = (
@@ -59,16 +58,7 @@ REPEATED = (
 """Random experiments whose number of draws is asked for."""
 STORED = 1e-12
 """Relative difference of a number from that of its run, by rounding."""
-
-
-def sources() -> list[str]:
-    """Names of the problems that numbers of the ledger come from, in order."""
-    return sorted({number.run for _, item in items() for number in item.numbers})
-
-
-def items() -> Iterator[tuple[str, Item]]:
-    """Every item with its chapter."""
-    return ((chapter, item) for chapter, every in CHAPTERS.items() for item in every)
+TABLES = ("readings.toml", "summaries.csv", "findings.toml", *map(file_of, NAMES))
 
 
 def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
@@ -81,18 +71,19 @@ def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
     }
 
 
-def counted() -> dict[Verdict, int]:
-    """Number of items of each verdict."""
-    every = [item.verdict for _, item in items()]
-    return {one: every.count(one) for one in Verdict}
-
-
-@problem("cd/claims", needs=needs, slow=True)
+@problem(
+    "cd/claims",
+    needs=needs,
+    slow=True,
+    data=tuple(f"claims/tables/{name}" for name in TABLES),
+)
 def claims(runs: list[Run], draws: Annotated[int, Field(ge=1, le=1000)] = 50) -> Ledger:
     """What the thesis says, item by item, and the verdict that stored results give on it.
 
-    Each verdict is a check: it stands while the numbers of the runs stay between its limits. In an
-    empty results folder it runs all that it needs, which takes hours.
+    A reading of the thesis is one assignment of values to what its text leaves open. The verdict on
+    an item follows by rule from its numbers under every reading: those of the runs, and those of
+    other readings' runs, of which summaries are stored. In an empty results folder it runs all that
+    it needs, which takes hours.
 
     draws: of the random experiments that are compared over draws.
     """
@@ -112,86 +103,102 @@ class Ledger(Study):
         return "for the stored runs"
 
     @cached_property
-    def numbers(self) -> list[Number]:
-        """The numbers of all items, in order."""
-        return [number for _, item in items() for number in item.numbers]
+    def asked_for(self) -> list[tuple[str, Quantity]]:
+        """Every quantity of every run, once, under each reading that the stored run shows."""
+        found: dict[tuple[str, str], Quantity] = {}
+        for number in numbers():
+            names = number.quantity.variables
+            for own in assignments([*settable(number.run), *names]):
+                reading = natural() | own
+                if not asked(number.run, reading, number.told):
+                    quantity = number.quantity.under(reading)
+                    found.setdefault((number.run, str(quantity)), quantity)
+        return [(run, quantity) for (run, _), quantity in found.items()]
 
-    @array("number")
-    def value(self) -> RealArray:
-        return np.array([number.of(self.runs[number.run]) for number in self.numbers])
+    entry = dim(lambda self: [f"{run}: {quantity}" for run, quantity in self.asked_for])
+
+    @part
+    def found(self) -> list[Found]:
+        """The quantities with their intervals."""
+        measured = {name: Measured(run) for name, run in self.runs.items()}
+        return [measured[run].found(quantity) for run, quantity in self.asked_for]
+
+    ends = arrays(
+        entry,
+        lambda found: dict(zip(Found._fields, np.transpose(found), strict=True)),
+        value="",
+        low=("", "lower end of the 99 % interval"),
+        high=("", "upper end of the 99 % interval"),
+    )
+
+    def lookup(self, answer: Dataset) -> Any:
+        """Numbers by reading: of the stored runs, and of the summaries of the others."""
+        ends = answer[list(Found._fields)].to_array().transpose("entry", "variable").values
+        own = {
+            (run, str(quantity)): Found(*row)
+            for (run, quantity), row in zip(self.asked_for, ends.tolist(), strict=True)
+        }
+        others = summaries.stored()
+
+        def found(number: Number, reading: Assignment) -> Found | None:
+            parameters = asked(number.run, reading, number.told)
+            if parameters is None:
+                return None
+            quantity = str(number.quantity.under(reading))
+            if not parameters:
+                return own[number.run, quantity]
+            return others.get((number.run, summaries.words(parameters), quantity))
+
+        return found
+
+    def judged(self, answer: Dataset) -> dict[str, list[tuple[Item, Verdict]]]:
+        """The items of each chapter with their verdicts."""
+        found = self.lookup(answer)
+        return {
+            chapter: [(item, verdict(item, found)) for item in every]
+            for chapter, every in chapters().items()
+        }
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        now, stored = self.value_now, answer["value"].values
-        off = np.abs(now - stored) / np.maximum(np.abs(stored), np.finfo(float).tiny)
+        stored = answer["value"].values
+        now = np.array([quantity.of(self.runs[run]) for run, quantity in self.asked_for])
+        off = _relative(now, stored)
         same = "largest relative difference of a number from that of its run"
-        return [Check("runs", same, float(off.max()), STORED), *self._verdicts(stored)]
-
-    @property
-    def value_now(self) -> RealArray:
-        """The numbers as the runs give them."""
-        return np.array([number.of(self.runs[number.run]) for number in self.numbers])
-
-    def _verdicts(self, stored: RealArray) -> Iterator[Check]:
-        """A check for each verdict that numbers hold."""
-        values = iter(stored.tolist())
-        for chapter, item in items():
-            beyond = [(number.beyond(next(values)), number.what) for number in item.numbers]
-            if beyond:
-                worst, what = max(beyond)
-                statement = f"{item.says}: {item.verdict}; how far a number is beyond its limits"
-                yield Check(f"{chapter}: {item.place}", statement, worst, 0.0, what)
+        return [Check("runs", same, float(off.max()), STORED)]
 
     @metric
-    def by_verdict(self) -> dict[str, float]:
-        """Number of items of each verdict."""
-        counts = {str(one).replace(" ", "_"): float(n) for one, n in counted().items()}
-        return counts | {"items": sum(counts.values())}
-
-    @table
-    def ledger(self, value: DataArray) -> dict[str, str]:
-        """A table of each chapter."""
-        values, tables = iter(value.values.tolist()), {}
-        for chapter, every in CHAPTERS.items():
-            rows = [_row(item, [next(values) for _ in item.numbers]) for item in every]
-            name = chapter.lower().replace(" ", "-")
-            tables[name] = markdown(["place", "the thesis says", "found", "verdict"], rows)
-        return tables
+    def by_verdict(self, answer: Dataset) -> dict[str, float]:
+        """Number of items of each verdict, and of all that are reproduced under some reading."""
+        told = [one for every in self.judged(answer).values() for _, one in every]
+        counts = {str(one).replace(" ", "_"): float(told.count(one)) for one in Verdict}
+        reproduced = float(sum(one.reproduced for one in told))
+        return counts | {"reproduced": reproduced, "items": float(len(told))}
 
     def page(self, answer: Dataset) -> str:
-        """The ledger as one page in Markdown."""
-        told = ", ".join(f"{count} {verdict}" for verdict, count in counted().items())
-        parts = [f"# What the thesis says, and what became of it\n\n{INTRODUCTION}\n\n{told}.\n"]
-        for chapter, table_ in zip(CHAPTERS, self.tables(answer).values(), strict=True):
-            parts.append(f"## {chapter}\n\n{table_}")
-        return "\n".join(parts)
+        """The ledger as a page in Markdown."""
+        return page.thesis(self.judged(answer), self.lookup(answer))
+
+    def numbers_page(self, answer: Dataset) -> str:
+        """All numbers of the ledger as a page in Markdown."""
+        return page.every_number(self.judged(answer), self.lookup(answer))
 
     @figure
     def verdicts(self, answer: Dataset) -> Figure:
         """Verdicts of each chapter."""
-        drawn, (panel,) = figures.axes(size=(8.0, 4.0))
-        names, before = list(CHAPTERS), np.zeros(len(CHAPTERS))
-        for verdict in Verdict:
-            count = np.array(
-                [sum(i.verdict is verdict for i in every) for every in CHAPTERS.values()]
-            )
-            panel.barh(names, count, left=before, color=COLOURS[verdict], label=str(verdict))
+        drawn, (panel,) = figures.axes(size=(8.0, 4.6))
+        judged = self.judged(answer)
+        names, before = list(judged), np.zeros(len(judged))
+        for one in Verdict:
+            count = np.array([sum(own is one for _, own in every) for every in judged.values()])
+            panel.barh(names, count, left=before, color=COLOURS[one], label=str(one))
             before = before + count
         panel.invert_yaxis()
         figures.label(panel, "items", "", "What the thesis says")
-        figures.legend_below(drawn, panel)
+        figures.legend_below(drawn, panel, columns=2)
         return drawn
 
 
-def _row(item: Item, values: list[float]) -> list[Any]:
-    """Cells of an item: where, what is said, what was found, the verdict."""
-    pairs = zip(item.numbers, values, strict=True)
-    found = [f"{number.what} {value:.4g}{_printed(number)}" for number, value in pairs]
-    runs = sorted({number.run for number in item.numbers})
-    words = [one for one in (item.found, "; ".join(found)) if one]
-    where = ", ".join([*runs, *filter(None, [item.shown])])
-    text = ". ".join(words) + (f" ({where})" if where else "")
-    return [item.place, item.says, text, str(item.verdict)]
-
-
-def _printed(number: Number) -> str:
-    return "" if number.printed is None else f" (printed {number.printed:.4g})"
+def _relative(now: RealArray, stored: RealArray) -> RealArray:
+    """Relative differences of numbers; 0 where both are the same, finite or not."""
+    off = np.abs(now - stored) / np.maximum(np.abs(stored), np.finfo(float).tiny)
+    return np.where(now == stored, 0.0, off)

@@ -36,11 +36,12 @@ from workbench.tables import markdown
 
 from ..drive.disc import Disc
 from ..drive.margins import NearestMargins, nearest_margins
-from ..drive.plants import controller
+from ..drive.plants import Gain, controller
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, drives, gain_margins, red_book
 from .bench_setup import OUTPUT_LIMIT, PERIOD, RATE
 from .experiment import MEASUREMENTS, Laboratory
+from .printed_noise import Amplitude, Fixed, position_noise
 from .record import Record
 
 SETTLED, SPEED = 0.5, 2.0
@@ -52,7 +53,7 @@ LOWEST = 60.0
 SLACK = 1.0
 """How far [dB] a ramp may go on beyond the model's limit: what it changes in half a second."""
 DIRECTIONS = {"up": 1.0, "down": -1.0}
-FARTHEST = {"up": 17.0, "down": 33.0}
+FARTHEST = {"up": 20.0, "down": 33.0}
 """Change of the gain [dB] at which a ramp is given up, beyond the model's limit on every drive."""
 
 
@@ -76,6 +77,10 @@ def gain_ramp(
     axis: Axis,
     deviation: Annotated[float, Field(ge=0, le=1)] = 0.2,
     draws: Annotated[int, Field(ge=1, le=1000)] = 3,
+    gain: Gain = "own",
+    delay: Annotated[float, Field(ge=0, le=2)] = 1.0,
+    noise: Amplitude = "rms",
+    noise_fixed: Fixed = "metres",
 ) -> GainRamp:
     """The gain raised and lowered by 2 dB/s until the loop fails (section 6.3.3, Table A.4).
 
@@ -84,9 +89,11 @@ def gain_ramp(
     change at which the sampled loop becomes unstable, by its model, and the measured margins of
     Table A.4; and the frequency of the control signal just before the end.
 
-    deviation: of the disc over the Red Book's. draws: of the noise, on each drive.
+    deviation: of the disc over the Red Book's. draws: of the noise, on each drive. gain, delay
+    [samples]: as in the laboratory. noise, noise_fixed: how the printed amplitude of 0.15 um is
+    read (`printed_noise`).
     """
-    return GainRamp(axis, deviation, draws)
+    return GainRamp(axis, deviation, draws, gain, delay, noise, noise_fixed)
 
 
 @dataclass(frozen=True)
@@ -96,6 +103,10 @@ class GainRamp(Study):
     axis: Axis
     deviation: float
     draws: int
+    gain: Gain
+    delay: float
+    noise: Amplitude
+    noise_fixed: Fixed
 
     headline: ClassVar[str] = "change_up_mean"
 
@@ -111,6 +122,11 @@ class GainRamp(Study):
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, 12, self.draws)
 
+    def bench(self, drive: str) -> Laboratory:
+        """A drive under the reading that is asked for."""
+        noise = position_noise(self.axis, drive, self.noise, self.noise_fixed)
+        return Laboratory(self.axis, drive, gain=self.gain, delay=self.delay, noise=noise)
+
     def record(self, drive: str, direction: str, seed: int) -> Record:
         """A ramp on a drive; it is played to its end whatever happens."""
         deviation = self.deviation * red_book(self.axis).deviation
@@ -119,7 +135,7 @@ class GainRamp(Study):
             Part("K", linear(controller(self.axis), PERIOD), ["f_en"], ["u_k"]),
             Part("ramp", ramped(slope, SETTLED, PERIOD), ["u_k"], ["u"]),
         ]
-        return Laboratory(self.axis, drive).closed_loop(
+        return self.bench(drive).closed_loop(
             Cascade(MEASUREMENTS, law),
             duration=SETTLED + FARTHEST[direction] / SPEED,
             disc=Disc.along(self.axis, deviation),
@@ -177,7 +193,7 @@ class GainRamp(Study):
         import control
 
         law = control.sample_system(control.ss(controller(self.axis)), PERIOD, "bilinear")
-        return -Laboratory(self.axis, drive).sampled_error() * law
+        return -self.bench(drive).sampled_error() * law
 
     # --- checks -------------------------------------------------------------------------------
 

@@ -105,8 +105,8 @@ def _periodic(
     excitation = f"{lines.size} excited lines{thinning}"
     if count < MANY_PERIODS and np.median(np.diff(lines)) <= DENSE:
         means = [tuple(mean_of_periods(x, samples) for x in pair) for pair in pairs]
-        found, told = _arbitrary(means, frequency, rate)
-        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {told}"
+        found, said = _arbitrary(means, frequency, rate)
+        return found, f"{count} periods of {samples} samples, averaged; {excitation}; {said}"
     alone = [
         _with_rounding(from_periods(frequency, U[chosen], Y[chosen]), U[chosen], pair, samples)
         for (U, Y), pair in zip(spectra, pairs, strict=True)

@@ -36,6 +36,7 @@ from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
+from ...laboratory.printed_noise import Amplitude
 from ..defect_claims import claim_checks, claims_in_words
 from ..defect_events import FEATURES
 from ..defect_kinds import KINDS
@@ -78,6 +79,7 @@ def diode_plane(
     dist_max: Fraction = 0.5,
     alpha: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0,
     below: Fraction = 0.7,
+    noise: Amplitude = "rms",
 ) -> DiodePlane:
     """Defects in the plane of the diodes, quality signal, kinds (figures 7.5, 7.10, 7.11).
 
@@ -92,10 +94,11 @@ def diode_plane(
 
     defects: of each kind on each drive in a draw. draws: of all of it. dist_min (None: 0.18 in
     focus, 0.06 radially), dist_max, alpha: of the quality signal. below: share of the clean level
-    that alarms the binary detector.
+    that alarms the binary detector. noise: how the printed amplitude of 0.15 um is read
+    (`printed_noise`).
     """
     margin = DIST_MIN[axis] if dist_min is None else dist_min
-    return DiodePlane(Detectors(axis, margin, dist_max, alpha, below), defects, draws)
+    return DiodePlane(Detectors(axis, margin, dist_max, alpha, below, noise), defects, draws)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import STILL, Laboratory, measurements
+from ...laboratory.printed_noise import Amplitude, position_noise
 from ..defect_events import LATE, defect_events, features
 from ..defect_kinds import KINDS, SHOCK_PEAK, draw
 from ..defect_runs import ROTATION, DefectRun, run
@@ -81,6 +82,13 @@ class Detectors:
     dist_max: float
     alpha: float
     below: float
+    noise: Amplitude
+
+    def bench(self, drive: str, **quiet: Any) -> Laboratory:
+        """A drive with the noise that is asked for, or quiet."""
+        return Laboratory(
+            self.axis, drive, **{"noise": position_noise(self.axis, drive, self.noise), **quiet}
+        )
 
     def quality(self, one: DefectRun) -> RealArray:
         """Quality, dist and held error of a run (N, 3)."""
@@ -106,7 +114,7 @@ class Detectors:
         """
         rng = np.random.default_rng(seed)
         quiet: dict[str, Any] = {} if noisy else {"noise": 0.0, "electronics": 0.0}
-        bench = Laboratory(self.axis, name, **quiet)
+        bench = self.bench(name, **quiet)
         first, *seeds, last = rng.integers(2**31, size=len(CONDITIONS) + 2).tolist()
         error = abs(run(bench, [], first, duration=CLEAN_TIME).record.f_en)
         still, wobbling, shaken = self._clean(bench, seeds)
@@ -143,7 +151,7 @@ class Detectors:
     def shown(self, rng: np.random.Generator) -> dict[str, Any]:
         """Data of the nominal drive that the figures show, by the name of its array."""
         seed = int(rng.integers(2**31))
-        bench, rng = Laboratory(self.axis, "nominal"), np.random.default_rng(seed)
+        bench, rng = self.bench("nominal"), np.random.default_rng(seed)
         return self._plane(bench, rng, seed) | self._turning(bench, rng, seed)
 
     def _plane(self, bench: Laboratory, rng: np.random.Generator, seed: int) -> dict[str, Any]:

@@ -42,12 +42,15 @@ def total(front: Any) -> Any:
 
 
 def front(answer: Dataset) -> Figure:
-    """Leakage and noise over the relative error: fronts, their bound, and the filters."""
+    """Leakage and noise over the relative error: filters that were found, and a bound.
+
+    The filters found at each error are no front: others of more functions leave less.
+    """
     figure, (panel,) = figures.axes(1, 1, size=(7.4, 5.2))
     looks = (("o--", figures.GREEN), ("s-", figures.BLUE))
     for kind, (dash, colour) in zip(answer["kind"].values, looks, strict=True):
         size = 1e6 * total(answer["front"].sel(kind=kind))
-        panel.plot(answer["point"], size, dash, color=colour, label=str(kind))
+        panel.plot(answer["point"], size, dash, color=colour, label=f"filters found, {kind}")
     grey: Any = {"color": "0.85", "label": "out of reach, nominal plant"}
     least = min(float(total(answer["front"]).min()), float(answer["least_total"].min()))
     panel.fill_between(answer["point"], 2e5 * least, 1e6 * answer["least_total"], **grey)

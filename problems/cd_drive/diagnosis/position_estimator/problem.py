@@ -14,8 +14,9 @@ from workbench import problem
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values
+from ...laboratory.printed_noise import Amplitude
 from .told import PositionEstimator
-from .trials import Scratches
+from .trials import Quality, Scratches
 
 
 @problem(
@@ -31,6 +32,8 @@ def position_estimator(
     wrong: Annotated[float, Field(gt=0, le=0.3)] = 0.05,
     values: Values = "printed",
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+    noise: Amplitude = "rms",
+    quality: Quality = "graded",
 ) -> PositionEstimator:
     """Positions and disturbance estimated through scratches (figures 7.14, 7.15, eq. 7.33-7.35).
 
@@ -43,6 +46,8 @@ def position_estimator(
     length [m], depth: of the scratches. displacement: their false one, in errors that can be read
     (2 um in focus, 0.2 um radially). wrong: relative error of the rotation. values: of the drives.
     draws: of noise, the scratch's angle, its edge and the sign of its displacement, on each drive.
+    noise: how the printed amplitude of 0.15 um is read (`printed_noise`); the Kalman filter
+    expects 0.15 um rms whatever it is. quality: that opens the estimators, graded or binary.
     """
-    scratches = Scratches(axis, length, depth, displacement, values)
+    scratches = Scratches(axis, length, depth, displacement, values, noise, quality)
     return PositionEstimator(axis, scratches, wrong, values, draws)

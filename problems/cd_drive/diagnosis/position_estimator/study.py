@@ -189,7 +189,7 @@ class EstimatorTrials(Study):
     @array((phase, size), "m", "of the thesis' observer opened without delay, without noise")
     def prompt_error_quiet(self, nominal_seed: DataArray, laws: dict[tuple[str, str], Any]) -> Any:
         scratch = self.shown_scratch(nominal_seed)
-        trial = self.scratches.trial("nominal", scratch, noise=0.0, prompt=True)
+        trial = self.scratches.trial("nominal", scratch, noisy=False, prompt=True)
         return trial.errors(estimated(trial, laws["thesis", "known"]).outputs[:, 1])
 
     @part

@@ -7,7 +7,7 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory, measurements
+from ...laboratory.printed_noise import Amplitude, position_noise
 from ...laboratory.record import Record
 from ..defect_runs import ROTATION
-from ..quality import diode_quality
+from ..quality import dimming_detector, diode_quality
 from ..scratch_draws import ScratchDraw
 
 DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
@@ -33,6 +34,10 @@ DIST_MIN, DIST_MAX = 0.16, 0.36
 """Limits of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean
 sum in focus, so dist is up to 0.03 rms. dist_min is five times that, so that no clean sample is
 called bad; at dist_max half of the light is gone."""
+
+
+Quality = Literal["graded", "binary"]
+"""Which signal opens the estimator in a defect."""
 
 
 class Trial(NamedTuple):
@@ -64,6 +69,8 @@ class Scratches:
     """A disc of the largest deviation that the Red Book allows, scratched after a while.
 
     length [m] and depth as `Defect`; displacement: the false one, in errors that can be read.
+    noise: how the printed amplitude is read. quality: graded (eq. 7.13), or 1 and 0 by the binary
+    detector.
     """
 
     axis: Axis
@@ -71,6 +78,8 @@ class Scratches:
     depth: float
     displacement: float
     values: Values
+    noise: Amplitude = "rms"
+    quality: Quality = "graded"
 
     def defect(self, scratch: ScratchDraw) -> Defect:
         """One scratch in a revolution."""
@@ -84,12 +93,14 @@ class Scratches:
         )
 
     def trial(
-        self, drive: str, scratch: ScratchDraw, noise: float | None = None, prompt: bool = False
+        self, drive: str, scratch: ScratchDraw, noisy: bool = True, prompt: bool = False
     ) -> Trial:
         """The mu-PID on a drive with one sample of delay, the computer's.
 
-        noise as in `Laboratory`; prompt: the quality is 0 exactly where the scratch is, else 1.
+        noisy: with noise of the position; prompt: the quality is 0 exactly where the scratch is,
+        else 1.
         """
+        noise = position_noise(self.axis, drive, self.noise) if noisy else 0.0
         bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
         disc = Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
         law = linear(controller(self.axis), PERIOD)
@@ -98,8 +109,11 @@ class Scratches:
             law, duration=DURATION, disc=disc, defects=defects, seed=scratch.seed
         )
         optics = bench.parameters
-        signal = diode_quality(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)
-        seen = play(signal, measurements(record))[:, 0]
+        level = optics.K_opt / optics.K_optn
+        if self.quality == "graded":
+            seen = play(diode_quality(level, DIST_MIN, DIST_MAX), measurements(record))[:, 0]
+        else:
+            seen = 1.0 - play(dimming_detector(level), measurements(record))[:, 0]
         if prompt:
             seen = (record.light == 1.0).astype(float)
         counted = record.time >= EVALUATED

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from workbench.plants.cd_drive.claims.problem import items
+from workbench.plants.cd_drive.claims.chapters import items
 
 from workbench.figures import numbers_in
 

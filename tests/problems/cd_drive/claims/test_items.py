@@ -1,64 +1,45 @@
-"""Rules of the ledger: what its items say, print and limit goes together. No run is needed."""
+"""Rules of the ledger's tables. No run is needed."""
 
-import math
 from collections import Counter
 
-from tables import each
-from workbench.plants.cd_drive.claims.items import Number, Verdict, at_least, at_most, near
-from workbench.plants.cd_drive.claims.problem import items
+import pytest
+from workbench.plants.cd_drive.claims.assignments import variables
+from workbench.plants.cd_drive.claims.chapters import items
+from workbench.plants.cd_drive.claims.values import VALUES
 
 EVERY = list(items())
-LONGEST_SAYING, LONGEST_FINDING = 140, 220
+LONGEST_SAYING, LONGEST_FINDING = 140, 260
 
 
-def of(*verdicts):
-    """One test of all items of some verdicts."""
-    chosen = [(chapter, item) for chapter, item in EVERY if item.verdict in verdicts]
-    said = [f"{chapter}: {item.place}: {item.says}" for chapter, item in chosen]
-    return each("item", [item for _, item in chosen], ids=said)
+def test_every_item_can_be_judged():
+    """By a number that decides, or by what stands in its way."""
+    for _, item in EVERY:
+        decided = any(number.decides for number in item.numbers)
+        said = [item.built_in, item.tried, item.needs]
+        assert decided or any(said), item.says
+        assert sum(map(bool, said)) <= 1, item.says
+        assert not (item.needs and decided), item.says
 
 
-@of(Verdict.REPRODUCED, Verdict.READING)
-def test_what_is_reproduced_agrees_with_what_is_printed(item):
-    assert item.numbers
-    assert all(number.beyond(number.printed) <= 0 for number in item.numbers if _prints(number))
-    assert all(_is_limited(number) for number in item.numbers)
+def test_texts_are_short():
+    for _, item in EVERY:
+        assert 0 < len(item.says) <= LONGEST_SAYING, item.says
+        for text in (item.found, item.reading, item.built_in, item.tried, item.needs):
+            assert len(text) <= LONGEST_FINDING, text
 
 
-@of(Verdict.REFUTED)
-def test_what_is_refuted_excludes_what_is_printed(item):
-    assert all(_is_limited(number) for number in item.numbers)
-    printed = [number for number in item.numbers if _prints(number)]
-    assert item.numbers
-    assert not printed or any(number.beyond(number.printed) > 0 for number in printed)
-
-
-@of(Verdict.READING)
-def test_a_reading_is_stated(item):
-    assert item.found
-
-
-@of(Verdict.NOT_COMPUTABLE, Verdict.OPEN)
-def test_without_numbers_there_are_words(item):
-    assert not item.numbers and item.found and not item.shown
-
-
-@of(*Verdict)
-def test_texts_are_short(item):
-    assert 0 < len(item.says) <= LONGEST_SAYING
-    assert len(item.found) <= LONGEST_FINDING
-
-
-@of(*Verdict)
-def test_texts_fit_into_a_table(item):
+def test_texts_fit_into_a_table():
     """No bar, which would end a cell; no full stop, as more follows."""
-    texts = [item.place, item.says, item.found, item.shown, *(n.what for n in item.numbers)]
-    assert not any("|" in text or text.endswith(".") for text in texts)
+    for _, item in EVERY:
+        texts = [item.place, item.says, item.found, item.reading, item.built_in, item.tried]
+        texts += [item.needs, item.shown, *(number.what for number in item.numbers)]
+        assert not any("|" in text or text.endswith(".") for text in texts), item.says
 
 
-@of(*Verdict)
-def test_limits_are_in_order(item):
-    assert all(number.low <= number.high for number in item.numbers)
+def test_limits_are_in_order():
+    for _, item in EVERY:
+        for number in item.numbers:
+            assert number.low <= number.high, number.what
 
 
 def test_no_statement_stands_twice():
@@ -72,18 +53,34 @@ def test_numbers_of_an_item_have_names_of_their_own():
         assert len(set(names)) == len(names), item.says
 
 
-def test_how_far_a_number_is_beyond_its_limits():
-    number = near("it", "a/run", "metric", 10.0, 0.1)
-    assert (number.low, number.high, number.printed) == (9.0, 11.0, 10.0)
-    assert number.beyond(10.9) < 0 < number.beyond(11.1)
-    assert number.beyond(8.9) > 0 and number.beyond(math.nan) == math.inf
-    assert at_most("it", "a/run", "metric", 2.0).beyond(1.9) < 0
-    assert at_least("it", "a/run", "metric", 2.0).beyond(1.9) > 0
+def test_what_is_printed_lies_within_the_limits():
+    """The limits are those of the statement: what it prints is true of itself."""
+    for _, item in EVERY:
+        for number in item.numbers:
+            if number.printed is not None and number.decides and not item.reading:
+                assert number.low <= number.printed * (1 + 1e-12), number.what
+                assert number.printed * (1 - 1e-12) <= number.high, number.what
 
 
-def _prints(number: Number) -> bool:
-    return number.printed is not None
+@pytest.mark.parametrize("name", sorted(VALUES))
+def test_every_way_to_compute_a_number_is_used(name):
+    used = {number.quantity.name for _, item in EVERY for number in item.numbers}
+    assert name in used or name in {"derived", "arm", "lost_light", "tracks_in_reach"}
 
 
-def _is_limited(number: Number) -> bool:
-    return math.isfinite(number.low) or math.isfinite(number.high)
+def test_variables_of_arguments_are_known():
+    for _, item in EVERY:
+        for number in item.numbers:
+            assert set(number.quantity.variables) <= set(variables()), number.what
+
+
+def test_every_variable_decides_something():
+    used = {
+        name
+        for _, item in EVERY
+        for number in item.numbers
+        for name, one in variables().items()
+        if one.touching(number.run) or name in number.quantity.variables
+    }
+    assert used == set(variables())
+    assert all(len(one.values) > 1 for one in variables().values())

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tables import each
-from workbench.plants.cd_drive.claims.problem import sources
+from workbench.plants.cd_drive.claims.chapters import sources
 
 STORED = Path(__file__).parents[4] / "results" / "reference"
 

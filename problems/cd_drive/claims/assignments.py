@@ -1,0 +1,126 @@
+"""What the text of the thesis leaves open: variables, and complete assignments of values to them.
+
+A reading of the thesis is one assignment. It holds for all items of the ledger. The variables and
+their values stand in tables/readings.toml and were fixed before the runs.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+TABLES = Path(__file__).parent / "tables"
+Assignment = Mapping[str, str]
+"""Values of variables, by the names of these."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The parameter by which problems are run under a variable.
+
+    problems: patterns of names. stored: the value under which the reference result was made.
+    """
+
+    problems: tuple[str, ...]
+    parameter: str
+    stored: str
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Something that the text leaves open.
+
+    values: with what each means; the natural one stands first. touches: patterns of the problems
+    whose numbers depend on it, whether or not they can be run under another value.
+    """
+
+    name: str
+    question: str
+    values: Mapping[str, str]
+    settings: tuple[Setting, ...]
+    touches: tuple[str, ...]
+
+    @property
+    def natural(self) -> str:
+        """The value that a reader takes who is not told otherwise."""
+        return next(iter(self.values))
+
+    def setting(self, problem: str) -> Setting | None:
+        """How a problem is run under the variable, if it can be."""
+        return next((one for one in self.settings if _fits(problem, one.problems)), None)
+
+    def touching(self, problem: str) -> bool:
+        """Whether numbers of a problem depend on the variable."""
+        return self.setting(problem) is not None or _fits(problem, self.touches)
+
+
+@cache
+def of_problem(problem: str) -> dict[str, Setting | None]:
+    """The variables that numbers of a problem depend on, each with how it is set, if it can be."""
+    return {
+        name: one.setting(problem) for name, one in variables().items() if one.touching(problem)
+    }
+
+
+def settable(problem: str) -> list[str]:
+    """The variables that parameters of a problem set."""
+    return [name for name, setting in of_problem(problem).items() if setting is not None]
+
+
+def _fits(name: str, patterns: Iterable[str]) -> bool:
+    return any(fnmatch(name, one) for one in patterns)
+
+
+@cache
+def variables() -> dict[str, Variable]:
+    """The variables by name."""
+    table = tomllib.loads((TABLES / "readings.toml").read_text(encoding="utf-8"))
+    return {name: _variable(name, one) for name, one in table["variables"].items()}
+
+
+def _variable(name: str, row: Mapping[str, Any]) -> Variable:
+    settings = tuple(
+        Setting(
+            tuple(one["problems"]),
+            one["parameter"],
+            one["stored"],
+            {value: one.get("values", {}).get(value, value) for value in row["values"]},
+        )
+        for one in row.get("settings", ())
+    )
+    return Variable(name, row["question"], row["values"], settings, tuple(row.get("touches", ())))
+
+
+def natural() -> dict[str, str]:
+    """The natural reading."""
+    return {name: one.natural for name, one in variables().items()}
+
+
+def assignments(names: Iterable[str]) -> Iterator[dict[str, str]]:
+    """Every assignment of values to some variables, the natural one first."""
+    chosen = [name for name in variables() if name in set(names)]
+    for values in product(*(variables()[name].values for name in chosen)):
+        yield dict(zip(chosen, values, strict=True))
+
+
+def asked(problem: str, reading: Assignment, told: Iterable[str] = ()) -> dict[str, Any] | None:
+    """Parameters of the run that shows a problem under a reading; empty for the reference result.
+
+    told: variables whose values can all be read from one run. None where another variable touches
+    the problem, has not its natural value, and no parameter sets it.
+    """
+    parameters = {}
+    for name, setting in of_problem(problem).items():
+        if setting is not None:
+            if setting.values[reading[name]] != setting.values[setting.stored]:
+                parameters[setting.parameter] = setting.values[reading[name]]
+        elif name not in told and reading[name] != variables()[name].natural:
+            return None
+    return parameters

@@ -1,0 +1,170 @@
+"""The pages about the thesis: docs/thesis.md, and docs/thesis-numbers.md with every number."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+
+from workbench.tables import markdown
+
+from .assignments import TABLES, natural, variables
+from .items import Found, Item, Number
+from .readings import Together, together
+from .verdicts import Lookup, Verdict
+
+Judged = Mapping[str, Sequence[tuple[Item, Verdict]]]
+"""The items of each chapter with their verdicts."""
+INTRODUCTION = """\
+E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), item by item, in our
+words. The numbers come from the committed reference results. Nobody types a verdict: it follows
+from the numbers by a rule, whose answers are tried in this order."""
+RULE = {
+    Verdict.BUILT_IN: "an input of the laboratory, so that finding it again is no finding",
+    Verdict.NOT_COMPUTABLE: "with what was tried",
+    Verdict.NOT_EXPLAINED: "the thesis measured it, and our model does not show it",
+    Verdict.REFUTED: "false under every reading; outside a 99 % interval where it is simulated",
+    Verdict.ALL: "true under every reading that can matter",
+    Verdict.NATURAL: "true under the natural reading; others are false, or were not run",
+    Verdict.STATED: "true under another reading, or with its words taken as stated",
+    Verdict.OPEN: "not decided: something is missing, or a reading was not run",
+}
+"""What each verdict means."""
+READINGS = """\
+A reading is one choice for each of the questions that the text leaves open, and it holds for all
+items. The choices were fixed before the runs, but for the signal without delay, which was added
+when these had shown that its delay decides. The natural choice stands first."""
+NUMBERS = """\
+Every number of [what the thesis says, and what became of it](thesis.md), by the order of that page.
+A number with limits decides about its item: the statement is true where it lies within them. The
+brackets hold the 99 % interval of what is simulated. The run is that of the problem in `workbench
+run`."""
+
+
+def thesis(judged: Judged, found: Lookup) -> str:
+    """The page about the thesis."""
+    parts = [
+        "# What the thesis says, and what became of it",
+        " ".join(INTRODUCTION.split("\n")),
+        _headline(judged),
+        "The page is made by `make thesis`.",
+        "## Ten findings",
+        *_findings(judged),
+        "## Readings",
+        " ".join(READINGS.split("\n")),
+        _questions(),
+        *_together(judged, found),
+    ]
+    for chapter, every in judged.items():
+        rows = [[item.place, item.says, _words(item, found), str(one)] for item, one in every]
+        anchor = chapter.lower().replace(" ", "-")
+        parts += [
+            f"## {chapter}",
+            markdown(["place", "the thesis says", "found", "verdict"], rows).rstrip(),
+            f"[The numbers of this chapter, and their runs](thesis-numbers.md#{anchor})",
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def every_number(judged: Judged, found: Lookup) -> str:
+    """The page with every number."""
+    parts = ["# The numbers about the thesis", " ".join(NUMBERS.split("\n"))]
+    for chapter, every in judged.items():
+        rows = [
+            [item.place, number.what, _value(number, found), _limits(number), f"`{number.run}`"]
+            for item, _ in every
+            for number in item.numbers
+        ]
+        parts += [
+            f"## {chapter}",
+            markdown(["place", "number", "found", "limits", "run"], rows).rstrip(),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _headline(judged: Judged) -> str:
+    """How many items have each verdict, and what it means."""
+    told = [one for every in judged.values() for _, one in every]
+    lines = [f"- **{told.count(one)} {one}**: {words}." for one, words in RULE.items()]
+    return "\n".join(lines)
+
+
+def _findings(judged: Judged) -> list[str]:
+    """The findings in plain words, each with the items that it rests on and their verdicts."""
+    rows = tomllib.loads((TABLES / "findings.toml").read_text(encoding="utf-8"))["finding"]
+    found = {(item.place, item.says): one for every in judged.values() for item, one in every}
+    lines = []
+    for n, row in enumerate(rows, 1):
+        rests = []
+        for place, start in row["items"]:
+            (key,) = (own for own in found if own[0] == place and own[1].startswith(start))
+            rests.append(f"{place}: {found[key]}")
+        lines.append(f"{n}. {row['words']} ({'; '.join(rests)})")
+    return ["\n".join(lines)]
+
+
+def _questions() -> str:
+    """The variables with their values."""
+    rows = [[one.question, "; ".join(one.values.values())] for one in variables().values()]
+    return markdown(["question", "choices, the natural one first"], rows).rstrip()
+
+
+def _together(judged: Judged, found: Lookup) -> list[str]:
+    """The reading that makes most items true, beside the natural one."""
+    rows = together((item for every in judged.values() for item, _ in every), found)
+    usual = next(row for row in rows if row.reading == natural())
+    best = rows[0]
+    count = usual.true + usual.false
+    words = (
+        f"{count} items were run under more than one reading. The natural one makes {usual.true} "
+        f"of them true. Most, {best.true}, are true together if {_changes(best)}"
+    )
+    return [f"{words}."]
+
+
+def _changes(row: Together) -> str:
+    """Where a reading is not the natural one, in words."""
+    changed = [
+        f"{one.question.rstrip('?').lower()}: {one.values[row.reading[name]]}"
+        for name, one in variables().items()
+        if row.reading[name] != one.natural
+    ]
+    return "; ".join(changed) or "everything is read naturally"
+
+
+def _words(item: Item, found: Lookup) -> str:
+    """What was found, in a sentence; the first number that decides where nothing else is said."""
+    words = [
+        one for one in (item.built_in, item.tried, item.reading, item.found, item.needs) if one
+    ]
+    if not words:
+        number = next(one for one in item.numbers if one.decides)
+        words = [f"{number.what}: {_value(number, found)}"]
+    return ". ".join(words)
+
+
+def _value(number: Number, found: Lookup) -> str:
+    """A number under the natural reading."""
+    one = found(number, natural())
+    if one is None:
+        return "not run"
+    told = f"{one.value:.4g}"
+    if _random(one):
+        told += f" [{one.low:.3g}, {one.high:.3g}]"
+    return told if number.printed is None else f"{told} (printed {number.printed:.4g})"
+
+
+def _random(found: Found) -> bool:
+    """Whether a number has an interval that can be told."""
+    return found.low < found.high and math.isfinite(found.low)
+
+
+def _limits(number: Number) -> str:
+    """Limits of a number in words."""
+    if not number.decides:
+        return "told beside"
+    if number.low == number.high:
+        return f"{number.low:.4g}"
+    low = "" if number.low == -math.inf else f"at least {number.low:.4g}"
+    high = "" if number.high == math.inf else f"at most {number.high:.4g}"
+    return ", ".join(filter(None, [low, high]))

@@ -1,0 +1,43 @@
+"""Names by which the tables of the chapters call what is computed from a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from workbench import Run
+
+Computed = TypeVar("Computed", bound=Callable[..., float])
+VALUES: dict[str, Callable[..., float]] = {}
+"""Functions of a run, and of arguments that a table gives by name."""
+
+
+def value(function: Computed) -> Computed:
+    """Enter a function under its own name. Raises ValueError for a name that is taken."""
+    if VALUES.setdefault(function.__name__, function) is not function:
+        raise ValueError(f"two ways to compute a number are called {function.__name__}")
+    return function
+
+
+@value
+def quotient(run: Run, above: str, below: str) -> float:
+    """A metric over another one of the run."""
+    return float(run.metrics[above] / run.metrics[below])
+
+
+@value
+def difference(run: Run, more: str, less: str) -> float:
+    """A metric less another one of the run."""
+    return float(run.metrics[more] - run.metrics[less])
+
+
+@value
+def multiple(run: Run, metric: str, factor: float) -> float:
+    """A metric times a factor."""
+    return float(factor * run.metrics[metric])
+
+
+@value
+def later(run: Run, metric: str, by: float) -> float:
+    """A metric plus a constant."""
+    return float(run.metrics[metric] + by)

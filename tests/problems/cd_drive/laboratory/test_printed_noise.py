@@ -1,0 +1,36 @@
+"""How the printed amplitude of the noise is read."""
+
+import numpy as np
+import pytest
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.laboratory.bench_setup import NOISE
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.laboratory.printed_noise import position_noise
+
+
+def test_the_natural_reading_is_the_laboratorys_own():
+    assert position_noise("focus", "CD6") == NOISE["focus"]
+    assert position_noise("radial", "nominal") == NOISE["radial"]
+
+
+def test_an_amplitude_is_the_end_of_a_distribution_or_three_deviations():
+    drawn = np.random.default_rng(0).uniform(-NOISE["focus"], NOISE["focus"], 100_000)
+    assert position_noise("focus", "CD1", "uniform") == pytest.approx(drawn.std(), rel=0.01)
+    assert position_noise("focus", "CD1", "peak") == pytest.approx(NOISE["focus"] / 3)
+
+
+def test_drives_with_equal_volts_have_noise_in_inverse_proportion_to_their_light():
+    sizes = [position_noise("focus", one.name, fixed="volts") for one in drives("focus")]
+    volts = [one.K_opt * size for one, size in zip(drives("focus"), sizes, strict=True)]
+    assert np.allclose(volts, volts[0], rtol=1e-12)
+    assert drives("focus")[int(np.argmax(sizes))].name == "CD6"
+    assert np.median(sizes) == pytest.approx(NOISE["focus"], rel=0.02)
+
+
+def test_the_laboratory_takes_it():
+    size = position_noise("focus", "CD1", "peak")
+    record = Laboratory("focus", "CD1", noise=size, electronics=0.0, bits=None).open_loop(
+        np.zeros(7000), seed=1
+    )
+    in_metres = record.f_en.std() / Laboratory("focus", "CD1").parameters.K_optn
+    assert in_metres == pytest.approx(size, rel=0.15)
