@@ -231,6 +231,19 @@ class H2HinfSynthesis(ControllerSynthesis):
             loops.powers_fall(whole.A, whole.dt),
             Check("summed", statement, excess(size, answer.norm), SUM_ROUNDING, over=THIS_SYSTEM),
             max(sampled, key=lambda check: check.value),
+            *self._enclosed(answer, size),
+        ]
+
+    def _enclosed(self, answer: H2HinfController, size: float) -> list[Check]:
+        """The H2 norm, as a sum over samples, between what was claimed below and above it."""
+        statement = "H2 norm, as a sum over samples, over the bound by a common Lyapunov matrix"
+        claims = {"summed below the bound": (size, answer.bound, statement)}
+        statement = "least H2 norm without the limit over the norm as a sum over samples"
+        claims["summed above the least"] = answer.least, size, statement
+        return [
+            Check(name, f"{said}, less 1", excess(low, high), BOUND_TOLERANCE, over=THIS_SYSTEM)
+            for name, (low, high, said) in claims.items()
+            if not (math.isnan(low) or math.isnan(high))
         ]
 
     def facts(self, answer: H2HinfController) -> Sequence[str]:
