@@ -5,6 +5,10 @@ from typing import TYPE_CHECKING
 from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
+    from workbench.synthesis.demands.bandwidth_limits import BandwidthLimits
+    from workbench.synthesis.demands.demand_conflict import DemandConflict
+    from workbench.synthesis.demands.demands import Demands
+    from workbench.synthesis.demands.weighted_loop import demanded_plant
     from workbench.synthesis.designs import DESIGNS, DesignTask
     from workbench.synthesis.families.decentralised import Decentralised
     from workbench.synthesis.families.family import Family
@@ -58,6 +62,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.mu_controller import MuController
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
+    from workbench.synthesis.operation.kept_demands import KeptDemands
     from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
@@ -92,10 +97,13 @@ __all__ = [
     "PID",
     "AnalyticBasis",
     "ApproximatedSystem",
+    "BandwidthLimits",
     "ControlCover",
     "ControllerMode",
     "Decentralised",
+    "DemandConflict",
     "DemandCost",
+    "Demands",
     "DesignTask",
     "Deviations",
     "DisturbanceBound",
@@ -112,6 +120,7 @@ __all__ = [
     "Implementation",
     "ImplementedController",
     "Iterate",
+    "KeptDemands",
     "LargestLeastMu",
     "LargestLeastMuChecker",
     "LeadLag",
@@ -146,6 +155,7 @@ __all__ = [
     "closed_transition",
     "continuous_time",
     "controller_replaced",
+    "demanded_plant",
     "discretised",
     "equalising_gain",
     "export",

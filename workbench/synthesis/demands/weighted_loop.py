@@ -1,0 +1,97 @@
+"""The generalised plant of demands: rows of weighted S, K S and T, driven by the set-point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from workbench.errors import InputError
+from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import is_real, need_kind, need_positive
+from workbench.synthesis.demands.demands import Demands, DemandWeight, rational, strictest
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty import UncertaintyModel
+
+READS = {"S": "e", "T": "y", "KS": "u"}
+"""Signals that weights of the transfer functions act on, where the set-point is the input."""
+HOLD = 0.5
+"""Delay of a hold [samples]."""
+
+
+def demanded_plant(
+    model: UncertaintyModel, demands: Demands, period: float, delay: float = 0.0
+) -> GeneralisedPlant:
+    """The loop u = K e, e = r - y of an uncertain plant, with a weight of each demand.
+
+    Mu below 1: each demand's weight is kept by every plant of the model, and all of them together,
+    in the sum of their squares. Weights that another one of the same form includes are left out.
+
+    Parameters
+    ----------
+    model
+        Continuous, from u to y.
+    demands
+        One or more.
+    period
+        Sampling time [s] of the controller. It is continuous here; its hold is half a sample late.
+    delay
+        Delay of its computer [samples].
+
+    Raises
+    ------
+    InputError
+        Nothing is demanded; the model is sampled; or as `Demands.weights`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import PI, Demands, MuSynthesis, demanded_plant
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.2], [1.0]))
+    >>> plant = demanded_plant(model, Demands(bandwidth=0.2, effort=0.05), period=0.5)
+    >>> wb.solve(MuSynthesis(plant, family=PI(), integral=True)).metrics["peak"] < 1
+    True
+    """
+    need_kind(model, UncertaintyModel, "model")
+    need_kind(demands, Demands, "demands")
+    if model.dt:
+        raise InputError(f"the model is sampled every {model.dt:g} s; a continuous one is needed")
+    if not demands.asked:
+        raise InputError("nothing is demanded; give a bandwidth, for example")
+    rows = strictest(demands.weights(model.nominal, period))
+    return weighted_loop(model, lateness(period, delay), rows)
+
+
+def lateness(period: float, delay: float) -> Rational:
+    """The delay of hold and computer, as (-s + 2 / T) / (s + 2 / T)."""
+    need_positive(period, "period")
+    if not (is_real(delay) and 0.0 <= delay < float("inf")):
+        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
+    corner = 2 / ((delay + HOLD) * period)
+    return rational([corner], [-corner], -1.0)
+
+
+def weighted_loop(
+    plant: UncertaintyModel | StateSpace, late: Rational | None, rows: Sequence[DemandWeight]
+) -> GeneralisedPlant:
+    """The loop with a row of each weight; ``late`` acts before the plant."""
+    before: list[Any] = [] if late is None else [(late.state_space(), "u", "v")]
+    names = [f"z_{one.name}" for one in rows]
+    return generalised_plant(
+        [
+            (plant, "u" if late is None else "v", "y"),
+            *before,
+            *(
+                (one.W.state_space(), READS[one.channel], name)
+                for one, name in zip(rows, names, strict=True)
+            ),
+        ],
+        {"e": "r - y"},
+        exogenous="r",
+        control="u",
+        performance=names,
+        measurement="e",
+    )
