@@ -151,7 +151,7 @@ def test_a_control_that_is_too_small_for_the_step_conflicts_with_what_needs_it()
     """T(0) = 1 needs the control step / G(0) = 2 / 2."""
     G = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.1], [1.0]))
     asked = {"bandwidth": 0.2, "overshoot": 0.2, "control_range": 0.5, "setpoint_step": 2.0}
-    study = DemandConflict(G, Demands(**asked), 0.5, 1.0)
+    study = DemandConflict(G, Demands(**asked), 0.5, delay_samples=1.0)
     done = wb.solve(study)
     assert done.certificate.holds, done.certificate
     assert study.conflicting(done.answer) == ("bandwidth", "control_range")
@@ -174,7 +174,7 @@ def test_a_proof_that_is_another_is_found():
 
 def test_demands_that_can_be_had_come_with_their_controller():
     G = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.1], [1.0]))
-    study = DemandConflict(G, Demands(bandwidth=0.1, effort=0.01), 0.5, 1.0)
+    study = DemandConflict(G, Demands(bandwidth=0.1, effort=0.01), 0.5, delay_samples=1.0)
     done = wb.solve(study)
     assert done.certificate.holds and study.conflicting(done.answer) == ()
     louder = done.answer.copy()
@@ -199,5 +199,5 @@ def test_misuse_is_named():
         demanded_plant(model, Demands(), 0.1)
     with pytest.raises(InputError, match="an overshoot belongs to a loop of some speed"):
         demanded_plant(model, Demands(overshoot=0.1), 0.1)
-    with pytest.raises(InputError, match="delay is -1"):
-        demanded_plant(model, Demands(bandwidth=1.0), 0.1, -1.0)
+    with pytest.raises(InputError, match="delay_samples is -1"):
+        demanded_plant(model, Demands(bandwidth=1.0), 0.1, delay_samples=-1.0)

@@ -20,7 +20,7 @@ from workbench.solution import solve
 from workbench.solvers import Options
 from workbench.study import Study, array, dim, figure, metric, part, system, table
 from workbench.synthesis.demands.demands import Demands, strictest
-from workbench.synthesis.demands.relaxations import LARGEST_CHANGE, Limited, relaxations
+from workbench.synthesis.demands.relaxations import LARGEST_CHANGE, LimitedBandwidth, relaxations
 from workbench.synthesis.demands.weighted_loop import demanded_plant, lateness
 from workbench.synthesis.families.three_terms import PI, PID
 from workbench.synthesis.mu.program import MuSynthesis
@@ -54,14 +54,14 @@ class BandwidthLimits(Study):
         Continuous and multiplicative.
     demands
         With a bandwidth.
-    period, delay
+    dt, delay_samples
         Sampling time [s] of the controller, and delay of its computer [samples].
     states
         Largest order that is tried between PID and full order.
     noise_free
         The model as it would be without noise of the records; None: it is not known.
     time_limit
-        Of each controller [s].
+        Of each controller [s]; None: there is none.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class BandwidthLimits(Study):
     >>> from workbench.uncertainty import UncertaintyModel
     >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.1], [1.0]))
     >>> demands = Demands(bandwidth=0.5, effort=0.02)
-    >>> study = BandwidthLimits(model, demands, period=0.5, delay=1.0, states=1)
+    >>> study = BandwidthLimits(model, demands, dt=0.5, delay_samples=1.0, states=1)
     >>> solution = wb.solve(study)
     >>> solution.certificate.holds, study.limit(solution.answer)
     (True, 'the delay of hold and computer')
@@ -84,11 +84,11 @@ class BandwidthLimits(Study):
 
     model: UncertaintyModel
     demands: Demands
-    period: float
-    delay: float = 0.0
+    dt: float
+    delay_samples: float = field(default=0.0, kw_only=True)
     states: int = field(default=2, kw_only=True)
     noise_free: UncertaintyModel | None = field(default=None, kw_only=True)
-    time_limit: float = field(default=10.0, kw_only=True)
+    time_limit: float | None = field(default=None, kw_only=True)
 
     headline: ClassVar[str] = "certified_bandwidth_hz"
 
@@ -99,7 +99,7 @@ class BandwidthLimits(Study):
         need_whole(self.states, "states")
         if self.states < 1:
             raise InputError(f"states is {self.states}; it must be 1 or more")
-        need_positive(self.time_limit, "time_limit")
+        need_positive(self.time_limit, "time_limit", or_none=True)
         need_kind(self.model, UncertaintyModel, "model")
         if self.model.form != "multiplicative":
             raise InputError("the model is additive; a multiplicative one is needed")
@@ -108,7 +108,7 @@ class BandwidthLimits(Study):
     def plant_at(self, bandwidth: float) -> GeneralisedPlant:
         """The generalised plant of the demands with another bandwidth [rad/s]."""
         demands = replace(self.demands, bandwidth=bandwidth)
-        return demanded_plant(self.model, demands, self.period, self.delay)
+        return demanded_plant(self.model, demands, self.dt, delay_samples=self.delay_samples)
 
     @property
     def tasks(self) -> dict[str, dict[str, Any]]:
@@ -164,8 +164,8 @@ class BandwidthLimits(Study):
     def possible(self) -> float:
         return self._whole().largest() / (2 * np.pi)
 
-    def _whole(self) -> Limited:
-        return Limited(self.model, self.demands, self.period, self.delay)
+    def _whole(self) -> LimitedBandwidth:
+        return LimitedBandwidth(self.model, self.demands, self.dt, self.delay_samples)
 
     def _relaxed(self) -> dict[str, Any]:
         return relaxations(self._whole(), self.noise_free)
@@ -205,7 +205,7 @@ class BandwidthLimits(Study):
     def _with_plants(self, K: StateSpace, bandwidth: float, peak: float) -> float:
         """Largest norm of the weighted loop with plants of deviations of size 1 / peak."""
         omega = np.geomspace(1e-4 * bandwidth, 1e3 * bandwidth, FREQUENCIES)
-        late = lateness(self.period, self.delay).response(omega)
+        late = lateness(self.dt, self.delay_samples).response(omega)
         nominal, own = self.model.nominal.response(omega) * late, response(K, omega)[:, 0, 0]
         W_r = self.model.W_r
         along = np.zeros(omega.size) if W_r is None else W_r.response(omega)
@@ -215,7 +215,7 @@ class BandwidthLimits(Study):
         S = 1 / (1 + (nominal * own)[:, None, None] * (1 + away / peak))
         loop = {"S": S, "T": 1 - S, "KS": own[:, None, None] * S}
         demands = replace(self.demands, bandwidth=bandwidth)
-        rows = strictest(demands.weights(self.model.nominal, self.period))
+        rows = strictest(demands.weights(self.model.nominal, self.dt))
         squares = [
             np.abs(one.W.response(omega)[:, None, None] * loop[one.channel]) ** 2 for one in rows
         ]

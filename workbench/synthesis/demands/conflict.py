@@ -13,7 +13,7 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.demands.conflict_proof import conflict_proof
-from workbench.synthesis.demands.demands import SLOW, Demands, DemandWeight, rational
+from workbench.synthesis.demands.demands import SLOW, Demands, DemandWeight, rational_of
 from workbench.synthesis.demands.nominal_reach import Reach, nominal_reach
 from workbench.synthesis.demands.weighted_loop import lateness
 from workbench.synthesis.limits.dual_bound import DualCertificate
@@ -35,14 +35,14 @@ class NominalDemands:
 
     nominal: Rational
     demands: Demands
-    period: float
-    delay: float
+    dt: float
+    delay_samples: float
 
     @cached_property
     def plant(self) -> Rational:
         """The plant with its delays."""
-        G, late = self.nominal, lateness(self.period, self.delay)
-        return rational([*G.zeros, *late.zeros], [*G.poles, *late.poles], G.gain * late.gain)
+        G, late = self.nominal, lateness(self.dt, self.delay_samples)
+        return rational_of([*G.zeros, *late.zeros], [*G.poles, *late.poles], G.gain * late.gain)
 
     @property
     def speed(self) -> float:
@@ -53,15 +53,17 @@ class NominalDemands:
     def bounded_gain(self) -> DemandWeight:
         """The weight of K S that every controller which counts keeps."""
         gain = float(np.abs(self.plant.response(np.array([self.speed]))[0])) / GREATEST_GAIN
-        return DemandWeight("bounded gain", "KS", rational([], [], gain), "gain", gain)
+        return DemandWeight("bounded gain", "KS", rational_of([], [], gain), "gain", gain)
 
     def weights(self, names: Sequence[str], **loosened: float) -> list[DemandWeight]:
         """The weights of some demands, with one of them loosened by a factor, and what is usual."""
         some = self.demands.only(names)
         for name, factor in loosened.items():
             some = some.loosened(name, factor)
-        own = some.weights(self.nominal, self.period, beside=self.demands)
-        margin = DemandWeight("margin", "S", rational([], [], LEAST_MARGIN), "margin", LEAST_MARGIN)
+        own = some.weights(self.nominal, self.dt, beside=self.demands)
+        margin = DemandWeight(
+            "margin", "S", rational_of([], [], LEAST_MARGIN), "margin", LEAST_MARGIN
+        )
         return [*own, margin, self.bounded_gain]
 
     def reach(self, names: Sequence[str], **loosened: float) -> Reach:

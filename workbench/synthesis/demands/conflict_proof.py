@@ -20,7 +20,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.synthesis.demands.demands import DemandWeight, rational
+from workbench.synthesis.demands.demands import DemandWeight, rational_of
 from workbench.synthesis.limits.analytic_basis import AnalyticBasis
 from workbench.synthesis.limits.dual_bound import DualCertificate
 from workbench.synthesis.limits.dual_search import dual_candidate
@@ -115,7 +115,7 @@ def demanded_loop(plant: Rational, weights: Sequence[DemandWeight], level: float
     One of the weights is of K S.
     """
     control = next(one.W for one in weights if one.channel == "KS")
-    return DemandedLoop(rational([], [], 1.0), control, plant, more=tuple(weights), level=level)
+    return DemandedLoop(rational_of([], [], 1.0), control, plant, more=tuple(weights), level=level)
 
 
 def conflict_proof(
@@ -136,7 +136,7 @@ def conflict_proof(
             tried = dual_candidate(loop, basis, level, context)
         except SolverError:
             break
-        if summed(tried, loop) < 0:
+        if summed_excess(tried, loop) < 0:
             found.append(tried)
             low = level
         else:
@@ -148,7 +148,7 @@ def conflict_proof(
     )
 
 
-def summed(proof: DualCertificate, loop: DemandedLoop) -> float:
+def summed_excess(proof: DualCertificate, loop: DemandedLoop) -> float:
     """What `DualCertificate.excess` bounds, by a sum over points of the lenses themselves."""
     omega = 2 * np.pi * np.geomspace(*proof.basis.band, POINTS)
     h = proof.h(omega)

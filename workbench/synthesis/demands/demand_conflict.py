@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -18,7 +18,7 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_kind
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table
 from workbench.synthesis.demands.conflict import Conflict, NominalDemands, find_conflict
-from workbench.synthesis.demands.conflict_proof import demanded_loop, proof_basis, summed
+from workbench.synthesis.demands.conflict_proof import demanded_loop, proof_basis, summed_excess
 from workbench.synthesis.demands.demands import KINDS, Demands
 from workbench.synthesis.demands.nominal_reach import row_norms
 from workbench.synthesis.limits.dual_bound import DualCertificate
@@ -49,7 +49,7 @@ class DemandConflict(Study):
         Continuous; its nominal counts.
     demands
         One or more.
-    period, delay
+    dt, delay_samples
         Sampling time [s] of the controller, and delay of its computer [samples].
 
     Raises
@@ -65,7 +65,7 @@ class DemandConflict(Study):
     >>> from workbench.uncertainty import UncertaintyModel
     >>> G = control.tf([-1.0, 1.0], [1.0, 2.0, 1.0])  # a zero of 1 rad/s right of the axis
     >>> model = UncertaintyModel(G, control.tf([0.1], [1.0]))
-    >>> study = DemandConflict(model, Demands(bandwidth=2.0, effort=0.01), period=0.01)
+    >>> study = DemandConflict(model, Demands(bandwidth=2.0, effort=0.01), dt=0.01)
     >>> solution = wb.solve(study)
     >>> solution.task.conflicting(solution.answer), solution.metrics["proven_level"] > 1
     (('bandwidth',), True)
@@ -73,8 +73,8 @@ class DemandConflict(Study):
 
     model: UncertaintyModel
     demands: Demands
-    period: float
-    delay: float = 0.0
+    dt: float
+    delay_samples: float = field(default=0.0, kw_only=True)
 
     headline: ClassVar[str] = "conflicting_demands"
 
@@ -85,12 +85,12 @@ class DemandConflict(Study):
             raise InputError("the model is sampled; a continuous one is needed")
         if not self.demands.asked:
             raise InputError("nothing is demanded; give a bandwidth, for example")
-        _ = self.nominal.weights(self.demands.asked)  # raises for a period or delay that is none
+        _ = self.nominal.weights(self.demands.asked)  # raises for a dt or a delay that is none
 
     @cached_property
     def nominal(self) -> NominalDemands:
         """The demands on the nominal plant."""
-        return NominalDemands(self.model.nominal, self.demands, self.period, self.delay)
+        return NominalDemands(self.model.nominal, self.demands, self.dt, self.delay_samples)
 
     @part
     def conflict(self, context: Context) -> Conflict:
@@ -189,7 +189,7 @@ class DemandConflict(Study):
         made = self._certificate(answer["proof"], answer["level"], answer["member"])
         if made is not None:
             statement = "sum over points of the largest Re(T h), less that of any controller"
-            found.append(Check("sampled proof", statement, summed(*made), 0.0))
+            found.append(Check("sampled proof", statement, summed_excess(*made), 0.0))
         return [*super().second_opinion(answer), *found]
 
     def _sampled(self) -> RealArray:
@@ -255,9 +255,7 @@ class DemandConflict(Study):
         omega = np.geomspace(SHOWN[0] * speed, SHOWN[1] * speed, SAMPLED)
         P = self.nominal.plant.response(omega)
         names = self.conflicting(answer) or self.demands.asked
-        weights = self.demands.only(names).weights(
-            self.model.nominal, self.period, beside=self.demands
-        )
+        weights = self.demands.only(names).weights(self.model.nominal, self.dt, beside=self.demands)
         for panel, channel, title in zip(panels, ("S", "T", "KS"), ("S", "T", "K S"), strict=True):
             for name, K in self.controller(answer).items():
                 L = P * response(K, omega)[:, 0, 0]

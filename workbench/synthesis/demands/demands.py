@@ -53,7 +53,7 @@ RECOVERY_DECAY = 4.8897
 """The x > 1 at which x exp(1 - x) is `RECOVERED`."""
 SLOW = 1e-3
 """Pole of the weight of a bandwidth over the bandwidth: |S| may be this at frequency zero."""
-HIGHEST_S = 2.0
+PEAK_SENSITIVITY = 2.0
 """Largest |S| that a bandwidth allows."""
 BELOW_CROSSOVER = 0.3
 """Corner, over the bandwidth, below which the weight of an overshoot falls."""
@@ -210,7 +210,7 @@ class Demands:
         return replace(self, **{name: value})
 
     def weights(
-        self, nominal: Rational, period: float, *, beside: Demands | None = None
+        self, nominal: Rational, dt: float, *, beside: Demands | None = None
     ) -> tuple[DemandWeight, ...]:
         """The weight of each demand.
 
@@ -218,7 +218,7 @@ class Demands:
         ----------
         nominal
             The plant.
-        period
+        dt
             Sampling time [s] of the controller.
         beside
             Demands that tell where the loop crosses over and how it is damped; None: these.
@@ -228,11 +228,11 @@ class Demands:
         InputError
             An overshoot is demanded, and nothing that tells a bandwidth.
         """
-        need_positive(period, "period")
+        need_positive(dt, "dt")
         told = self if beside is None else beside
-        return tuple(self._weight(name, nominal, period, told) for name in self.asked)
+        return tuple(self._weight(name, nominal, dt, told) for name in self.asked)
 
-    def _weight(self, name: str, nominal: Rational, period: float, told: Demands) -> DemandWeight:
+    def _weight(self, name: str, nominal: Rational, dt: float, told: Demands) -> DemandWeight:
         value = float(getattr(self, name))
         if name == "bandwidth":
             return DemandWeight(name, "S", tracking(value), "S", value)
@@ -246,17 +246,17 @@ class Demands:
                     "an overshoot belongs to a loop of some speed: demand a bandwidth, a settling "
                     "time or a recovery time too"
                 )
-            return DemandWeight(name, "T", rational([0.0], [-corner], gain), "T", gain)
+            return DemandWeight(name, "T", rational_of([0.0], [-corner], gain), "T", gain)
         if name == "recovery_time":
             omega = RECOVERY_DECAY / value
             return DemandWeight(name, "S", _recovery(nominal, omega), "GS", omega)
         if name == "effort":
             fast = ABOVE_CROSSOVER * told.crossover or math.inf
-            corner = min(fast, UP_TO_SAMPLING / period)
-            W = rational([-corner], [-100 * corner], 100 * value)
+            corner = min(fast, UP_TO_SAMPLING / dt)
+            W = rational_of([-corner], [-100 * corner], 100 * value)
             return DemandWeight(name, "KS", W, "effort", value)
         over = self.noise if name == "control_rms" else self.setpoint_step
-        return DemandWeight(name, "KS", rational([], [], over / value), "KS", over / value)
+        return DemandWeight(name, "KS", rational_of([], [], over / value), "KS", over / value)
 
     def only(self, names: Collection[str]) -> Demands:
         """The demands of these names alone. Raises InputError for one that is not demanded."""
@@ -270,7 +270,7 @@ class Demands:
             raise InputError(f"{name!r} is not demanded; demanded are {', '.join(self.asked)}")
 
 
-def rational(zeros: Sequence[Any], poles: Sequence[Any], gain: float) -> Rational:
+def rational_of(zeros: Sequence[Any], poles: Sequence[Any], gain: float) -> Rational:
     """A rational function by lists of its zeros and poles."""
     return Rational(np.array(zeros, complex), np.array(poles, complex), gain)
 
@@ -286,7 +286,7 @@ def strictest(weights: Collection[DemandWeight]) -> list[DemandWeight]:
 
 def tracking(omega: float) -> Rational:
     """The weight (s / 2 + omega) / (s + omega / 1000) of S."""
-    return rational([-HIGHEST_S * omega], [-SLOW * omega], 1 / HIGHEST_S)
+    return rational_of([-PEAK_SENSITIVITY * omega], [-SLOW * omega], 1 / PEAK_SENSITIVITY)
 
 
 def _recovery(nominal: Rational, omega: float) -> Rational:
@@ -298,7 +298,7 @@ def _recovery(nominal: Rational, omega: float) -> Rational:
     poles, zeros = (_left(roots, least) for roots in (nominal.poles, nominal.zeros))
     outer = Rational(zeros, poles, abs(nominal.gain))
     gain = own.gain * outer.gain / float(np.abs(outer.response(np.array([omega]))[0]))
-    return rational([*own.zeros, *zeros], [*own.poles, *poles], gain)
+    return rational_of([*own.zeros, *zeros], [*own.poles, *poles], gain)
 
 
 def _left(roots: np.ndarray, least: float) -> np.ndarray:

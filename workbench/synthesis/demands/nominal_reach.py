@@ -68,7 +68,7 @@ def nominal_reach(plant: Rational, weights: Sequence[DemandWeight], slow_pole: f
         Where poles on the axis are moved to [rad/s], as Riccati equations need it. Controllers are
         made for that plant and judged with the plant itself.
     """
-    G, near = plant.state_space(), off_the_axis(plant, slow_pole).state_space()
+    G, near = plant.state_space(), poles_off_axis(plant, slow_pole).state_space()
     scales = np.ones(len(weights))
     bound, excess, slow = 0.0, np.inf, 0
     for _ in range(ROUNDS):
@@ -100,7 +100,7 @@ def nominal_reach(plant: Rational, weights: Sequence[DemandWeight], slow_pole: f
     return Reach(None, (), bound)
 
 
-def off_the_axis(plant: Rational, slow_pole: float) -> Rational:
+def poles_off_axis(plant: Rational, slow_pole: float) -> Rational:
     """The plant with its poles at the axis moved to the right of it.
 
     On the left they would be cancelled by the controller, and stay at the axis in the true loop.

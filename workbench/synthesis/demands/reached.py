@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.demands.demands import HIGHEST_S, RECOVERED, SETTLED, Demands
+from workbench.synthesis.demands.demands import PEAK_SENSITIVITY, RECOVERED, SETTLED, Demands
 from workbench.systems.generalised_plant import response
 
 FREQUENCIES = 2000
@@ -51,7 +51,7 @@ def reached_by_responses(
     if demands.bandwidth is not None:
         size = np.abs(S)
         below = size[: int(np.argmax(size >= 1)) or size.size]
-        within = omega[: below.size] * np.sqrt(np.maximum(below**-2 - HIGHEST_S**-2, 0))
+        within = omega[: below.size] * np.sqrt(np.maximum(below**-2 - PEAK_SENSITIVITY**-2, 0))
         found["bandwidth"] = float(within.min(initial=np.inf))
     if demands.effort is not None:
         (weight,) = demands.only(["effort"]).weights(nominal, plant.dt, beside=demands)

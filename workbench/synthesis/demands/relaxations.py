@@ -18,7 +18,7 @@ from workbench.errors import WorkbenchError
 from workbench.fitting.rational import Rational
 from workbench.synthesis.demands.conflict import NominalDemands
 from workbench.synthesis.demands.demands import KINDS, SLOW, Demands, DemandWeight, strictest
-from workbench.synthesis.demands.nominal_reach import off_the_axis
+from workbench.synthesis.demands.nominal_reach import poles_off_axis
 from workbench.synthesis.demands.weighted_loop import weighted_loop
 from workbench.synthesis.h_infinity.riccati import central
 from workbench.uncertainty import UncertaintyModel
@@ -36,13 +36,13 @@ OF_CONTROL = ("effort", "control_range")
 
 
 @dataclass(frozen=True)
-class Limited:
+class LimitedBandwidth:
     """A plant, its uncertainty and demands, of which parts may be left out."""
 
     model: UncertaintyModel
     demands: Demands
-    period: float
-    delay: float
+    dt: float
+    delay_samples: float
     late: bool = True
     spread: bool = True
     free_control: bool = False
@@ -63,12 +63,12 @@ class Limited:
 
     @cached_property
     def _task(self) -> NominalDemands:
-        return NominalDemands(self.model.nominal, self.demands, self.period, self.delay)
+        return NominalDemands(self.model.nominal, self.demands, self.dt, self.delay_samples)
 
     def _possible(self, bandwidth: float) -> bool:
         plant = self._task.plant if self.late else self.model.nominal
         demands = replace(self.demands, bandwidth=bandwidth)
-        rows = strictest(demands.weights(self.model.nominal, self.period))
+        rows = strictest(demands.weights(self.model.nominal, self.dt))
         if self.free_control:
             rows = [
                 one._replace(W=replace(one.W, gain=one.W.gain / MORE_CONTROL))
@@ -82,7 +82,7 @@ class Limited:
                 for name, W in (("circular", self.model.W_c), ("real", self.model.W_r))
                 if W is not None
             ]
-        near = off_the_axis(plant, SLOW * bandwidth).state_space()
+        near = poles_off_axis(plant, SLOW * bandwidth).state_space()
         system = weighted_loop(near, None, [*rows, self._task.bounded_gain]).system
         try:
             found = central(system.A, system.B, system.C, system.D, 1, 1, NORM_TOLERANCE)
@@ -92,11 +92,11 @@ class Limited:
 
 
 def relaxations(
-    whole: Limited, noise_free: UncertaintyModel | None
-) -> dict[str, Callable[[], Limited]]:
+    whole: LimitedBandwidth, noise_free: UncertaintyModel | None
+) -> dict[str, Callable[[], LimitedBandwidth]]:
     """The statement without each of what may limit the bandwidth, by the words for it."""
     demands, nominal = whole.demands, whole.model.nominal
-    found: dict[str, Callable[[], Limited]] = {
+    found: dict[str, Callable[[], LimitedBandwidth]] = {
         "the delay of hold and computer": lambda: replace(whole, late=False),
         "the spread of the plants": lambda: replace(whole, spread=False),
     }

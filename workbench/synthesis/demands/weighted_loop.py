@@ -9,7 +9,7 @@ from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_kind, need_positive
-from workbench.synthesis.demands.demands import Demands, DemandWeight, rational, strictest
+from workbench.synthesis.demands.demands import Demands, DemandWeight, rational_of, strictest
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel
@@ -21,7 +21,7 @@ HOLD = 0.5
 
 
 def demanded_plant(
-    model: UncertaintyModel, demands: Demands, period: float, delay: float = 0.0
+    model: UncertaintyModel, demands: Demands, dt: float, *, delay_samples: float = 0.0
 ) -> GeneralisedPlant:
     """The loop u = K e, e = r - y of an uncertain plant, with a weight of each demand.
 
@@ -34,9 +34,9 @@ def demanded_plant(
         Continuous, from u to y.
     demands
         One or more.
-    period
+    dt
         Sampling time [s] of the controller. It is continuous here; its hold is half a sample late.
-    delay
+    delay_samples
         Delay of its computer [samples].
 
     Raises
@@ -51,7 +51,7 @@ def demanded_plant(
     >>> from workbench.synthesis import PI, Demands, MuSynthesis, demanded_plant
     >>> from workbench.uncertainty import UncertaintyModel
     >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.2], [1.0]))
-    >>> plant = demanded_plant(model, Demands(bandwidth=0.2, effort=0.05), period=0.5)
+    >>> plant = demanded_plant(model, Demands(bandwidth=0.2, effort=0.05), dt=0.5)
     >>> wb.solve(MuSynthesis(plant, family=PI(), integral=True)).metrics["peak"] < 1
     True
     """
@@ -61,17 +61,19 @@ def demanded_plant(
         raise InputError(f"the model is sampled every {model.dt:g} s; a continuous one is needed")
     if not demands.asked:
         raise InputError("nothing is demanded; give a bandwidth, for example")
-    rows = strictest(demands.weights(model.nominal, period))
-    return weighted_loop(model, lateness(period, delay), rows)
+    rows = strictest(demands.weights(model.nominal, dt))
+    return weighted_loop(model, lateness(dt, delay_samples), rows)
 
 
-def lateness(period: float, delay: float) -> Rational:
+def lateness(dt: float, delay_samples: float) -> Rational:
     """The delay of hold and computer, as (-s + 2 / T) / (s + 2 / T)."""
-    need_positive(period, "period")
-    if not (is_real(delay) and 0.0 <= delay < float("inf")):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples, 0 or more")
-    corner = 2 / ((delay + HOLD) * period)
-    return rational([corner], [-corner], -1.0)
+    need_positive(dt, "dt")
+    if not (is_real(delay_samples) and 0.0 <= delay_samples < float("inf")):
+        raise InputError(
+            f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
+        )
+    corner = 2 / ((delay_samples + HOLD) * dt)
+    return rational_of([corner], [-corner], -1.0)
 
 
 def weighted_loop(

@@ -71,7 +71,7 @@ class KeptDemands(WorkingLoop):
     (0.0, 3.0)
     """
 
-    demands: Demands = field(default_factory=Demands)
+    demands: Demands
     peak: float | None = field(default=None, kw_only=True)
 
     headline: ClassVar[str] = "missed"
@@ -216,5 +216,5 @@ class KeptDemands(WorkingLoop):
         panel.axvline(1.0, color=figures.BLACK, linewidth=0.8)
         panel.set_yticks(range(len(labels)), labels)
         panel.set_ylim(-0.6, len(labels) - 0.4)
-        figures.label(panel, "reached over demanded, of each measured plant; above 1 it is missed")
+        figures.label(panel, "reached over demanded (above 1: missed)")
         return {"demands": drawn}
