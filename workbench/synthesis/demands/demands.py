@@ -4,7 +4,8 @@ The loop is u = K e, e = r - y, y = G u, with S = 1 / (1 + G K) and T = 1 - S. A
 transfer function X asks |W X| <= 1 at every frequency. Some weights are necessary or sufficient;
 others are exact for the simplest loop that the words suit, and the simulated loop says whether the
 words came true: beside integrators and unstable poles slow poles may stay, and times were found up
-to 2.4 times as long as those demanded. w is the frequency, z the damping that belongs to the overshoot.
+to 2.4 times as long as those demanded. w is the frequency, z the damping that belongs to the
+overshoot.
 
     bandwidth       |S| <= w / w_b at low frequencies and 2 at high ones: W = (s / 2 + w_b) / s.
     settling_time   As a bandwidth of log(50) / t. S = s / (s + a), which settles to 2 % within
