@@ -34,8 +34,12 @@ from workbench.solvers import Options
 from workbench.structure import Full
 from workbench.study import Study
 from workbench.synthesis import (
+    BandwidthLimits,
+    DemandConflict,
+    Demands,
     H2HinfSynthesis,
     Implementation,
+    KeptDemands,
     LoopShaping,
     MixedSensitivity,
     WorkingLoop,
@@ -44,7 +48,7 @@ from workbench.synthesis import (
 )
 from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
-from workbench.uncertainty import MatrixSets, Responses, generalised_plant
+from workbench.uncertainty import MatrixSets, Responses, UncertaintyModel, generalised_plant
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 LAG = control.tf([1.0], [1.0, 1.0])
@@ -110,7 +114,30 @@ def mixed_norms() -> Certificate:
     return wb.solve(H2HinfSynthesis(plant, 0.3)).certificate
 
 
+def kept_demands() -> Certificate:
+    omega = np.geomspace(0.01, 10, 40)
+    plants = Responses(omega, np.array([gain / (1j * omega + 1) for gain in (0.9, 1.1)]).T)
+    K, point = control.tf([2.0, 1.0], [1.0, 0.0]), WorkingPoint(50.0, 20.0)
+    model = UncertaintyModel(LAG, control.tf([0.1], [1.0]))
+    board = wb.solve(Implementation(K, model, period=0.1, working_point=point))
+    return wb.solve(KeptDemands(plants, board, Demands(bandwidth=1.0))).certificate
+
+
+def demand_conflict() -> Certificate:
+    model = UncertaintyModel(LAG, control.tf([0.1], [1.0]))
+    return wb.solve(DemandConflict(model, Demands(bandwidth=1.0), 0.1)).certificate
+
+
+def bandwidth_limits() -> Certificate:
+    model = UncertaintyModel(LAG, control.tf([0.1], [1.0]))
+    demands = Demands(bandwidth=0.5, effort=0.05)
+    return wb.solve(BandwidthLimits(model, demands, 0.1, states=1)).certificate
+
+
 PROGRAMS = {
+    "KeptDemands": kept_demands,
+    "DemandConflict": demand_conflict,
+    "BandwidthLimits": bandwidth_limits,
     "ConicProgram": lambda: conic([[-1.0], [1.0]], [-2.0, 5.0]).certificate,
     "CvxpyProgram": cvxpy_problem,
     "NoSolution": lambda: conic([[-1.0], [1.0]], [-2.0, 1.0]).certificate,

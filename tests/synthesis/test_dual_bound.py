@@ -19,7 +19,7 @@ from workbench.synthesis import (
     least_mu,
     regularised,
 )
-from workbench.synthesis.limits.dual_search import _candidate
+from workbench.synthesis.limits.dual_search import dual_candidate
 from workbench.uncertainty import GeneralisedPlant
 
 NONE = np.empty(0)
@@ -175,7 +175,7 @@ def test_a_level_that_a_stable_T_has_is_never_proven(name):
     omega = np.unique(np.concatenate([np.geomspace(1e-7, 1e9, 20_000), *about]))
     weights = loop.at(omega)
     level = float(weights.mu(T.response(omega)).max()) * (1 + 1e-6)
-    best = _candidate(loop, basis, level, Context(Options()))
+    best = dual_candidate(loop, basis, level, Context(Options()))
     for factor in (1.0, 1.001, 1.5):
         assert DualCertificate(factor * level, best.coefficients, basis).excess(loop) >= 0.0
     rng = np.random.default_rng(3)

@@ -72,6 +72,18 @@ def share(text: str | None, option: str) -> float | None:
     help="Of the input, absolute [those of the records].",
 )
 @click.option("--effort", type=float, metavar="W", help="Weight of the input [from the gains].")
+@click.option(
+    "--overshoot",
+    callback=lambda _, option, text: share(text, option.opts[0]),
+    metavar="SHARE",
+    help="Of a step of the set-point, at most: 10%; 0: none.",
+)
+@click.option("--settling-time", type=float, metavar="S", help="Of such a step, to 2 %.")
+@click.option(
+    "--recovery-time", type=float, metavar="S", help="After a step at the input, to a tenth."
+)
+@click.option("--control-rms", type=float, metavar="U", help="Of the input by noise, at most.")
+@click.option("--step", type=float, metavar="Y", help="Of the set-point, within the limits.")
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.certificate import told_apart
@@ -107,7 +119,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.secho(
             f"! no controller was found that keeps its weights: at {chosen.bandwidth:g} Hz the "
             f"certified peak of mu is {peak}, and must be below 1. {folder} is written; "
-            "change BANDWIDTH, EFFORT or BAND there (README.md says how)",
+            "change BANDWIDTH, EFFORT or BAND there (README.md says how); "
+            f"workbench run {folder.name}/demands says which demands exclude each other",
             fg="red",
         )
         sys.exit(1)

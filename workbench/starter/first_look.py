@@ -12,6 +12,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.identification.experiments.alike import read_alike
 from workbench.starter.first_choices import FEWEST
+from workbench.starter.noise import rms_of_noise
 from workbench.starter.rest import working_point
 from workbench.synthesis import WorkingPoint
 from workbench.uncertainty import Responses
@@ -34,13 +35,14 @@ class FirstLook:
 
     ``columns``: which of them is what, in words. ``period``: sampling time [s] of the first record.
     ``limits``: least and largest value of the input in all records. ``point``: where they rest.
-    ``notes``: what is odd about that.
+    ``noise``: rms of the measurement noise. ``notes``: what is odd about that.
     """
 
     columns: str
     period: float
     limits: tuple[float, float]
     point: WorkingPoint
+    noise: float
     notes: tuple[str, ...] = ()
 
 
@@ -77,7 +79,8 @@ def first_look(
     instants = f"at {1 / period:.6g} Hz" if time is None else f"time {time!r}"
     assumed = [one for one in (str(read[0].attrs["assumed"]), *alike) if one]
     columns = "; ".join([f"input {input!r}, output {output!r}, {instants}", *assumed])
-    return FirstLook(columns, period, (low, high), *working_point(read))
+    point, notes = working_point(read)
+    return FirstLook(columns, period, (low, high), point, rms_of_noise(records), notes)
 
 
 def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from workbench.starter.first_choices import BENT, CONFIDENCE, FirstChoices, firs
 from workbench.starter.first_look import UNDISTORTED, first_look, oddities
 from workbench.starter.kept_weights import Structure, kept_weights
 from workbench.starter.rest import refuse_opposite_gains
+from workbench.synthesis.demands.demands import Demands
 from workbench.synthesis.implementation.working_point.actuator import actuator
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
@@ -54,6 +55,11 @@ def write_study(
     bandwidth_hz: float | None = None,
     limits: tuple[float, float] | None = None,
     effort: float | None = None,
+    overshoot: float | None = None,
+    settling_time: float | None = None,
+    recovery_time: float | None = None,
+    control_rms: float | None = None,
+    step: float | None = None,
 ) -> FirstChoices:
     """Write a folder with problems, notebook, README, test and the records.
 
@@ -90,6 +96,10 @@ def write_study(
         Least and largest value of the input, absolute; None: those of the records.
     effort
         Weight of the input at low frequencies; None: from the gain of the plants.
+    overshoot, settling_time, recovery_time, control_rms
+        As of `Demands`; None: not demanded. The noise is estimated from the records.
+    step
+        A step of the set-point [units of the output] that must keep the input within its limits.
 
     Returns
     -------
@@ -124,6 +134,14 @@ def write_study(
     need_choice(structure, Structure, "structure")
     need_positive(bandwidth_hz, "bandwidth_hz", or_none=True)
     need_positive(effort, "effort", or_none=True)
+    need_positive(step, "step", or_none=True)
+    asked: dict[str, Any] = {
+        "overshoot": overshoot,
+        "settling_time": settling_time,
+        "recovery_time": recovery_time,
+        "control_rms": control_rms,
+    }
+    Demands(**asked, noise=1.0)  # raises for numbers that are none
     need_positive(period, "period", or_none=True)
     need_positive(sample_rate, "sample_rate", or_none=True)
     if not (is_real(delay) and 0.0 <= delay < math.inf):
@@ -172,6 +190,8 @@ def write_study(
     if bandwidth_hz is not None:
         chosen = replace(chosen, bandwidth=bandwidth_hz)
         chosen.reasons["bandwidth"] = "as given"
+    if control_rms is not None and not look.noise:
+        raise InputError("control_rms is demanded, but the records show no noise: leave it out")
     if effort is not None:
         chosen = replace(chosen, effort=effort)
         chosen.reasons["effort"] = "as given"
@@ -196,6 +216,10 @@ def write_study(
         "limits": tuple(map(float, held)),
         "limits_from": "of the records" if limits is None else "as given",
         "point": look.point,
+        "noise": look.noise,
+        "demands": {**asked, "setpoint_step": step},
+        "unit_of_u": _bracketed(look.point.u_unit),
+        "unit_of_y": _bracketed(look.point.y_unit),
         "structure": structure,
         "reasons": chosen.reasons,
         "confidence": CONFIDENCE,
@@ -223,6 +247,10 @@ def write_study(
         _write(made, paths, told | {"chosen": chosen, "reasons": chosen.reasons})
         made.rename(target)
     return chosen
+
+
+def _bracketed(unit: str) -> str:
+    return "" if unit in ("", "1") else f" [{unit}]"
 
 
 def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING
 from workbench.on_demand import on_demand
 
 if TYPE_CHECKING:
+    from workbench.synthesis.demands.bandwidth_limits import BandwidthLimits
+    from workbench.synthesis.demands.demand_conflict import DemandConflict
+    from workbench.synthesis.demands.demands import Demands
+    from workbench.synthesis.demands.weighted_loop import demanded_plant
     from workbench.synthesis.designs import DESIGNS, DesignTask
     from workbench.synthesis.families.decentralised import Decentralised
     from workbench.synthesis.families.family import Family
@@ -69,6 +73,7 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.program import MuSynthesis
     from workbench.synthesis.mu.rounds import Iterate
     from workbench.synthesis.mu.structured.norm.branching import GainBoxBound, least_norm_in_box
+    from workbench.synthesis.operation.kept_demands import KeptDemands
     from workbench.synthesis.operation.working_loop import WorkingLoop
     from workbench.synthesis.records.inequalities import ProvenFeedback
     from workbench.synthesis.records.program import FeedbackFromRecords
@@ -103,10 +108,13 @@ __all__ = [
     "PID",
     "AnalyticBasis",
     "ApproximatedSystem",
+    "BandwidthLimits",
     "ControlCover",
     "ControllerMode",
     "Decentralised",
+    "DemandConflict",
     "DemandCost",
+    "Demands",
     "DesignTask",
     "Deviations",
     "DisturbanceBound",
@@ -126,6 +134,7 @@ __all__ = [
     "Implementation",
     "ImplementedController",
     "Iterate",
+    "KeptDemands",
     "LargestLeastMu",
     "LargestLeastMuChecker",
     "LeadLag",
@@ -163,6 +172,7 @@ __all__ = [
     "closed_transition",
     "continuous_time",
     "controller_replaced",
+    "demanded_plant",
     "discretised",
     "equalising_gain",
     "export",

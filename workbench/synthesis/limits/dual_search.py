@@ -62,7 +62,7 @@ def highest_proven(
     best = None
     for _ in range(BISECTION_LEVELS):
         level = float(np.sqrt(low * high))
-        found = _candidate(loop, basis, level, context)
+        found = dual_candidate(loop, basis, level, context)
         if found.excess(loop) < 0.0:
             best, low = found, level
         else:
@@ -70,7 +70,7 @@ def highest_proven(
     return best
 
 
-def _candidate(
+def dual_candidate(
     loop: LoopFunctions, basis: AnalyticBasis, level: float, context: Context
 ) -> DualCertificate:
     """H of least integral of Re(c h), that of R |h| being 1, with circles around the sets.

@@ -1,0 +1,41 @@
+"""The measurement noise of records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+SEGMENTS = 8
+"""Segments of a record, without overlap, of which spectra are averaged."""
+UPPER = 0.5
+"""Share of the frequencies, from half the sampling rate down, in which noise is looked for."""
+
+
+def rms_of_noise(records: Sequence[tuple[RealArray, RealArray]]) -> float:
+    """The rms of measurement noise that is white, from the largest of records (u, y).
+
+    It is what of the output's spectrum the input does not explain (the spectrum times one less the
+    coherence), in the upper half of the frequencies, where plants are small. The median over them
+    leaves out lines.
+
+    Source: J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley 2010, section 6.2: the noise
+    spectrum of the output, of which 1 / segments is explained by chance.
+    """
+    from scipy.signal import csd, welch
+
+    found = []
+    for record in records:
+        u, y = (np.asarray(signal, dtype=float).ravel() for signal in record)
+        length = u.size // SEGMENTS
+        given = {"fs": 1.0, "nperseg": length, "noverlap": 0, "detrend": "linear"}
+        _, of_u = welch(u, **given)
+        frequency, of_y = welch(y, **given)
+        _, cross = csd(u, y, **given)
+        explained = np.abs(cross) ** 2 / np.where(of_u > 0, of_u, np.inf)
+        left = np.maximum(of_y - explained, 0.0) * SEGMENTS / (SEGMENTS - 1)
+        upper = left[frequency >= (1 - UPPER) / 2]
+        found.append(float(np.sqrt(np.median(upper) / 2)))
+    return max(found)

@@ -1,0 +1,115 @@
+"""The generalised plant of demands: rows of weighted S, K S and T, driven by the set-point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import is_real, need_kind, need_positive
+from workbench.synthesis.demands.demands import Demands, DemandWeight, rational_of, strictest
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty import UncertaintyModel
+
+READS = {"S": "e", "T": "y", "KS": "u"}
+"""Signals that weights of the transfer functions act on, where the set-point is the input."""
+HOLD = 0.5
+"""Delay of a hold [samples]."""
+LOAD = 0.25
+"""Size of a load at the input, over the input of an error of 1 at the bandwidth. Integral action is
+then as fast as the SIMC rules have it, which take four times the closed loop's time constant."""
+
+
+def demanded_plant(
+    model: UncertaintyModel, demands: Demands, dt: float, *, delay_samples: float = 0.0
+) -> GeneralisedPlant:
+    """The loop u = K e, e = r - y of an uncertain plant, with a weight of each demand.
+
+    Mu below 1: each demand's weight is kept by every plant of the model, and all of them together,
+    in the sum of their squares. Weights that another one of the same form includes are left out. A
+    load at the plant's input enters besides, of `LOAD` times the input that an error of 1 takes at
+    the bandwidth: its errors fade as those of the set-point do.
+
+    Parameters
+    ----------
+    model
+        Continuous, from u to y.
+    demands
+        One or more.
+    dt
+        Sampling time [s] of the controller. It is continuous here; its hold is half a sample late.
+    delay_samples
+        Delay of its computer [samples].
+
+    Raises
+    ------
+    InputError
+        Nothing is demanded; the model is sampled; or as `Demands.weights`.
+
+    Examples
+    --------
+    >>> import control
+    >>> import workbench as wb
+    >>> from workbench.synthesis import PI, Demands, MuSynthesis, demanded_plant
+    >>> from workbench.uncertainty import UncertaintyModel
+    >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.2], [1.0]))
+    >>> plant = demanded_plant(model, Demands(bandwidth=0.2, effort=0.05), dt=0.5)
+    >>> wb.solve(MuSynthesis(plant, family=PI(), integral=True)).metrics["peak"] < 1
+    True
+    """
+    need_kind(model, UncertaintyModel, "model")
+    need_kind(demands, Demands, "demands")
+    if model.dt:
+        raise InputError(f"the model is sampled every {model.dt:g} s; a continuous one is needed")
+    if not demands.asked:
+        raise InputError("nothing is demanded; give a bandwidth, for example")
+    rows = strictest(demands.weights(model.nominal, dt))
+    omega = np.array([demands.crossover])
+    load = LOAD / float(np.abs(model.nominal.response(omega)[0])) if demands.crossover else None
+    return weighted_loop(model, lateness(dt, delay_samples), rows, load)
+
+
+def lateness(dt: float, delay_samples: float) -> Rational:
+    """The delay of hold and computer, as (-s + 2 / T) / (s + 2 / T)."""
+    need_positive(dt, "dt")
+    if not (is_real(delay_samples) and 0.0 <= delay_samples < float("inf")):
+        raise InputError(
+            f"delay_samples is {delay_samples!r}; it must be a number of samples, 0 or more"
+        )
+    corner = 2 / ((delay_samples + HOLD) * dt)
+    return rational_of([corner], [-corner], -1.0)
+
+
+def weighted_loop(
+    plant: UncertaintyModel | StateSpace,
+    late: Rational | None,
+    rows: Sequence[DemandWeight],
+    load: float | None = None,
+) -> GeneralisedPlant:
+    """The loop with a row of each weight; ``late`` acts before the plant, and ``load`` is the size
+    of a disturbance at its input."""
+    names = [f"z_{one.name}" for one in rows]
+    parts: list[Any] = [
+        (one.W.state_space(), READS[one.channel], name)
+        for one, name in zip(rows, names, strict=True)
+    ]
+    sums, enters = {"e": "r - y"}, "u"
+    if late is not None:
+        parts.append((late.state_space(), "u", "late"))
+        enters = "late"
+    if load is not None:
+        parts.append((rational_of([], [], load).state_space(), "d", "load"))
+        sums["v"], enters = f"{enters} + load", "v"
+    return generalised_plant(
+        [(plant, enters, "y"), *parts],
+        sums,
+        exogenous=["r"] if load is None else ["r", "d"],
+        control="u",
+        performance=names,
+        measurement="e",
+    )
