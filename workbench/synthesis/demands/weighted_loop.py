@@ -57,8 +57,8 @@ def demanded_plant(
     >>> import workbench as wb
     >>> from workbench.synthesis import PI, Demands, MuSynthesis, demanded_plant
     >>> from workbench.uncertainty import UncertaintyModel
-    >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.2], [1.0]))
-    >>> plant = demanded_plant(model, Demands(bandwidth=0.2, effort=0.05), dt=0.5)
+    >>> model = UncertaintyModel(control.tf([2.0], [10.0, 1.0]), control.tf([0.1], [1.0]))
+    >>> plant = demanded_plant(model, Demands(bandwidth=0.1, effort=0.02), dt=0.5)
     >>> wb.solve(MuSynthesis(plant, family=PI(), integral=True)).metrics["peak"] < 1
     True
     """
