@@ -243,7 +243,15 @@ def test_the_list_of_exceptions_only_shrinks():
     assert not unneeded, f"these have a second opinion now; strike them out: {sorted(unneeded)}"
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+DEAR = {"BandwidthLimits"}
+
+
+def every_program():
+    for name in PROGRAMS:
+        yield pytest.param(name, marks=[pytest.mark.slow] if name in DEAR else [])
+
+
+@pytest.mark.parametrize("name", every_program())
 def test_a_small_instance_is_checked_by_a_second_opinion(name):
     certificate = PROGRAMS[name]()
     assert certificate.holds, certificate

@@ -62,6 +62,8 @@ LEFT = {
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from -2 to 2
         synthesis/implementation/sampled_response.py: MODE_OFFSETS from 2 to -2
         synthesis/families/lead_lag.py: examples from 0.1 to 1
+        synthesis/families/observer.py: _same from 0.1 to 10
+        synthesis/families/parametrised.py: parameters from 0.01 to 100
         synthesis/families/lead_lag.py: examples from 3 to 10
         synthesis/families/modal.py: examples from 0.3 to 3
         synthesis/families/three_terms.py: FILTERS from 0.001 to 1

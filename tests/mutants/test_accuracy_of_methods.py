@@ -28,6 +28,7 @@ SMALL = {
             "mu_upper_mixed",
             "mu_lower_mixed",
             "hinf",
+            "mixed_norms",
             "fault_filter",
         ),
         *("switching", "magnitude_fit", "circle_cover", "crest_factor", "state_space_fit"),
