@@ -25,8 +25,9 @@ TARGET = 0.95
 """Certified peak of mu at which a bandwidth is kept: some room is left for fewer states."""
 KEPT = 0.98
 """Peak up to which states are left out to find the largest order."""
-SECONDS = 60.0
-"""Time limit [s] of each try; a try that needs longer counts by the peak that it has reached."""
+SECONDS = 300.0
+"""Time limit [s] of each try; a try that needs longer counts by the peak that it has reached. On a
+busy computer a first try may compile loops for a minute or two."""
 
 
 def kept_weights(
