@@ -244,14 +244,10 @@ def test_the_list_of_exceptions_only_shrinks():
 
 
 DEAR = {"BandwidthLimits"}
+EVERY = [pytest.param(name, marks=[pytest.mark.slow] if name in DEAR else []) for name in PROGRAMS]
 
 
-def every_program():
-    for name in PROGRAMS:
-        yield pytest.param(name, marks=[pytest.mark.slow] if name in DEAR else [])
-
-
-@pytest.mark.parametrize("name", every_program())
+@pytest.mark.parametrize("name", EVERY)
 def test_a_small_instance_is_checked_by_a_second_opinion(name):
     certificate = PROGRAMS[name]()
     assert certificate.holds, certificate

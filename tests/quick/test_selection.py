@@ -19,6 +19,8 @@ FEW = 0.25
 """Share of all test functions that most edits reach less than."""
 
 each_edit = pytest.mark.parametrize("edit", EDITS, ids=":".join)
+of_the_graph = pytest.mark.cases(0)
+"""`make test` leaves these out: to read all sources takes six seconds of a processor."""
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +38,14 @@ def test_there_are_edits_in_thirty_rooms():
     assert len({Path(file).parent for file, _ in EDITS}) >= 30
 
 
-@pytest.mark.cases(2)
+@of_the_graph
 @each_edit
 def test_what_an_edit_breaks_is_chosen(graph, edit):
     found = chosen_of(graph, *edit)
     assert [test for test in EDITS[edit] if found.distance(*test) is None] == []
 
 
+@of_the_graph
 def test_most_edits_reach_few_tests(graph):
     shares = sorted(
         sum(map(len, chosen_of(graph, *edit).tests.values())) / len(graph.tests) for edit in EDITS
@@ -50,6 +53,7 @@ def test_most_edits_reach_few_tests(graph):
     assert shares[len(shares) // 2] < FEW
 
 
+@of_the_graph
 def test_a_function_of_an_upper_bound_is_followed_to_the_problems(graph):
     found = chosen_of(graph, "workbench/mu/upper/path.py", "follow")
     near = found.tests["tests/mu/test_upper.py"]
@@ -58,6 +62,7 @@ def test_a_function_of_an_upper_bound_is_followed_to_the_problems(graph):
     assert "tests/optics/test_spots.py" not in found.tests
 
 
+@of_the_graph
 def test_a_comment_reaches_those_alone_that_read_sources(graph):
     file = "workbench/geometry/hull.py"
     text = (ROOT / file).read_text(encoding="utf-8")
@@ -66,6 +71,7 @@ def test_a_comment_reaches_those_alone_that_read_sources(graph):
     assert "tests/geometry/test_hull.py" not in found.tests
 
 
+@of_the_graph
 @pytest.mark.parametrize(
     ("file", "test"),
     [
@@ -85,6 +91,7 @@ def test_files_of_other_kinds_reach_what_reads_them(graph, file, test):
     assert test in chosen(graph, edited(graph, {file: ""})).tests
 
 
+@of_the_graph
 def test_cases_are_told_apart_by_the_problem_that_they_are_about(graph):
     found = chosen_of(graph, "workbench/optics/layers.py", "_fields")
     place = "tests/test_reference.py", "test_reference_result_is_verified"
