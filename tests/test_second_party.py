@@ -19,6 +19,7 @@ import control
 import cvxpy as cp
 import numpy as np
 import pytest
+from perturbed_control import perturbed
 from test_answers import ANSWERS
 
 import workbench
@@ -31,7 +32,6 @@ from workbench.executor import Context
 from workbench.geometry import SmallestCircle
 from workbench.program import Task
 from workbench.solvers import Options
-from workbench.structure import Full
 from workbench.study import Study
 from workbench.synthesis import (
     BandwidthLimits,
@@ -48,7 +48,7 @@ from workbench.synthesis import (
 )
 from workbench.synthesis.no_controller.interlacing import NoStableController
 from workbench.synthesis.no_controller.no_gain import NoStabilisingGain
-from workbench.uncertainty import MatrixSets, Responses, UncertaintyModel, generalised_plant
+from workbench.uncertainty import MatrixSets, Responses, UncertaintyModel
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 LAG = control.tf([1.0], [1.0, 1.0])
@@ -102,16 +102,7 @@ def working_loop() -> Certificate:
 
 def mixed_norms() -> Certificate:
     """The energy of a lag whose control is perturbed."""
-    plant = generalised_plant(
-        [(LAG, "v", "x")],
-        {"v": "u + d + delta", "y": "x + n"},
-        perturbation=[(Full(1, 1), "u", "delta")],
-        exogenous=["d", "n"],
-        performance=["x", "u"],
-        control="u",
-        measurement="y",
-    )
-    return wb.solve(H2HinfSynthesis(plant, 0.3)).certificate
+    return wb.solve(H2HinfSynthesis(perturbed(LAG), 0.3)).certificate
 
 
 def kept_demands() -> Certificate:

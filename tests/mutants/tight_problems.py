@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import control
 import numpy as np
+from perturbed_control import perturbed
 from scipy.linalg import expm
 from scipy.signal import dlsim
 
@@ -83,16 +84,8 @@ def h2() -> Program:
 
 def mixed_norms() -> Program:
     """An unstable lag whose control is perturbed, within a limit that costs energy."""
-    plant = generalised_plant(
-        [(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), "v", "x")],
-        {"v": "u + d + delta", "y": "x + n"},
-        perturbation=[(Full(1, 1), "u", "delta")],
-        exogenous=["d", "n"],
-        performance=["x", "u"],
-        control="u",
-        measurement="y",
-    )
-    return H2HinfSynthesis(plant, 2.2)
+    unstable = control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]])
+    return H2HinfSynthesis(perturbed(unstable), 2.2)
 
 
 def hinf_flexible() -> Program:

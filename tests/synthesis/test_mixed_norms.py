@@ -5,26 +5,11 @@ import math
 import control
 import numpy as np
 import pytest
+from perturbed_control import perturbed
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.structure import Full
 from workbench.synthesis import H2HinfSynthesis, H2Synthesis, Static
-from workbench.uncertainty import generalised_plant
-
-
-def perturbed(G):
-    """A plant whose control is perturbed, under a disturbance and noise."""
-    return generalised_plant(
-        [(G, "v", "x")],
-        {"v": "u + d + delta", "y": "x + n"},
-        perturbation=[(Full(1, 1), "u", "delta")],
-        exogenous=["d", "n"],
-        performance=["x", "u"],
-        control="u",
-        measurement="y",
-    )
-
 
 SECOND = control.ss([[0.0, 1.0], [1.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
 PLANT = perturbed(SECOND)

@@ -17,6 +17,7 @@ from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.input_checks import need_kind, need_positive
 from workbench.study import Study, array, check, dim, figure, metric, part, table
+from workbench.synthesis.demands.demands import SETTLED
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.c_code.c_state_space import start_gains
 from workbench.synthesis.implementation.program import Implementation
@@ -35,8 +36,6 @@ REST_SHARE = 0.05
 """Share of a phase in which the loop rests first."""
 STEP_SHARE, DISTURBANCE_SHARE = 0.3, 0.1
 """Step of the set-point over the room that the limits leave, and the disturbance over them."""
-SETTLED = 0.02
-"""Distance from the set-point, over the step, within which a loop has settled."""
 BUMP = 1e-6
 """Largest change of the control before the step, over what the step makes of it: rounding."""
 LEFT = 0.01

@@ -69,8 +69,8 @@ def least_of_all(program: HinfSynthesis, reached: float) -> float:
     lacks an assumption it is a level that none reaches that knows states and disturbances, or that
     moves every state: perturbed plants have larger ones.
     """
-    alone = [HinfSynthesis(plant) for plant in program.plants]
-    levels = [_least_of_one(one, reached) for one in alone]
+    others = map(HinfSynthesis, program.further_plants)
+    levels = [_least_of_one(one, reached) for one in (program, *others)]
     return max((level for level in levels if not math.isnan(level)), default=math.nan)
 
 
