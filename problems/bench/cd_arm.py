@@ -22,7 +22,7 @@ from workbench.identification.state_space.question import Fitter
 from workbench.identification.state_space.selection import HORIZONS
 from workbench.study import Study, check, figure, metric
 
-from ..cd_arm.identification import ESTIMATION, RECORD, read_record
+from ..cd_arm.identification import RECORD, arm_fit
 
 ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
 """Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
@@ -44,8 +44,7 @@ def peer(own: Run) -> PeerComparison:
     by the one-step fit and its simulator by the free-run fit. The rest judges, use by use.
     """
     orders = tuple(int(order) for order in own.data["order"].values)
-    program = StateSpaceFit(*read_record(), ESTIMATION, orders)
-    return PeerComparison(program, own.answer)
+    return PeerComparison(arm_fit(orders), own.answer)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -29,11 +29,13 @@ def identification(
 
     highest_order: orders from 2 to this one, in steps of two, are tried.
     """
-    u, y = read_record()
     orders = tuple(range(2, highest_order + 1, 2)) or (1,)
-    return StateSpaceFit(
-        u, y, ESTIMATION, orders, title="CD-player arm", poles="stable", assume="open loop"
-    )
+    return arm_fit(orders, title="CD-player arm", poles="stable")
+
+
+def arm_fit(orders: tuple[int, ...], **options: Any) -> StateSpaceFit:
+    """Models of the record, which its authors turned into that of an open loop."""
+    return StateSpaceFit(*read_record(), ESTIMATION, orders, assume="open loop", **options)
 
 
 def read_record() -> tuple[np.ndarray, np.ndarray]:
