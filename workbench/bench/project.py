@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -45,7 +45,7 @@ class Project:
             file = candidate / "pyproject.toml"
             if not file.is_file():
                 continue
-            table = _table(file)
+            table = _table(file, file.stat().st_mtime_ns)
             if table is not None:
                 folders, results, solvers = table
                 problems = tuple(candidate / name for name in folders)
@@ -53,8 +53,11 @@ class Project:
         return cls((), folder / "results")
 
 
-def _table(file: Path) -> tuple[list[str], str, list[str]] | None:
+@lru_cache(maxsize=16)
+def _table(file: Path, changed_ns: int) -> tuple[list[str], str, list[str]] | None:
     """Problem folders, results folder and solvers of a pyproject.toml; None without our table.
+
+    It is read again when the file has changed.
 
     Raises
     ------
@@ -126,15 +129,21 @@ def registry() -> Registry:
     wrong = (*unfit, *_load_packages(), *_without(project.solvers))
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
-    # The time of a folder tells of files that an axis may be made of.
-    files = [file for root in unique for file in (root, *root.rglob("*")) if _counts(file)]
-    files += (file for file in helper_files() if file.is_file())
-    state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
+    files = [file for root in unique for file in _sources(root)]
+    files += (str(file) for file in helper_files() if file.is_file())
+    state = tuple(sorted((file, os.lstat(file).st_mtime_ns) for file in files))
     return _registry(unique, state, wrong)
 
 
-def _counts(file: Path) -> bool:
-    return file.suffix == ".py" or (file.is_dir() and file.name != "__pycache__")
+def _sources(root: Path) -> Iterator[str]:
+    """Python files and folders below a folder.
+
+    The time of a folder tells of files that an axis may be made of.
+    """
+    for folder, inner, files in os.walk(root):
+        inner[:] = [name for name in inner if name != "__pycache__"]
+        yield folder
+        yield from (f"{folder}{os.sep}{name}" for name in files if name.endswith(".py"))
 
 
 _named: list[str] = []
@@ -218,7 +227,7 @@ def _load_packages() -> tuple[str, ...]:
 
 @lru_cache(maxsize=1)
 def _registry(
-    roots: tuple[Path, ...], state: tuple[tuple[Path, int], ...], wrong: tuple[str, ...]
+    roots: tuple[Path, ...], state: tuple[tuple[str, int], ...], wrong: tuple[str, ...]
 ) -> Registry:
     """The same registry as long as no file was added, removed or edited."""
     return Registry(list(roots), wrong)
