@@ -240,6 +240,7 @@ def _valleys(omega: RealArray, ratio: object) -> RealArray:
         around = np.clip(
             at[:, None] + width[:, None] * np.linspace(-1, 1, 9), start[:, None], end[:, None]
         )
-        lowest = ratio(np.exp(around.ravel())).reshape(around.shape).argmin(axis=1)  # type: ignore[operator]
+        # type: ignore[operator]
+        lowest = ratio(np.exp(around.ravel())).reshape(around.shape).argmin(axis=1)
         at, width = around[np.arange(at.size), lowest], width / 4
     return np.exp(at)

@@ -1,1 +1,3 @@
-"""Loops of one channel in exact arithmetic: crossings, dead time as it is, least distances."""
+"""Loops of one channel in exact arithmetic: crossings, dead time without approximation, distances
+from -1.
+"""

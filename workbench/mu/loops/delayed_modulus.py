@@ -1,15 +1,16 @@
-"""Least distances of L = R exp(-s T) from -1, by branch and bound over frequency in balls.
+"""Least distance of L = R exp(-s T) from -1, by branch and bound over frequency in ball arithmetic.
 
 With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor f of `workbench.mu.margins.disk`
-breaks the loop where delta = (1 + L) / (b + a L): of a disk in one channel |delta| is the least
-one, and the distance itself is that of e = 1. Where plant and controller have a factor each, mu of
-the two is that of [[A, B], [C, A]] with A = (b + a L) / (1 + L) and B C = -L / (1 + L)^2, which is
-the largest singular value with |B| = |C|, as D-scaling is exact for two blocks. So the least
-size of delta is, squared,
+breaks the loop where delta = (1 + L) / (b + a L). For a disk in one channel, the least size of
+delta is this |delta|; with e = 1 it is the distance of L from -1. Where plant and controller have a
+factor each, mu of both factors is that of [[A, B], [C, A]] with A = (b + a L) / (1 + L) and B C =
+-L / (1 + L)^2, which is the largest singular value with |B| = |C|, as D-scaling is exact for two
+blocks. So the least size of delta is, squared,
 
     |1 + L|^2 / (p + sqrt(p^2 - d^2)),  p = |b + a L|^2 + |L|,  d = |b^2 + (2 a b + 1) L + a^2 L^2|.
 
-For |L| below a number r < 1 it is least on |L| = r: 1 / mu is logarithmically subharmonic in L.
+Over all L with |L| <= r < 1, it is least on the circle |L| = r: 1 / mu is logarithmically
+subharmonic in L.
 """
 
 from __future__ import annotations
@@ -23,26 +24,33 @@ from itertools import pairwise
 from flint import acb, acb_poly, arb, ctx, fmpq, fmpq_poly
 
 TOLERANCE = 1e-6
-"""Share by which the bound may be below the least distance, unless another one is asked for."""
+"""Largest relative distance of the lower bound below the least distance, unless another one is
+asked for.
+"""
 LIMIT_TOLERANCE = 1e-3
-"""The same where |L| keeps a size at infinity, about which it turns endlessly."""
+"""The same for a loop where |L| keeps a size at infinite frequency and L turns around 0 forever."""
 BITS = 128
-"""Precision of the balls."""
+"""Precision [bits] of the balls."""
 FIRST = 16
-"""Frequencies between which the search begins, beside those that double from there on."""
+"""Number of frequencies that divide the first bands of the search; beyond them, bands double in
+width.
+"""
 MOST = 20_000
-"""Most bands of frequency that are examined: the bound is what is proven by then."""
+"""Largest number of bands examined; the answer is the bound proven by then."""
 ARCS, MOST_ARCS = 8, 400
-"""Arcs of a half circle on which L of any phase lies at first, and the most of them."""
+"""Number of arcs into which a half circle is cut first if the phase of L is arbitrary, and the
+largest number.
+"""
 ROUNDED = 2.0**-50
-"""Share by which a double is rounded outward."""
+"""Relative amount by which a double is rounded outward."""
 
 
 @dataclass(frozen=True)
 class LeastDelta:
-    """No factor with |delta| below ``lower`` breaks the loop; one of ``upper`` does at ``omega``.
+    """No factor with |delta| < ``lower`` breaks the loop; one with |delta| = ``upper`` does, at
+    ``omega``.
 
-    ``omega`` [rad/s] is infinite where ``upper`` is approached at infinite frequency only.
+    ``omega`` [rad/s] is infinite if ``upper`` is only approached at infinite frequency.
     """
 
     lower: float
@@ -51,7 +59,7 @@ class LeastDelta:
 
 
 def least_distance(N: fmpq_poly, D: fmpq_poly, delay: Fraction, tail: float) -> float:
-    """A lower bound of |1 + L| over all frequencies; the rest as of `least_delta`."""
+    """A lower bound of |1 + L| over all frequencies; arguments as of `least_delta`."""
     return least_delta(N, D, delay, tail, skew=1.0).lower
 
 
@@ -67,8 +75,8 @@ def least_delta(
 ) -> LeastDelta:
     """Bounds of the least |delta| that breaks the loop, L = N / D exp(-s delay).
 
-    Beyond ``tail`` [rad/s] |L| is monotone, and its limit is below 1. ``pair`` says whether plant
-    and controller have a factor each, or one of them has.
+    Beyond ``tail`` [rad/s], |L| is monotone with a limit below 1. ``pair``: plant and controller
+    have a factor each; otherwise only one of them has.
     """
     with ctx.workprec(BITS):
         T = arb(fmpq(delay.numerator, delay.denominator))
@@ -87,7 +95,9 @@ class Bands:
         self.slopes = N.derivative(), D.derivative()
 
     def least(self, tail: float, tolerance: float) -> LeastDelta:
-        """The bounds; bands are halved where they are least, until near a value that is taken."""
+        """The bounds; the band with the least bound is halved until its bound is close to an
+        attained value.
+        """
         share = 1 - (max(LIMIT_TOLERANCE, tolerance) if self._limit() > 0 else tolerance)
         end = max(tail, 1e-300)
         taken = min((self._at_infinity(), math.inf), (self.at(end), end))
@@ -133,7 +143,7 @@ class Bands:
             plain = max(plain, least_double(square.abs_lower().sqrt()) if square > 0 else 0.0)
         elif middle.is_finite():
             plain = max(plain, self._under(middle + slope * acb(0, arb(0, half)), acb(1)))
-        if high - low > 1 / self.T:  # L turns far: whatever its phase is
+        if high - low > 1 / self.T:  # L turns by a large angle: its phase is taken as arbitrary
             plain = max(plain, self._on_circle(abs(R)))
         return plain
 
@@ -146,7 +156,7 @@ class Bands:
         return least_double(abs(D + N).abs_lower() / size) if size > 0 else math.inf
 
     def _over(self, N: acb, D: acb) -> float:
-        """The same, rounded up."""
+        """The least |delta| for L = N / D, rounded up."""
         inner, d = self._inner(N, D)
         size = inner.abs_lower()
         if self.pair:
@@ -155,12 +165,12 @@ class Bands:
         return float(found.abs_upper()) * (1 + ROUNDED)
 
     def _inner(self, N: acb, D: acb) -> tuple[arb, arb]:
-        """|b + a L| and d, times |D| and its square."""
+        """|b + a L| times |D|, and d times |D|^2."""
         a, b = self.a, self.b
         return abs(b * D + a * N), abs(b**2 * D**2 + (2 * a * b + 1) * N * D + a**2 * N**2)
 
     def _on_circle(self, sizes: arb) -> float:
-        """A lower bound of the least |delta| for |L| as given and any phase; 0 if it may be -1."""
+        """A lower bound of the least |delta| for this |L| and any phase; 0 if L may be -1."""
         if sizes < 1:
             r = sizes.abs_upper()
         elif sizes > 1:
@@ -188,12 +198,14 @@ class Bands:
         return self._under(_turned(r, arb(low).union(arb(high))), acb(1))
 
     def _beyond(self, end: float) -> float:
-        """A lower bound of the least |delta| from a frequency on."""
+        """A lower bound of the least |delta| beyond a frequency."""
         s = acb(0, end)
         return self._on_circle(abs(self.N(s) / self.D(s)).union(self._limit()))
 
     def _at_infinity(self) -> float:
-        """A size that is approached at infinite frequency, where L is real again and again."""
+        """A value of |delta| that is approached at infinite frequency, where L is real again and
+        again.
+        """
         limit = self._limit()
         return min(self._over(acb(sign * limit), acb(1)) for sign in (-1, 1))
 
@@ -204,16 +216,16 @@ class Bands:
 
 
 def _turned(r: arb, half_turns: arb) -> acb:
-    """r times exp(j pi half_turns)."""
+    """r exp(j pi half_turns)."""
     return acb(0, arb.pi() * half_turns).exp() * r
 
 
 def _paired(p: arb, d: arb) -> arb:
-    """(p + (p^2 - d^2)^(1/2))^(1/2), where 0 stands for a root of what is not positive."""
+    """(p + (p^2 - d^2)^(1/2))^(1/2), with 0 for the root of a negative number."""
     square = p**2 - d**2
     return (p + (square.sqrt() if square > 0 else arb(0))).sqrt()
 
 
 def least_double(value: arb) -> float:
-    """The least number in a ball of positive ones, rounded down; 0 where the ball has no end."""
+    """The least number in a ball of positive numbers, rounded down; 0 if the ball is unbounded."""
     return float(value.abs_lower()) * (1 - ROUNDED) if value.is_finite() else 0.0

@@ -1,7 +1,7 @@
-"""The least |f / h| along the axis of two quasi-polynomials, by branch and bound over frequency.
+"""The least |f / h| of two quasi-polynomials along the axis, by branch and bound over frequency.
 
 With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor of `workbench.mu.margins.disk`
-breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 that is the distance of L
+breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 this is the distance of L
 from -1.
 """
 
@@ -19,19 +19,20 @@ from workbench.mu.loops.encirclements import EXPONENT, radius_where
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
 FIRST = 16
-"""Bands of frequency that double, with which the search begins."""
+"""Number of first bands; each is twice as wide as the one before."""
 TRIED = 80
-"""Frequencies at which a small value is looked for first, in half octaves."""
+"""Number of frequencies, half an octave apart, at which a small value is searched for first."""
 FARTHEST = 2.0**EXPONENT
-"""Stands for an infinite radius."""
+"""Radius that stands for infinity."""
 LIMIT_SHARE = 2.0**-30
-"""Share by which bounds beyond a radius may be below those at infinity."""
+"""Relative distance by which bounds beyond a radius may be below the value at infinity."""
 
 
 def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> LeastDelta:
     """Bounds of the least |f / h|, for f without zeros on the axis; infinite where h is 0.
 
-    Frequencies are halved until the bounds are as near as ``tolerance``, relative, or too many.
+    Bands are halved until the bounds agree to ``tolerance``, relative, or the number of bands is
+    too large.
     """
     with ctx.workprec(BITS):
         if not any(h.terms.values()):
@@ -63,14 +64,15 @@ class _Search:
         return LeastDelta(min(bands[0][0], self._beyond(end), taken[0]), *taken)
 
     def _tried(self) -> list[float]:
-        """Frequencies at which a small value is looked for first."""
+        """Frequencies at which a small value is searched for first."""
         end = radius_where(lambda R: self._beyond(R) > 0)
         return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED)]
 
     def _limit(self) -> float:
-        """A value that is approached at infinite frequency, where all delays are near whole turns.
+        """A value of the quotient that is approached at infinite frequency, where all delays are
+        close to whole turns.
 
-        Of a single delay, near half turns too.
+        With a single delay, half turns are tried too.
         """
         n = self.f.order
         found = []
@@ -84,7 +86,7 @@ class _Search:
         return min(found) if len(delays) == 1 else found[0]
 
     def _beyond(self, end: float) -> float:
-        """A lower bound of the quotient from a frequency on."""
+        """A lower bound of the quotient beyond a frequency."""
         (first, others), parts = (one.sums(end, self.f.order) for one in (self.f, self.h))
         least, most = first - others, sum(parts, arb(0))
         if not least > 0:

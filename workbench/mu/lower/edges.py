@@ -99,7 +99,8 @@ def set_determinants(polynomials, count, level, values):  # type: ignore[no-unty
 
 
 @unchecked_kernel
-def set_crossings(table, polynomials, count, least, most, values, delta, found):  # type: ignore[no-untyped-def]
+# type: ignore[no-untyped-def]
+def set_crossings(table, polynomials, count, least, most, values, delta, found):
     """Estimates of the largest real eigenvalues on edges, between levels of lambda.
 
     Sets the rows of ``found`` (R, 4): eigenvalue, number of the point, number of the block along

@@ -29,7 +29,8 @@ SEARCH_TOLERANCE, FINAL_TOLERANCE = 1e-10, 1e-14
 """Largest imaginary part of an eigenvalue that counts as real, as a share of its size: while Deltas
 are compared, and for the Delta that is returned."""
 NO_BLOCK: int = np.int64(-1)  # type: ignore[assignment]
-"""In place of the number of a real block. Numba would compile once more for an integer of Python.
+"""In place of the number of a real block. Numba would compile once more for an integer of
+Python.
 """
 FOLLOWED_CHANGE = 1e-5
 """A Rayleigh quotient has settled once it changes by less than this share: its error is then of

@@ -31,7 +31,8 @@ KNOWN_ENDS = 6
 
 
 @compiled
-def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type: ignore[no-untyped-def]
+# type: ignore[no-untyped-def]
+def search_batch(Ms, table, starts, start_reals, moving, levels, agree):
     """For each matrix the best of local ascents.
 
     Parameters
@@ -121,7 +122,8 @@ def _keep(value, delta, known):  # type: ignore[no-untyped-def]
 
 
 @unchecked_kernel
-def _search_edges(M, table, least, delta, polynomials, determinants, found, w):  # type: ignore[no-untyped-def]
+# type: ignore[no-untyped-def]
+def _search_edges(M, table, least, delta, polynomials, determinants, found, w):
     """Set the crossings of edges above the level of what is known."""
     count = point_count(table)
     set_polynomials(M, table, count, delta, polynomials, w)

@@ -189,7 +189,8 @@ class StabilityChecker(PartsChecker):
                 found.append(peaks.one_unstable(members, nominals))
         for name, (borne, _) in answer.delays.items():
             element = self.systems[0].elements[name]
-            longest = min(TRIED_SHARE * borne, LONGEST_TRIED * element.high)  # type: ignore[attr-defined]
+            # type: ignore[attr-defined]
+            longest = min(TRIED_SHARE * borne, LONGEST_TRIED * element.high)
             tried = np.linspace(0.0, longest, TRIED).tolist()
             members = [self.systems[0].at(**{name: tau}) for tau in tried]
             found.append(peaks.all_decay(members, f"{name} tried"))
