@@ -240,7 +240,6 @@ def _valleys(omega: RealArray, ratio: object) -> RealArray:
         around = np.clip(
             at[:, None] + width[:, None] * np.linspace(-1, 1, 9), start[:, None], end[:, None]
         )
-        # type: ignore[operator]
-        lowest = ratio(np.exp(around.ravel())).reshape(around.shape).argmin(axis=1)
+        lowest = ratio(np.exp(around.ravel())).reshape(around.shape).argmin(axis=1)  # type: ignore[operator]
         at, width = around[np.arange(at.size), lowest], width / 4
     return np.exp(at)

@@ -74,7 +74,7 @@ def open_bands(
             break
         first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
-    bands = _covered(system, first, bands, late)
+    bands = _left_open(system, first, bands, late)
     many = sum(isinstance(block, Real) for block in structure) >= MANY
     rounds, gaps = (MANY_ROUNDS, MANY_GAPS) if many else (ROUNDS, MOST_GAPS)
     if many and bands and not late():
@@ -89,7 +89,7 @@ def open_bands(
             last = bands
             for at in (plain, mixed):
                 if bands and not late():
-                    bands = _covered(system, at(_middles(bands)), bands, late)
+                    bands = _left_open(system, at(_middles(bands)), bands, late)
             if bands == last:
                 break
         if bands != before and not many:
@@ -101,7 +101,7 @@ def _middles(bands: tuple[Band, ...]) -> RealArray:
     return np.unique([_middle(*band) for band in bands])
 
 
-def _covered(
+def _left_open(
     system: StableSystem,
     found: FrequencyBounds,
     bands: tuple[Band, ...],

@@ -58,7 +58,9 @@ def unstable_member(
             return values
         if late():
             return None
-        tried = np.vstack([corners_of_poles(given, box, values)[:POLES], _moved(box, values)])
+        tried = np.vstack(
+            [corners_of_poles(given, box, values)[:POLES], _single_changes(box, values)]
+        )
         found = given.abscissae(tried)
         best = int(np.argmax(found))
         if not found[best] > furthest:
@@ -67,7 +69,7 @@ def unstable_member(
     return None
 
 
-def _moved(box: BoxPart, values: RealArray) -> RealArray:
+def _single_changes(box: BoxPart, values: RealArray) -> RealArray:
     """Values (k, p) that differ from the given ones (p,) in one parameter."""
     places = np.hstack(
         [

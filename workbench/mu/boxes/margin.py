@@ -217,14 +217,14 @@ class _Search:
         corners = np.vstack([poles, drawn_corners(unit)])
         sizes = np.geomspace(self.upper * SMALLEST, self.upper, SIZES)
         for size in sizes:
-            self._shrunk(self.boxes.at(size, corners))
+            self._bisect_unstable(self.boxes.at(size, corners))
             if self.values is not None:
                 break
         for size in sizes[::DECADE] if self.values is None else ():
             nominal = np.zeros(self.boxes.count)
             found = unstable_member(self.given, self.boxes.box(size), nominal, self._is_late)
             if found is not None:
-                self._bisected(found[None])
+                self._bisect(found[None])
                 break
         self.tell()
         self.descend(corners)
@@ -236,15 +236,15 @@ class _Search:
         """
         shrinks = list(SHRINKS)
         while self.values is not None and shrinks and not self.context.late:
-            if not self._found_below(shrinks[0], self.values):
+            if not self._lower_from(shrinks[0], self.values):
                 shrinks.pop(0)
         for corner in corners:
             if self.values is None or self.context.late:
                 return
-            while self._found_below(SHRINKS[-2], self.boxes.at(self.upper, corner[None])[0]):
+            while self._lower_from(SHRINKS[-2], self.boxes.at(self.upper, corner[None])[0]):
                 pass
 
-    def _found_below(self, shrink: float, start: RealArray) -> bool:
+    def _lower_from(self, shrink: float, start: RealArray) -> bool:
         """Try to lower the upper bound by this share or more, starting from a member; False if none
         is found.
         """
@@ -253,7 +253,7 @@ class _Search:
         if found is None or not self.boxes.size(found[None])[0] > 0:
             return False
         before = self.upper
-        self._bisected(found[None])
+        self._bisect(found[None])
         return self.upper < before
 
     def decide(self, size: float, parts: int) -> bool:
@@ -269,7 +269,7 @@ class _Search:
             part, effects = partition.pop(), np.zeros(self.boxes.count)
             self.left -= 1
             corners = part.centre + corner_signs(self.boxes.count) * part.width
-            self._shrunk(np.vstack([part.centre, corners]))
+            self._bisect_unstable(np.vstack([part.centre, corners]))
             if self.upper <= size:
                 return True
             about = self.given.recentred(part, self.boxes.others(size))
@@ -282,7 +282,7 @@ class _Search:
         self.lower = size
         return True
 
-    def _shrunk(self, values: RealArray) -> None:
+    def _bisect_unstable(self, values: RealArray) -> None:
         """Lower the upper bound by bisection along the smallest few unstable values of those
         given.
         """
@@ -290,9 +290,9 @@ class _Search:
         values = values[(sizes > 0) & (sizes <= self.upper)]
         unstable = values[self.given.unstable(values)] if len(values) else values
         for one in unstable[np.argsort(self.boxes.size(unstable))][:TRIED]:
-            self._bisected(one[None])
+            self._bisect(one[None])
 
-    def _bisected(self, values: RealArray) -> None:
+    def _bisect(self, values: RealArray) -> None:
         """Lower the upper bound by bisection along the direction of the values (1, p)."""
         low, high = 0.0, min(self.upper, float(self.boxes.size(values)[0]))
         if not self.given.unstable(self.boxes.at(high, values))[0]:

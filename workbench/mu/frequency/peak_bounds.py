@@ -125,11 +125,11 @@ class PeakChecker(Checker):
         return f"from {low:.6g} to {high:.6g} rad/s, for every perturbation of the structure"
 
     def checks(self, answer: Peak, tolerance: float) -> list[Check]:
-        system, structure, Delta = self._claimed_of(answer)
+        system, structure, Delta = self._claim_parts(answer)
         return peak_checks(system, structure, answer.lower, answer.upper, answer, Delta)
 
     def second_opinion(self, answer: Peak) -> list[Check]:
-        system, structure, Delta = self._claimed_of(answer)
+        system, structure, Delta = self._claim_parts(answer)
         omega = answer.omega
         if isinstance(system, StableSystem):
             system, omega = realised_in_doubles(system), system.plane(omega)
@@ -142,7 +142,7 @@ class PeakChecker(Checker):
 
     def figures(self, answer: Peak) -> dict[str, Figure]:
         """Bounds of mu over frequency, and the level that is proven at every frequency."""
-        system, structure, _ = self._claimed_of(answer)
+        system, structure, _ = self._claim_parts(answer)
         figure = mu_figure(frequency_sweep(system, structure), answer.upper)
         return {"mu": figure}
 
@@ -152,7 +152,7 @@ class PeakChecker(Checker):
     def restored_answer(self, name: str, data: Dataset) -> Peak | None:
         return restored_peak(data, name)
 
-    def _claimed_of(self, answer: Peak) -> tuple[Any, Structure, Array]:
+    def _claim_parts(self, answer: Peak) -> tuple[Any, Structure, Array]:
         """The claim's system, structure and perturbation, with the complex part that the claim
         adds.
         """
@@ -162,7 +162,7 @@ class PeakChecker(Checker):
         return *larger, separated(answer.Delta, self.structure, answer.complex_part)
 
 
-def _there(stable: StableSystem, Delta: Array, omega: float) -> bool:
+def _is_singular_near(stable: StableSystem, Delta: Array, omega: float) -> bool:
     """Whether Delta makes the loop singular near omega; a real Delta may destabilise it
     elsewhere.
     """
@@ -209,7 +209,7 @@ def peak_checks(
         Delta = found.Delta if Delta is None else Delta
         if lower > 0 and np.isfinite(Delta).all():
             proven = proven_at(stable, structure, Delta, in_plane(found.omega, stable.period))
-            if proven < lower and _there(stable, Delta, found.omega):
+            if proven < lower and _is_singular_near(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)
     return [

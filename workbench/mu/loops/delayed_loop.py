@@ -78,7 +78,7 @@ class DelayedLoop:
         with ctx.workprec(PRECISION):
             breaks = [arb(0), *self._breaks()]
             for low, high in zip(breaks, [*breaks[1:], None], strict=True):
-                found += [self._crossing(omega) for omega in self._turned(low, high)]
+                found += [self._crossing(omega) for omega in self._negative_real_omegas(low, high)]
         limit = self._limit
         if limit:
             found.append(Crossing(math.inf, complex(-float(limit))))
@@ -198,7 +198,7 @@ class DelayedLoop:
 
     # --- crossings of the negative real axis ---------------------------------------------------
 
-    def _turned(self, low: arb, high: arb | None) -> list[arb]:
+    def _negative_real_omegas(self, low: arb, high: arb | None) -> list[arb]:
         """Frequencies in an interval at which L is negative, nearest to its ends; ``high`` None: no
         end.
         """

@@ -28,7 +28,9 @@ TOLERANCE = 1e-6
 asked for.
 """
 LIMIT_TOLERANCE = 1e-3
-"""The same for a loop where |L| keeps a size at infinite frequency and L turns around 0 forever."""
+"""The same for a loop where |L| does not fall to 0 at infinite frequency, and L turns around 0
+forever.
+"""
 BITS = 128
 """Precision [bits] of the balls."""
 FIRST = 16
@@ -101,7 +103,7 @@ class Bands:
         share = 1 - (max(LIMIT_TOLERANCE, tolerance) if self._limit() > 0 else tolerance)
         end = max(tail, 1e-300)
         taken = min((self._at_infinity(), math.inf), (self.at(end), end))
-        while not self._beyond(end) >= taken[0] * share:
+        while not self._bound_beyond(end) >= taken[0] * share:
             end *= 2.0
             taken = min(taken, (self.at(end), end))
         edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
@@ -116,20 +118,20 @@ class Bands:
                 break
             heapq.heapreplace(bands, (self.below(low, middle), low, middle))
             heapq.heappush(bands, (self.below(middle, high), middle, high))
-        lower = min(bands[0][0], self._beyond(end), taken[0])
+        lower = min(bands[0][0], self._bound_beyond(end), taken[0])
         return LeastDelta(lower, *taken)
 
     def at(self, omega: float) -> float:
         """The least |delta| at a frequency, rounded up."""
         s = acb(0, omega)
-        return self._over(self.N(s) * (-s * self.T).exp(), self.D(s))
+        return self._delta_rounded_up(self.N(s) * (-s * self.T).exp(), self.D(s))
 
     def below(self, low: float, high: float) -> float:
         """A lower bound of the least |delta| on a band."""
         s = acb(0, arb(low).union(arb(high)))
         late = (-s * self.T).exp()
         N, D = self.N(s), self.D(s)
-        plain = self._under(N * late, D)
+        plain = self._delta_rounded_down(N * late, D)
         R = N / D
         if not R.is_finite():
             return plain
@@ -142,12 +144,14 @@ class Bands:
             square = abs((middle + 1) / (self.b + self.a * middle)) ** 2 + rate * arb(0, half)
             plain = max(plain, least_double(square.abs_lower().sqrt()) if square > 0 else 0.0)
         elif middle.is_finite():
-            plain = max(plain, self._under(middle + slope * acb(0, arb(0, half)), acb(1)))
+            plain = max(
+                plain, self._delta_rounded_down(middle + slope * acb(0, arb(0, half)), acb(1))
+            )
         if high - low > 1 / self.T:  # L turns by a large angle: its phase is taken as arbitrary
             plain = max(plain, self._on_circle(abs(R)))
         return plain
 
-    def _under(self, N: acb, D: acb) -> float:
+    def _delta_rounded_down(self, N: acb, D: acb) -> float:
         """The least |delta| for L = N / D, rounded down."""
         inner, d = self._inner(N, D)
         size = inner.abs_upper()
@@ -155,7 +159,7 @@ class Bands:
             size = _paired(size**2 + abs(N).abs_upper() * abs(D).abs_upper(), d.abs_lower())
         return least_double(abs(D + N).abs_lower() / size) if size > 0 else math.inf
 
-    def _over(self, N: acb, D: acb) -> float:
+    def _delta_rounded_up(self, N: acb, D: acb) -> float:
         """The least |delta| for L = N / D, rounded up."""
         inner, d = self._inner(N, D)
         size = inner.abs_lower()
@@ -187,7 +191,7 @@ class Bands:
         for _ in range(MOST_ARCS):
             bound, low, high = arcs[0]
             middle = (low + high) / 2
-            taken = min(taken, self._over(_turned(r, arb(middle)), acb(1)))
+            taken = min(taken, self._delta_rounded_up(_polar(r, arb(middle)), acb(1)))
             if bound >= taken * (1 - LIMIT_TOLERANCE / 4):
                 break
             heapq.heapreplace(arcs, (self._on_arc(r, low, middle), low, middle))
@@ -195,9 +199,9 @@ class Bands:
         return arcs[0][0]
 
     def _on_arc(self, r: arb, low: float, high: float) -> float:
-        return self._under(_turned(r, arb(low).union(arb(high))), acb(1))
+        return self._delta_rounded_down(_polar(r, arb(low).union(arb(high))), acb(1))
 
-    def _beyond(self, end: float) -> float:
+    def _bound_beyond(self, end: float) -> float:
         """A lower bound of the least |delta| beyond a frequency."""
         s = acb(0, end)
         return self._on_circle(abs(self.N(s) / self.D(s)).union(self._limit()))
@@ -207,7 +211,7 @@ class Bands:
         again.
         """
         limit = self._limit()
-        return min(self._over(acb(sign * limit), acb(1)) for sign in (-1, 1))
+        return min(self._delta_rounded_up(acb(sign * limit), acb(1)) for sign in (-1, 1))
 
     def _limit(self) -> arb:
         """|R| at infinity."""
@@ -215,7 +219,7 @@ class Bands:
         return abs(self.N[degree] / self.D[degree])
 
 
-def _turned(r: arb, half_turns: arb) -> acb:
+def _polar(r: arb, half_turns: arb) -> acb:
     """r exp(j pi half_turns)."""
     return acb(0, arb.pi() * half_turns).exp() * r
 

@@ -29,7 +29,7 @@ def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
     """
     with ctx.workprec(BITS):
         n, end = f.order, need_decaying(f)
-        turned = _turned(f, end)
+        turned = _turn_angle(f, end)
         if turned is None:
             return None
         top = f.at(end) / (f.undelayed[n] * acb(0, end) ** n)
@@ -74,7 +74,7 @@ def _dominates(f: QuasiPolynomial, radius: float) -> bool:
     return bool(others < first)
 
 
-def _turned(f: QuasiPolynomial, end: float) -> arb | None:
+def _turn_angle(f: QuasiPolynomial, end: float) -> arb | None:
     """The angle [rad] by which f turns from 0 to a frequency; None if a zero may lie on the way."""
     total, bands = arb(0), [(0.0, end)]
     for _ in range(MOST_BANDS):

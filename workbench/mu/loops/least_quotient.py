@@ -45,9 +45,9 @@ class _Search:
         self.f, self.h = f, h
 
     def least(self, share: float) -> LeastDelta:
-        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._tried())])
-        wanted = min(first[0] * share, self._beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
-        end = radius_where(lambda R: self._beyond(R) >= wanted)
+        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._first_omegas())])
+        wanted = min(first[0] * share, self._bound_beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
+        end = radius_where(lambda R: self._bound_beyond(R) >= wanted)
         assert end is not None
         edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
         bands = [(self._below(low, high), low, high) for low, high in pairwise(edges)]
@@ -61,11 +61,11 @@ class _Search:
                 break
             heapq.heapreplace(bands, (self._below(low, middle), low, middle))
             heapq.heappush(bands, (self._below(middle, high), middle, high))
-        return LeastDelta(min(bands[0][0], self._beyond(end), taken[0]), *taken)
+        return LeastDelta(min(bands[0][0], self._bound_beyond(end), taken[0]), *taken)
 
-    def _tried(self) -> list[float]:
+    def _first_omegas(self) -> list[float]:
         """Frequencies at which a small value is searched for first."""
-        end = radius_where(lambda R: self._beyond(R) > 0)
+        end = radius_where(lambda R: self._bound_beyond(R) > 0)
         return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED)]
 
     def _limit(self) -> float:
@@ -85,7 +85,7 @@ class _Search:
         delays = {T for one in (self.f, self.h) for T in one.leading(n)} - {Fraction(0)}
         return min(found) if len(delays) == 1 else found[0]
 
-    def _beyond(self, end: float) -> float:
+    def _bound_beyond(self, end: float) -> float:
         """A lower bound of the quotient beyond a frequency."""
         (first, others), parts = (one.sums(end, self.f.order) for one in (self.f, self.h))
         least, most = first - others, sum(parts, arb(0))
@@ -103,7 +103,7 @@ class _Search:
         F, H = self.f.on(low, high), self.h.on(low, high)
         sizes = self.f.sizes(low, high)[0], self.h.sizes(low, high)[1]
         plain = F.abs_lower() / H.abs_upper(), sizes[0] / sizes[1]
-        bound = max(self._beyond(low) if low else 0.0, *map(least_double, plain))
+        bound = max(self._bound_beyond(low) if low else 0.0, *map(least_double, plain))
         if not abs(H) > 0:
             return bound
         band, m = arb(low).union(arb(high)), (arb(low) + arb(high)) / 2

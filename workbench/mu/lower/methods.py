@@ -27,32 +27,39 @@ from workbench.solvers import Options, Outcome
 from workbench.structure import Real, Structure
 
 FEW_STARTS, MANY_STARTS = 8, 32
-"""Most starts from which `"power"` and `"best"` make ascents."""
+"""Largest number of starts from which `"power"` and `"best"` make ascents."""
 RUN_KINDS = "MLHL"
-"""Kinds of run that lead to the starts, in turn: real blocks move in a power iteration (M), or are
-held, in a power iteration (H) or at a level (L)."""
+"""Kinds of runs that lead to starts, in turn. M: power iteration in which real blocks move; H:
+power iteration with held real blocks; L: search for an eigenvalue near a level, with held real
+blocks.
+"""
 RUN_LEVELS = 0.8, 1.8
-"""Levels at which an eigenvalue is looked for, as multiples of the best known one."""
+"""Levels at which an eigenvalue is searched for, as multiples of the best known one."""
 AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 6}
-"""Ascents that must reach the best value before a search ends early, by the kinds of block."""
+"""A search ends early once this many ascents have reached the best value, by the kinds of
+blocks.
+"""
 FEWEST_AGREEING, AGREEING_ROWS = 3, 64
-"""As many ascents must agree in any case, but for large matrices no more than so many over the
-number of rows: the larger the matrix, the fewer ascents reach the same value."""
+"""At least FEWEST_AGREEING ascents must agree, and for large matrices no more than AGREEING_ROWS
+over the number of rows: the larger the matrix, the fewer ascents reach the same value.
+"""
 MOST_COMPLEX_VERTICES = 8
-"""Most vertices of real blocks at which a complex matrix is looked at for real eigenvalues."""
+"""Largest number of vertices of real blocks that are searched for real eigenvalues of a complex
+matrix.
+"""
 NONLINEAR_STARTS = 6
-"""Random starts of the nonlinear program."""
+"""Number of random starts of the nonlinear program."""
 RUNNERS_UP = 2
-"""Earlier proposals for a matrix that are tried where the best one is not proven."""
+"""Number of earlier proposals for a matrix that are tried if the best one cannot be proven."""
 DEADLINE_MATRICES = 250
-"""Matrices computed between two checks of the deadline."""
+"""Number of matrices computed between two checks of the deadline."""
 
 FoundEigenvalue = tuple[float, np.ndarray]
 """A real eigenvalue of M Delta (0: none found) and its Delta."""
 
 
 def _has_real(program: MuLowerBound) -> str | None:
-    """Why a method for real blocks cannot take the program; None where it can."""
+    """Why a method for real blocks cannot take the program; None if it can."""
     if any(isinstance(block, Real) for block in program.structure):
         return None
     return "the structure has no real block; use 'power' or 'best'"
@@ -63,7 +70,7 @@ def proposals(
 ) -> LowerBound:
     """What ``"power"`` or ``"best"`` proposes for matrices (B, columns, rows), not proven.
 
-    Nothing that stands on it may be called a bound before the kernel has proven it.
+    A proposal may be called a bound only after the kernel has proven it.
     """
     search = _Search(MuLowerBound(M, structure), Context(options or Options()))
     {"power": _power_search, "best": _best_search}[method](search)

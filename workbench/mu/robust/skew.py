@@ -130,7 +130,9 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
 
 @dataclass(frozen=True, eq=False)
 class SkewChecker(Checker):
-    """Checks `SkewBounds` of a batch in one axis; multipliers of the upper are found anew."""
+    """Checks `SkewBounds` of a batch with one axis; the multipliers of the upper bound are computed
+    anew.
+    """
 
     skew: Skew
 
@@ -176,7 +178,7 @@ class SkewChecker(Checker):
 
 
 def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
-    """Numbers of the blocks that `fixed` names."""
+    """Indices of the blocks that `fixed` names."""
     names = [block.name for block in structure]
     numbers = set()
     several = isinstance(fixed, Iterable) and not isinstance(fixed, str | Mapping)
@@ -206,7 +208,9 @@ class Skew:
         self.closable = self._loops()
 
     def _loops(self) -> NDArray[np.bool_]:
-        """Whether a varying block is in a loop (B,); without, det(I - M Delta) ignores them."""
+        """Whether a varying block is in a loop (B,); if not, det(I - M Delta) does not depend on
+        them.
+        """
         places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
         coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
         step = np.array(coupled, float).transpose(2, 0, 1)
@@ -240,7 +244,9 @@ class Skew:
         return upper
 
     def _start(self, which: Array) -> RealArray:
-        """Start of b: mu of the varying blocks alone; where it is 0, the norm of their columns."""
+        """First value of b: mu of the varying blocks alone or, if that is 0, the norm of their
+        columns.
+        """
         alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
         value = upper_values(alone, self.structure)
         size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))

@@ -50,7 +50,9 @@ def product(A: Lane, B: Lane, C: Lane, rows: int, inner: int, columns: int) -> N
 
 @unchecked_kernel
 def product_of_half(A: Lane, B: Lane, C: Lane, rows: int, n: int) -> None:
-    """C = A B for a lower triangle B (n, n), of which zeros are stored beside the diagonal."""
+    """C = A B for a lower triangle B (n, n), whose entries right of the diagonal are stored as
+    zeros for one place.
+    """
     for i in range(0, rows, TILE):
         for j in range(0, n, TILE):
             if i + TILE <= rows and j + TILE <= n:
@@ -167,7 +169,8 @@ def _set_pivot(L: Lane, e: int, held: Lane) -> None:
 
 @unchecked_kernel
 def inverse_of_factored(L: Lane, work: Lane, X: Lane, n: int) -> None:
-    """X = (L L^H)^-1 from what `cholesky` leaves; ``work`` receives L^-1, but for zeros above it.
+    """X = (L L^H)^-1 from the result of `cholesky`; ``work`` receives L^-1, with zeros only next to
+    the diagonal.
 
     They stand beside the diagonal alone.
     """
