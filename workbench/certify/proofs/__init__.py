@@ -1,1 +1,3 @@
-"""Proofs of peaks: what is kept of a search so that it can be checked again, and its storage."""
+"""Proofs of peaks: the result of a search, kept so that it can be checked again, and its
+storage.
+"""
