@@ -1,1 +1,3 @@
-"""Implemented and sampled controllers, tried in time: rounding, integers, headers, held plants."""
+"""Implemented and sampled controllers, checked in time: rounding, integers, C headers, held
+plants.
+"""
