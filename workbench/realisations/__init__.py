@@ -1,8 +1,9 @@
-"""What the states of a system are worth: Gramians, Hankel values, parts, minimal ones; proven.
+"""How much each state of a system matters: Gramians, Hankel singular values, parts, minimal
+realisations; proven.
 
 Takes: linear systems, continuous or sampled, integrators included.
 Gives: smaller systems and parts, with proven bounds of the difference.
-Rests on: Lyapunov equations, and the H-infinity norm of what was left out.
+Rests on: Lyapunov equations, and the H-infinity norm of the difference.
 """
 
 from typing import TYPE_CHECKING

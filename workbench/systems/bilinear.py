@@ -56,7 +56,8 @@ def to_sampled(K: Matrices) -> Matrices:
 
 
 def bilinear_continuous(system: StateSpace) -> StateSpace:
-    """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), T its period [s].
+    """The continuous system that belongs to a sampled one by s = (2 / T) (z - 1) / (z + 1), with
+    the sampling time T [s].
 
     Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s]. Raises
     InputError for a pole at z = -1.
@@ -67,7 +68,8 @@ def bilinear_continuous(system: StateSpace) -> StateSpace:
 
 
 def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
-    """The sampled system, period [s], that `bilinear_continuous` makes this continuous one of.
+    """The sampled system, with this sampling time [s], whose `bilinear_continuous` is the given
+    continuous one.
 
     Raises LinAlgError for a pole at s = 2 / period.
     """
@@ -77,10 +79,12 @@ def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
 
 
 def in_continuous_plane(K: StateSpace) -> StateSpace:
-    """A controller in continuous time: a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
+    """The controller in continuous time; a sampled one is transformed by s = (2 / T) (z - 1) / (z +
+    1).
+    """
     return bilinear_continuous(K) if K.dt else K
 
 
 def from_continuous_plane(K: StateSpace, dt: float) -> StateSpace:
-    """A controller of `in_continuous_plane` in a plant's time; dt: sampling time [s], or 0."""
+    """Undo `in_continuous_plane`: the controller in a plant's time; dt: sampling time [s], or 0."""
     return bilinear_sampled(K, dt) if dt else K

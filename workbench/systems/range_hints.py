@@ -1,4 +1,6 @@
-"""Hints on frequencies and sampling times so far from a system that their unit may be mistaken."""
+"""Warnings about frequencies and sampling times so far from a system's own that their unit may be
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +18,27 @@ from workbench.systems.balancing import balancing
 from workbench.systems.realisation import pole_sizes, root_sizes
 
 FAR = 100.0
-"""Ratio to the fastest or slowest pole from which frequencies and times count as out of range: Hz
-for rad/s is a factor of 6, and within a plant's range; milliseconds for seconds is one of 1000."""
+"""Frequencies and times count as out of range from this ratio to the fastest or slowest pole on. Hz
+instead of rad/s is a factor of 6, within a plant's usual range; milliseconds instead of seconds is
+a factor of 1000.
+"""
 OFTEN = 10.0
-"""Samples within the shortest time constant of a loop that is sampled as often as is usual; a loop
-that is sampled a hundred times as often is out of range."""
+"""Usual number of samples within the shortest time constant of a loop. A loop that is sampled a
+hundred times as often is out of range.
+"""
 BEYOND = 1.01
-"""Ratio from which a zero is faster than the fastest pole; nearer ones would differ by rounding."""
+"""A zero counts as faster than the fastest pole from this ratio on; a smaller ratio may be
+rounding.
+"""
 LIBRARY = __name__.partition(".")[0]
 
 
 def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
-    """Warn of frequencies [rad/s] all far above, or all far below, a system's poles and zeros.
+    """Warn if all frequencies [rad/s] are far above, or all are far below, a system's poles and
+    zeros.
 
-    Frequencies 0 and infinity count for nothing. Nothing is far from a system whose poles are all
-    0, or that has none.
+    Frequencies 0 and infinity are ignored. There is no warning for a system without poles, or with
+    poles at 0 only.
     """
     import control
 
@@ -64,9 +72,9 @@ def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
 
 
 def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
-    """Warn of a sampling time [s] within 1/100 of which all of a continuous system settles.
+    """Warn if a continuous system settles completely within 1/100 of the sampling time [s].
 
-    Returns whether it did. ``called`` is what the message calls the system.
+    Returns whether it warned. ``called`` is the name of the system in the message.
     """
     poles = _pole_sizes(system)
     if not poles.size or period * poles.min() <= FAR:
@@ -82,7 +90,7 @@ def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
 
 
 def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
-    """Warn of a sampling time [s] far longer, or far shorter, than what happens in a loop.
+    """Warn if a sampling time [s] is far longer, or far shorter, than the time constants of a loop.
 
     It is too long for a continuous plant whose slowest pole or zero settles within 1/100 of a
     sample, and too short for a sampled loop whose fastest pole takes 1000 samples to move.
@@ -98,13 +106,13 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
 
 
 def _pole_sizes(system: StateSpace) -> RealArray:
-    """Sizes [rad/s] of the poles that are not 0; none where rounding explains the largest.
+    """Sizes [rad/s] of the nonzero poles; empty if rounding explains the largest one.
 
     The poles of a chain of n integrators are computed as roots of order n of rounding errors.
     """
     sizes = pole_sizes(system)
     sizes = sizes[sizes > 0]
-    if not sizes.size:  # gains, integrators and delays by whole samples
+    if not sizes.size:  # only gains, integrators and delays by whole samples
         return sizes
     rows, columns = balancing(system.A, system.nstates)
     size = np.linalg.norm(rows[:, None] * system.A * columns, 2) / (system.dt or 1.0)
@@ -121,7 +129,7 @@ def _zero_sizes(system: StateSpace) -> RealArray:
 
 
 def _warn(message: str) -> None:
-    """Warn at the line outside of this library that led here."""
+    """Warn with the line outside this library from which the call came."""
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == LIBRARY:
         level, frame = level + 1, frame.f_back

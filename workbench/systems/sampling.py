@@ -124,9 +124,10 @@ def held_matrices(
 def held_pieces(
     A: RealArray, B: RealArray, period: float, rest: float
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """What a sampling interval adds up to, where an input changes after the part `rest` of it.
+    """Matrices of a sampling interval during which an input changes after the part `rest` of it.
 
-    Transition matrix of the states (n, n), then what the new and the old input leave (n, m).
+    These are the transition matrix of the states (n, n), and the contributions of the new and of
+    the old input (n, m).
     """
     before, old = hold(A, B, rest * period)
     after, new = hold(A, B, (1.0 - rest) * period)
