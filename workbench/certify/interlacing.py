@@ -1,5 +1,4 @@
-"""Proof that no stable controller stabilises a plant, from two of its real zeros, in exact
-fractions.
+"""Exact proof, from two real zeros of a plant, that no stable controller stabilises it.
 
 Let p(s) = det(s I - A) and n(s) = p(s) G(s) for a plant G, and p_K(s) the same for K. With positive
 feedback the closed loop has the characteristic polynomial f = p p_K det(I - G K). If K is stable,

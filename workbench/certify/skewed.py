@@ -1,5 +1,4 @@
-"""Proven lower bounds of the skewed mu: fixed blocks have size at most 1, the varying ones are
-bounded.
+"""Proven lower bounds of the skewed mu: fixed blocks of size at most 1, bounded varying blocks.
 
 Let exactly known fixed blocks Delta_f, of norm at most 1, close their part of the loop. The varying
 blocks then act on N = (I - M Delta_f)^-1 M, and a lower bound of mu of N for these blocks is a

@@ -284,7 +284,7 @@ def _widest(program: CvxpyProgram) -> str:
 
 @conic_method(CvxpyProgram, cones=_widest)
 def _conic(program: CvxpyProgram, context: Context, solver: ConicSolver) -> Claim:
-    """The problem as stated."""
+    """The problem as it is stated."""
     with lent_values(program.stated, {}):
         outcome, said = solve_conic(program.stated, solver, context.options, context)
         answer = None if outcome.without_answer else program.answer_now()

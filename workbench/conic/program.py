@@ -157,7 +157,7 @@ def _widest(program: ConicProgram) -> str:
 
 @conic_method(ConicProgram, cones=_widest)
 def _conic(program: ConicProgram, context: Context, solver: ConicSolver) -> Claim:
-    """The program as given."""
+    """The program as it is given."""
     import cvxpy as cp
     import xarray as xr
 

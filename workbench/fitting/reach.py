@@ -1,6 +1,4 @@
-"""Roots that lie very far from the data, moved to where a realisation in doubles can represent
-them.
-"""
+"""Roots very far from the data, moved to where doubles can realise them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Damping ratio and frequency of the root pairs of a factored function, as functions of its
-parameters.
-"""
+"""Damping ratios and frequencies of root pairs, as linear functions of a fit's parameters."""
 
 from __future__ import annotations
 

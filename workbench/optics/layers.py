@@ -23,11 +23,13 @@ from workbench.optics.spots import Pupil
 class TrackLayer:
     """A layer with a row of equal rectangular pits along every track.
 
-    pitch distance of the tracks; period distance from pit to pit along a track; length of a pit, at
-    most the period; if equal, the pits form a groove; width of a pit, at most the pitch; phase by
-    which a pit delays the light, both ways [rad]; reflection amplitude that a pit reflects, where
-    the land reflects 1; stagger shift of the pits from one track to the next, as a share of the
-    period.
+    pitch        distance of the tracks;
+    period       distance from pit to pit along a track;
+    length       length of a pit, at most the period; if equal, the pits form a groove;
+    width        width of a pit, at most the pitch;
+    phase        phase by which a pit delays the light, both ways [rad];
+    reflection   amplitude that a pit reflects, relative to that of the land;
+    stagger      shift of the pits from one track to the next, as a share of the period.
 
     Raises InputError for lengths outside these ranges.
 
@@ -148,8 +150,7 @@ def _shifted(pupil: Pupil, right: float, up: float) -> RealArray:
 
 
 def quadrants(pupil: Pupil, shift: float = 0.0) -> RealArray:
-    """Four quadrant detectors (4, n, n), counted around the centre; the dividing line along x is
-    moved by a shift.
+    """Four quadrant detectors (4, n, n); their dividing line along x is moved by a shift.
 
     The first lies at x > 0 and y > shift, the second at x < 0 and y > shift.
 

@@ -124,8 +124,7 @@ def far_field(pupil: Pupil, field: ComplexArray, place: RealArray) -> ComplexArr
 
 
 def share_within(place: RealArray, low: ArrayLike, high: ArrayLike) -> RealArray:
-    """Share (..., N) of each cell, around equally spaced places (N,), that lies between low and
-    high (...).
+    """Share (..., N) of each cell around equally spaced places (N,) between low and high (...).
 
     Examples
     --------

@@ -1,5 +1,4 @@
-"""How much each state of a system matters: Gramians, Hankel singular values, parts, minimal
-realisations; proven.
+"""How much the states of a system matter: Gramians, Hankel values, parts, minimal realisations.
 
 Takes: linear systems, continuous or sampled, integrators included.
 Gives: smaller systems and parts, with proven bounds of the difference.

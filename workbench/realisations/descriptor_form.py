@@ -1,6 +1,4 @@
-"""Descriptor systems E x' = A x + B u, y = C x + D u converted to state space without
-approximation.
-"""
+"""Descriptor systems E x' = A x + B u, y = C x + D u, converted exactly to state space."""
 
 from __future__ import annotations
 

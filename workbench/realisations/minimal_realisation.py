@@ -1,6 +1,4 @@
-"""Minimal realisations: states without effect between input and output are left out, with a
-proof.
-"""
+"""Minimal realisations, proven: states without effect from input to output are left out."""
 
 from __future__ import annotations
 

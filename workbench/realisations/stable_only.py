@@ -13,8 +13,7 @@ from workbench.systems.realisation import worst_pole
 
 
 def stable_states(system: Any, what: str) -> StateSpace:
-    """A system in state space, proven to be stable; ``what`` names what is asked for, for the
-    message.
+    """A system in state space, proven to be stable; ``what`` is named in the message otherwise.
 
     Raises
     ------

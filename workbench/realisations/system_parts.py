@@ -1,6 +1,4 @@
-"""A system as the sum of its stable part, its part on the boundary of stability and its antistable
-part.
-"""
+"""A system as the sum of its stable part, its part on the boundary and its antistable part."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Random switchings: products of transitions as exact fractions, with roots proven inside the unit
-circle.
-"""
+"""Random switchings: exact products of transitions, with roots proven inside the unit circle."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Random members of a set, by the distributions of their parameters, and how many of them are
-good.
-"""
+"""Random members of a set, by the distributions of their parameters, and how many are good."""
 
 from __future__ import annotations
 

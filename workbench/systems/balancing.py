@@ -17,9 +17,7 @@ def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealA
 def with_state_units(
     A: RealArray, B: RealArray, C: RealArray, D: RealArray
 ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """A, B, C and D with the states scaled by powers of two, chosen with regard to D's entries
-    too.
-    """
+    """A, B, C and D with states scaled by powers of two that regard D's entries too."""
     n = len(A)
     scale = balancing(np.block([[A, B], [C, D]]), n)[0][:n]
     return A * scale[:, None] / scale, B * scale[:, None], C / scale, D

@@ -56,8 +56,7 @@ def to_sampled(K: Matrices) -> Matrices:
 
 
 def bilinear_continuous(system: StateSpace) -> StateSpace:
-    """The continuous system that belongs to a sampled one by s = (2 / T) (z - 1) / (z + 1), with
-    the sampling time T [s].
+    """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), sampling time T [s].
 
     Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s]. Raises
     InputError for a pole at z = -1.
@@ -68,8 +67,7 @@ def bilinear_continuous(system: StateSpace) -> StateSpace:
 
 
 def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
-    """The sampled system, with this sampling time [s], whose `bilinear_continuous` is the given
-    continuous one.
+    """Inverse of `bilinear_continuous`: the system sampled every ``period`` [s].
 
     Raises LinAlgError for a pole at s = 2 / period.
     """
@@ -79,9 +77,7 @@ def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
 
 
 def in_continuous_plane(K: StateSpace) -> StateSpace:
-    """The controller in continuous time; a sampled one is transformed by s = (2 / T) (z - 1) / (z +
-    1).
-    """
+    """A controller in continuous time; a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
     return bilinear_continuous(K) if K.dt else K
 
 

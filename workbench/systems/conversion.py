@@ -36,9 +36,7 @@ def as_system(system: Any, name: str) -> StateSpace:
 
 
 def as_states(system: Any, name: str) -> StateSpace:
-    """As `with_all_poles`; if there is no realisation, raises InputError with the name of the
-    system.
-    """
+    """As `with_all_poles`; if there is no realisation, InputError names the system."""
     try:
         return with_all_poles(system)
     except InputError as error:

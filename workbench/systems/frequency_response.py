@@ -42,9 +42,7 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
 
 
 def with_scaled_states(M: Array, states: int) -> Array:
-    """[A B; C D] with its states scaled by powers of two; several realisations share the same
-    factors.
-    """
+    """[A B; C D] with states scaled by powers of two, the same for several realisations."""
     size = np.ascontiguousarray(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), dtype=float)
     scale = _scale(size.tobytes(), size.shape, states)
     scaled = np.array(M)

@@ -103,8 +103,7 @@ class GeneralisedPlant:
 
     @property
     def performance_structure(self) -> Structure:
-        """The structure for robust performance: Delta and the full block that closes the
-        performance channels.
+        """Structure for robust performance: Delta, and a full block on the performance channels.
 
         Raises InputError for a plant without performance outputs or exogenous inputs.
         """
@@ -154,9 +153,7 @@ class GeneralisedPlant:
         return self._part(list(outputs), list(inputs), None).system
 
     def unstructured(self) -> GeneralisedPlant:
-        """The plant with its perturbation channels counted as exogenous and performance
-        channels.
-        """
+        """The plant with perturbation channels counted as exogenous and performance channels."""
         return replace(self, structure=None)
 
     def weighted(
@@ -240,9 +237,7 @@ class GeneralisedPlant:
         )
 
     def named(self, K: StateSpace) -> StateSpace:
-        """K with the plant's measurements as the names of its inputs and the controls as those of
-        its outputs.
-        """
+        """K with inputs named after the plant's measurements and outputs after its controls."""
         import control
 
         inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]

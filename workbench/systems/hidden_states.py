@@ -34,9 +34,7 @@ error.
 
 
 def seen_states(M: RealArray, n: int) -> BoolArray:
-    """Marks those of the n states of M = [A B; C D] that lie between inputs and outputs, by M's
-    zeros.
-    """
+    """Marks the states of M = [A B; C D] that lie between inputs and outputs, by M's zeros."""
     A = M[:n, :n] != 0.0
     reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
     for _ in range(n):
@@ -84,8 +82,7 @@ def visible_matrices(
 
 
 def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """Remove copies of states that are hidden and unstable; a plant without any is returned
-    unchanged.
+    """Remove a plant's hidden unstable copies of states; without any, return it unchanged.
 
     Raises InputError as `visible_matrices` and `standard_plant` do.
     """

@@ -101,8 +101,7 @@ def tested_of(blocks: Sequence[Any]) -> tuple[str, ...]:
 def named_parts(
     blocks: Sequence[Any], perturbation: Sequence[tuple[Block, Names, Names]]
 ) -> tuple[list[NamedRealisation], list[tuple[Block, tuple[str, ...], tuple[str, ...]]]]:
-    """Realisations of blocks, and entries of Delta: a block, and the signals that it reads and
-    drives.
+    """Realisations of blocks, and entries of Delta: block, signals it reads, signals it drives.
 
     The entries of uncertain blocks come after those of `perturbation`. If two uncertain blocks have
     perturbations of the same name, the second one's names get the suffix "#2", and so on. Raises
@@ -201,9 +200,7 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
 
 
 def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
-    """The common sampling time [s] of all parts, None if it is open; raises InputError if they
-    differ.
-    """
+    """The common sampling time [s] of parts, None if open; raises InputError if they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:
         raise InputError(

@@ -72,8 +72,7 @@ def part_of(given: Any, name: str) -> Any:
 
 
 def system_of(given: Any, name: str) -> Any:
-    """The StateSpace or TransferFunction that an object stands for; for an uncertain model, the
-    nominal.
+    """The StateSpace or TransferFunction that an object stands for: of a model, the nominal.
 
     Raises as `part_of`.
     """

@@ -98,8 +98,7 @@ def search_grid(loop: StateSpace) -> RealArray:
 
 
 def crossings(curve: Curve, frequency: RealArray) -> RealArray:
-    """Frequencies [Hz] at which a continuous curve changes its sign; one at most between
-    neighbouring grid points.
+    """Frequencies [Hz] of sign changes of a continuous curve, at most one per grid interval.
 
     Examples
     --------

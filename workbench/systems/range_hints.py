@@ -1,6 +1,4 @@
-"""Warnings about frequencies and sampling times so far from a system's own that their unit may be
-wrong.
-"""
+"""Warnings about frequencies and sampling times whose unit may be wrong for a system."""
 
 from __future__ import annotations
 
@@ -34,8 +32,7 @@ LIBRARY = __name__.partition(".")[0]
 
 
 def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
-    """Warn if all frequencies [rad/s] are far above, or all are far below, a system's poles and
-    zeros.
+    """Warn if all frequencies [rad/s] are far above, or all far below, a system's poles and zeros.
 
     Frequencies 0 and infinity are ignored. There is no warning for a system without poles, or with
     poles at 0 only.

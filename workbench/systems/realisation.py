@@ -50,8 +50,7 @@ def root_sizes(roots: Array, dt: Any) -> RealArray:
 
 
 def worst_pole(system: StateSpace) -> tuple[complex, float]:
-    """The pole farthest right (sampled: farthest out), and its distance beyond the boundary of
-    stability.
+    """The pole farthest right (sampled: farthest out), and how far it is beyond the boundary.
 
     The distance is not negative if the system is unstable; minus infinity for a system without
     states.
@@ -155,9 +154,7 @@ def in_parallel(*systems: Matrices) -> Matrices:
 
 
 def side_by_side(systems: Sequence[Matrices], signals: int) -> Matrices:
-    """Systems of one input and output side by side; of ``signals`` signals the last ones pass
-    unchanged.
-    """
+    """Systems of one input and output side by side; further signals pass unchanged."""
     A, B, C, D = (block_diag(*parts) for parts in zip(*systems, strict=True))
     rest = signals - len(systems)
     return (

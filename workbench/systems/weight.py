@@ -1,6 +1,4 @@
-"""Weights for synthesis from three numbers: the gains at both ends, and the frequency at which the
-gain is 1.
-"""
+"""Weights for synthesis from three numbers: the gains at both ends, and the crossover."""
 
 from __future__ import annotations
 

@@ -1,3 +1,1 @@
-"""Modal coordinates: eigenvectors to many digits, and the enclosed realisation in these
-coordinates.
-"""
+"""Modal coordinates: eigenvectors to many digits, and the realisation enclosed in them."""

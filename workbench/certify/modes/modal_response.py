@@ -1,5 +1,4 @@
-"""Responses of systems with many states at many points, from eigenvectors, refined where they lose
-digits.
+"""Responses of many states at many points, from eigenvectors, refined where digits are lost.
 
 With A V = V L, the states (s I - A)^-1 B are near V (s I - L)^-1 V^-1 B, which takes n operations
 for each point and entry instead of n^3. A step of iterative refinement, with the residual B - (s I

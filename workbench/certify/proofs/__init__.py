@@ -1,3 +1,1 @@
-"""Proofs of peaks: the result of a search, kept so that it can be checked again, and its
-storage.
-"""
+"""Proofs of peaks: results of a search, stored so that they can be checked again."""

@@ -1,5 +1,4 @@
-"""All constant gains that stabilise a plant with one input and one output, decided in exact
-fractions.
+"""All constant gains that stabilise a plant of one input and output, decided in exact fractions.
 
 Let p(s) = det(s I - A) and n(s) = p(s) G(s). With positive feedback u = k y the closed loop has the
 characteristic polynomial f = p - k n. As k moves along the real line, poles cross the axis only

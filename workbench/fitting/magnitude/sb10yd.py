@@ -1,6 +1,4 @@
-"""Magnitude fit by SLICOT: Bode's relation gives the minimum phase, then SB10YD fits magnitude and
-phase.
-"""
+"""Magnitude fit by SLICOT: Bode's relation adds the minimum phase, then SB10YD fits both."""
 
 from __future__ import annotations
 

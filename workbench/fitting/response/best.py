@@ -38,9 +38,7 @@ def _sb10yd(program: ResponseFit, context: Context) -> Claim:
 
 @method(ResponseFit, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: ResponseFit, context: Context) -> Claim:
-    """The fit of least error from vector-fitting and sb10yd; a fit from sb10yd is refined if it is
-    the better one.
-    """
+    """The fit of least error of vector-fitting and sb10yd, which is refined if it is the better."""
     found = {"vector-fitting": vector_fits(program, context)[0]}
     said: list[str] = []
     if reason := _unfit_for_sb10yd(program):

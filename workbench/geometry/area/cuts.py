@@ -1,5 +1,4 @@
-"""Cuts for the bound on areas: inequalities that the contacts of a shortest stadium prove for every
-other one.
+"""Cuts for the bound on areas: what the contacts of a shortest stadium prove for all others.
 
 The mathematics is that of `workbench.geometry.area.bound`.
 """

@@ -73,8 +73,7 @@ class ShapeFamily(NamedTuple):
 
 @method(SmallestAreaStadium, "evolution", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
-    """Differential evolution over angle, axis and radius; the shortest stadium for these has a
-    closed form.
+    """Differential evolution over angle, axis and radius, whose shortest stadium is in closed form.
 
     It draws random numbers; another seed gives another search.
     """

@@ -157,9 +157,7 @@ def guaranteed_probability(
 
 @dataclass(frozen=True, eq=False)
 class ProbabilityChecker(RepeatedChecker):
-    """Computes the bounds again, and draws random members whose share of good ones must not
-    contradict them.
-    """
+    """Computes the bounds again, and compares them with the share of good random members."""
 
     system: UncertainSystem
     gain: float | None

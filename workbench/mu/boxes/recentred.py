@@ -23,8 +23,7 @@ from workbench.structure import Real, Structure
 
 @dataclass(frozen=True, eq=False)
 class Recentred:
-    """An uncertain system recentred about other values of its parameters; ``stable`` says whether
-    its centre is.
+    """An uncertain system about other parameter values; ``stable``: whether its centre is stable.
 
     ``system`` may have poles right of the axis: the proofs on intervals of frequency only need that
     no pole is on the axis.
@@ -143,8 +142,7 @@ class RealParameters:
         return Recentred(system, self.structure, discs.rightmost < 0)
 
     def all_stable(self, part: BoxPart) -> bool | None:
-        """True if all members of a part are stable, False if none is, proven by discs around their
-        poles.
+        """True if all members of a part are stable, False if none is; by discs around their poles.
 
         None where the discs do not tell; for narrow parts they do.
         """

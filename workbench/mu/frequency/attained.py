@@ -1,6 +1,4 @@
-"""The lower bound of a peak of mu: perturbations found at single frequencies, proven for the
-system.
-"""
+"""Lower bound of a peak of mu: perturbations found at frequencies, proven for the system."""
 
 from __future__ import annotations
 
@@ -89,8 +87,8 @@ def attained_peak(
 
 
 def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> Attained:
-    """The bound that Delta proves at a frequency; if it is less than Delta claims, a more accurate
-    response is tried too.
+    """The bound that Delta proves at a frequency, with a sharper response where it proves too
+    little.
 
     The value is 0 if nothing is proven.
     """

@@ -1,3 +1,1 @@
-"""Loops of one channel in exact arithmetic: crossings, dead time without approximation, distances
-from -1.
-"""
+"""Loops of one channel in exact arithmetic: crossings, exact dead time, distances from -1."""

@@ -65,9 +65,7 @@ class ExactLoop:
         return self._at_roots(exact_square(L.numerator) - exact_square(L.denominator))
 
     def real_crossings(self) -> list[Crossing]:
-        """Crossings with L real and not 0, from frequency 0 to infinity, or to half the sampling
-        rate.
-        """
+        """Crossings with L real and not 0, up to infinity or to half the sampling rate."""
         L = self.function
         inside = self._at_roots(products(L.numerator, L.denominator)[1])
         ends = [self._at_zero(), self._at_infinity()]
@@ -75,9 +73,7 @@ class ExactLoop:
         return sorted((one for one in real if self._seen(one)), key=lambda one: one.omega)
 
     def stable(self) -> bool:
-        """Whether the loop closed with negative feedback is stable, and remains so under
-        rounding.
-        """
+        """Whether the loop with negative feedback is stable, and remains so under rounding."""
         closed = self.function.numerator + self.function.denominator
         degree = max(self.function.numerator.degree(), self.function.denominator.degree())
         if closed.degree() < degree or self.function.denominator.degree() < self.system.nstates:
@@ -193,9 +189,7 @@ class ExactLoop:
         return value, size
 
     def may_be_unstable(self, omega: float, gain: float = 1.0) -> bool:
-        """Whether rounding of the entries of L, with a gain, may put a pole of the closed loop at
-        omega.
-        """
+        """Whether rounding of L's entries, with a gain, may put a closed-loop pole at omega."""
         L, factor = self.system, gain / (1.0 + gain * self.system.D[0, 0])
         entries = np.abs(L.A) + abs(factor) * np.abs(L.B) @ np.abs(L.C)
         return pole_may_be_at(self._point(omega), L.A - factor * L.B @ L.C, entries)
@@ -206,9 +200,7 @@ class ExactLoop:
 
 
 def exact_loop(given: Any, L: StateSpace) -> ExactLoop:
-    """The loop with the exact coefficients of the given system: a transfer function's own, or those
-    of L.
-    """
+    """The loop with the exact coefficients of a given transfer function, or of L."""
     import control
 
     if isinstance(given, control.TransferFunction):
@@ -256,9 +248,7 @@ def _bilinear(polynomial: fmpq_poly, order: int) -> fmpq_poly:
 
 
 def positive_roots(polynomial: fmpq_poly) -> list[arb]:
-    """Positive roots, each once, and the positive real parts of roots that are real up to
-    rounding.
-    """
+    """Positive roots, each once, and positive real parts of roots that are real up to rounding."""
     if polynomial.degree() < 1:
         return []
     found: list[arb] = []

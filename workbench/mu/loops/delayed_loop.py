@@ -68,8 +68,7 @@ class DelayedLoop:
         return [Crossing(o.omega, complex(v)) for o, v in zip(found, values, strict=True)]
 
     def real_crossings(self) -> list[Crossing]:
-        """Crossings with L negative; if there are infinitely many, those nearest to the ends of
-        monotone intervals.
+        """Crossings with L negative; of infinitely many, those at the ends of monotone intervals.
 
         If |L| does not fall to 0 at infinite frequency, its limit is added as a crossing there.
         """
@@ -86,9 +85,7 @@ class DelayedLoop:
         return [one for k, one in enumerate(every) if not k or one.omega > every[k - 1].omega]
 
     def stable(self) -> bool:
-        """Whether the loop closed with negative feedback is stable, and remains so under
-        rounding.
-        """
+        """Whether the loop with negative feedback is stable, and remains so under rounding."""
         closed = self._numerator + self._denominator
         hidden = self.rational.function.denominator.gcd(self.rational.function.numerator)
         if not closed[0] or self._limit >= 1 or self._right(hidden) or self._on_axis(hidden):
@@ -112,9 +109,7 @@ class DelayedLoop:
         return least_delta(N, D, self.delay, tail, skew=skew, pair=pair, tolerance=tolerance)
 
     def response(self, omega: RealArray) -> ComplexArray:
-        """L at frequencies [rad/s] (F,); at infinity 0, or the negative of the limit of its
-        size.
-        """
+        """L at frequencies [rad/s] (F,); at infinity 0, or minus the limit of its size."""
         with ctx.workprec(PRECISION):
             return np.array(
                 [complex(self._value(arb(w))) if w < math.inf else -float(self._limit)
@@ -250,9 +245,7 @@ class DelayedLoop:
     # --- poles of the closed loop --------------------------------------------------------------
 
     def unstable_poles(self) -> int | None:
-        """Number of poles of the closed loop right of the axis; None if one is on the axis, up to
-        BORDER.
-        """
+        """Number of closed-loop poles right of the axis; None if one is within BORDER of it."""
         count = self._right(self._numerator + self._denominator)
         square = exact_square(self._denominator) - exact_square(self._numerator)
         with ctx.workprec(PRECISION):

@@ -49,8 +49,7 @@ ROUNDED = 2.0**-50
 
 @dataclass(frozen=True)
 class LeastDelta:
-    """No factor with |delta| < ``lower`` breaks the loop; one with |delta| = ``upper`` does, at
-    ``omega``.
+    """No |delta| < ``lower`` breaks the loop; one of size ``upper`` does, at ``omega``.
 
     ``omega`` [rad/s] is infinite if ``upper`` is only approached at infinite frequency.
     """
@@ -97,9 +96,7 @@ class Bands:
         self.slopes = N.derivative(), D.derivative()
 
     def least(self, tail: float, tolerance: float) -> LeastDelta:
-        """The bounds; the band with the least bound is halved until its bound is close to an
-        attained value.
-        """
+        """The bounds; the band of least bound is halved until that is near an attained value."""
         share = 1 - (max(LIMIT_TOLERANCE, tolerance) if self._limit() > 0 else tolerance)
         end = max(tail, 1e-300)
         taken = min((self._at_infinity(), math.inf), (self.at(end), end))

@@ -37,8 +37,7 @@ def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
 
 
 def need_decaying(f: QuasiPolynomial) -> float:
-    """A radius beyond which the highest power without delay is larger than all other terms
-    together.
+    """A radius beyond which the highest power without delay dominates all other terms.
 
     Raises InputError if there is none: then infinitely many zeros lie right of the axis, or zeros
     come arbitrarily close to it.

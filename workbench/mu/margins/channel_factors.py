@@ -1,5 +1,4 @@
-"""Gain, phase and delay of one channel of a loop, written as one more real parameter t, the last
-one.
+"""Gain, phase and delay of one channel of a loop as one more real parameter t, the last one.
 
 The gain alone is a factor 1 + t or 1 / (1 + t), and the phase alone is (1 + j t) / (1 - j t) with
 t = tan(phi / 2). A delay is a phase that grows with frequency (`workbench.mu.margins.set_delay`).

@@ -63,9 +63,7 @@ class ClassicalMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest gain factors below and above 1 that destabilise; 0 and infinity where there
-        is none.
-        """
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         return nearest_factors(self.gains)
 
     @property
@@ -75,9 +73,7 @@ class ClassicalMargins(Answer):
 
     @property
     def phase_deg(self) -> float:
-        """The least phase margin [deg]; negative for a margin against lead, infinite without a
-        crossing.
-        """
+        """The least phase margin [deg]; negative against lead, infinite without a crossing."""
         return least_phase(self.phases_deg)
 
     @property
@@ -103,9 +99,7 @@ class ClassicalMargins(Answer):
 
 
 def nearest_factors(gains: RealArray) -> tuple[float, float]:
-    """The nearest factors below and above 1 in a table of crossings; 0 and infinity where there is
-    none.
-    """
+    """The nearest factors below and above 1 in a table of crossings; 0 and infinity if none."""
     factors = gains[:, 0]
     low = factors[factors < 1].max(initial=0.0)
     return float(low), float(factors[factors > 1].min(initial=math.inf))

@@ -56,9 +56,7 @@ SET_TOLERANCE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """The loop u = -K y of a plant and a controller; the other fields are arguments of
-    `loop_margins`.
-    """
+    """The loop u = -K y of a plant and a controller; the other fields as in `loop_margins`."""
 
     plant: Any
     controller: Any
@@ -107,9 +105,7 @@ class ClosedLoop:
         return {name: classical_margins(one) for name, one in self.loops.items()}
 
     def disks(self) -> dict[str, DiskMargin]:
-        """The disk margin of each channel; for an uncertain plant it holds for every plant of the
-        set.
-        """
+        """The disk margin of each channel; it holds for every plant of an uncertain set."""
         return self._disks_of({name: {k: name} for k, name in self.channels.items()})
 
     def together(self) -> dict[str, DiskMargin]:
@@ -131,9 +127,7 @@ class ClosedLoop:
         }
 
     def every_plant(self) -> dict[str, SetMargins]:
-        """The gain, phase and delay margins, each alone, that every plant of the set keeps in each
-        channel.
-        """
+        """Gain, phase and delay margins, each alone, that every plant keeps in each channel."""
         from workbench.mu.margins.of_sets import set_margins
 
         every = self.channels
@@ -206,9 +200,7 @@ class ClosedLoop:
 
     @cached_property
     def stable_loop(self) -> UncertainSystem:
-        """The closed loop from signals added in its channels to the signals there; raises
-        InputError if unstable.
-        """
+        """The loop seen from signals added in its channels; raises InputError if unstable."""
         need_stable_loop(self._returned.nominal)
         return self._returned
 

@@ -1,5 +1,4 @@
-"""Disk margins: the gains and phases, a disk of factors, that a loop tolerates in each of its
-channels.
+"""Disk margins: the disk of gain and phase factors that a loop tolerates in each channel.
 
 With the skew e, a channel's factor is f = (1 + (1 - e) delta / 2) / (1 - (1 + e) delta / 2) for
 |delta| < alpha, delta is complex and different in each channel. For e = 0 the gain may rise and
@@ -48,8 +47,7 @@ INFINITE_FACTOR = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskMargin(Answer):
-    """The disk of factors that the loop tolerates in all of ``channels`` at once, each with a
-    factor of its own.
+    """The disk of factors, one in each of ``channels`` at once, that a loop tolerates.
 
     The loop is proven stable for every |delta| below ``lower``. At size ``upper`` there are
     factors, ``worst`` by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None
@@ -139,18 +137,14 @@ class DiskChecker(PartsChecker):
 
 
 def disk_checks(answer: DiskMargin) -> list[Check]:
-    """Checks that the bounds of a disk margin are no better than the reciprocals of the proven
-    bounds of its peak.
-    """
+    """Checks that a disk margin is no better than the reciprocals of its proven peak's bounds."""
     lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
     statement = "by which share it is better than the reciprocal of a proven bound of the peak"
     return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
-    """Least and largest real factor of a disk; the largest is infinite if the disk is a half plane
-    or more.
-    """
+    """Least and largest real factor of a disk; the latter is infinite for a half plane or more."""
     need_numbers(alpha=alpha, skew=skew)
     up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
     if math.isinf(alpha):

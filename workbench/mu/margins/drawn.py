@@ -31,8 +31,7 @@ def figure_of(
     together: DiskMargin | None,
     members: Sequence[StateSpace],
 ) -> Figure:
-    """Nyquist curves of each channel with its disk, if it has one, and the tolerated gains and
-    phases.
+    """Nyquist curves of each channel, with its disk if it has one; tolerated gains and phases.
 
     ``together`` is the disk of all channels at once, and ``members`` are loops of random plants.
     """

@@ -1,5 +1,4 @@
-"""Disk margins of several channels at once with dead time: an unknown complex factor in each
-channel.
+"""Disk margins of several channels at once with dead time: one complex factor in each.
 
 The factors are uncertain dynamics of the closed loop, so that the margin is one of robust stability
 with known dead time (`workbench.mu.robust.late_margin`): the lower bound uses a rational set that

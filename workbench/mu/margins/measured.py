@@ -265,9 +265,7 @@ def _range(ends: RealArray) -> str:
 
 
 def is_measured(given: Any) -> bool:
-    """Whether something is a measured response: python-control's, `Responses`, or a
-    `ResponseEstimate`.
-    """
+    """Whether something is a response of python-control, `Responses` or a `ResponseEstimate`."""
     return hasattr(given, "frdata") or isinstance(given, Responses | ResponseEstimate)
 
 

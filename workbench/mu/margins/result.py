@@ -62,9 +62,7 @@ class LoopMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest gain factors below and above 1 that destabilise; 0 and infinity where there
-        is none.
-        """
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         every = self._told
         return max(one.gain[0] for one in every), min(one.gain[1] for one in every)
 
@@ -75,8 +73,7 @@ class LoopMargins(Answer):
 
     @property
     def phase_deg(self) -> float:
-        """The least phase margin [deg]; negative for a margin against lead, infinite if there is
-        none.
+        """The least phase margin [deg]; negative against lead, infinite without a crossing.
 
         The margin of a set holds for lag and for lead.
         """
@@ -131,9 +128,7 @@ class LoopMargins(Answer):
 
     @cached_property
     def every_plant(self) -> Mapping[str, SetMargins]:
-        """Margins that every plant of the set keeps in each channel; empty if the plant is not
-        uncertain.
-        """
+        """Margins that every plant of the set keeps in each channel; empty for a known plant."""
         found = self._loop.every_plant() if self._is_set else {}
         vars(self).pop("certificate", None)  # it says nothing of them
         return found
@@ -284,7 +279,7 @@ class LoopChecker(PartsChecker):
         return {f"{kind} {name}": one for kind, of in groups.items() for name, one in of.items()}
 
     def figures(self, answer: LoopMargins) -> dict[str, Figure]:
-        """Nyquist curves with the disks that they avoid, and the gains with phases that all plants
+        """Nyquist curves with the disks that they avoid, and gains with phases that all
         tolerate.
         """
         if answer.closed is None:

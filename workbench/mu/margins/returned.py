@@ -1,6 +1,4 @@
-"""The closed loop of a plant and a controller, from signals added in its channels to the signals
-there.
-"""
+"""The closed loop of plant and controller, seen from signals added in its channels."""
 
 from __future__ import annotations
 
@@ -36,9 +34,7 @@ def matched_pair(plant: Any, controller: Any) -> tuple[UncertainSystem, Uncertai
 
 
 def need_matching(plant: Any, controller: Any) -> None:
-    """Raise InputError unless the controller has as many inputs as the plant has outputs, and the
-    reverse.
-    """
+    """Raise InputError unless inputs and outputs of plant and controller match."""
     if (controller.noutputs, controller.ninputs) != (plant.ninputs, plant.noutputs):
         raise InputError(
             f"plant has {plant.noutputs} outputs and {plant.ninputs} inputs, controller "

@@ -1,5 +1,4 @@
-"""The delay that every plant of a set tolerates in a channel, by branch and bound that cuts
-frequency too.
+"""The delay that every plant of a set tolerates, by branch and bound that cuts frequency too.
 
 At a frequency omega, delays up to T turn the channel by angles up to omega T: the factor is ((1 + j
 t) / (1 - j t))^2 with t = tan(omega T / 4), and t is limited to 1, which is a full half turn.
@@ -51,8 +50,7 @@ WITHIN = 0.999
 
 @dataclass(frozen=True, eq=False)
 class DelayBounds:
-    """Bounds of the delay margin: every plant tolerates ``lower`` [s], the plant at ``values`` (p,)
-    not ``upper`` [s].
+    """Every plant tolerates delays up to ``lower`` [s], that at ``values`` (p,) not ``upper`` [s].
 
     ``upper`` is infinite and ``values`` None if no plant is known that a delay destabilises.
     """
@@ -110,9 +108,7 @@ def bears_delay(
     gap: float,
     parts: int,
 ) -> bool:
-    """Whether this many parts prove that every plant tolerates a delay [s]; arguments as of
-    `delay_bounds`.
-    """
+    """Whether this many parts prove that every plant tolerates a delay [s]; see `delay_bounds`."""
     search = _DelaySearch(given, delay_of, gap, parts)
     search.share = parts
     region = search.region()

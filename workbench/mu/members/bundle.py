@@ -38,8 +38,7 @@ GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 def bundle_plot(
     system: Any, kinds: Sequence[Kind] = get_args(Kind), samples: int = 40, seed: int = 0
 ) -> Figure:
-    """Figure panels of the nominal and of random members of an uncertain system, with proven
-    bounds.
+    """Panels of the nominal and of random members of an uncertain system, with proven bounds.
 
     The Bode panel shows the proven worst-case gain, and the panel of poles the proven margin of
     robust stability, both only if the nominal system is stable.

@@ -77,7 +77,7 @@ class MonteCarlo:
         )
 
     def probability(self, level: float) -> tuple[float, float, float]:
-        """The share of members up to a level, and the ends of its interval for all members
+        """The share of members up to a level, and its interval for all members
         (Clopper-Pearson).
         """
         if not is_real(level) or math.isnan(level):

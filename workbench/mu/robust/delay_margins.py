@@ -1,6 +1,4 @@
-"""Delays [s] that a loop with uncertain delays tolerates: up to which one it is stable, and which
-one is too long.
-"""
+"""Delays [s] that a loop with uncertain delays tolerates, and delays that are too long."""
 
 from __future__ import annotations
 
@@ -34,8 +32,7 @@ BESIDE = 1e-6
 
 
 def delay_margins(found: UncertainSystem, tolerance: float) -> dict[str, tuple[float, float]]:
-    """Bounds of each delay [s] by name: the loop is stable for all delays up to the first and
-    unstable for the second.
+    """Two delays [s] by name: stable for all delays up to the first, unstable for the second.
 
     The first bound is proven with all other uncertainty at full size, by a cover of all delays up
     to it; it is 0 if nothing is proven. If nothing else is uncertain, it is exact but for a share
@@ -50,7 +47,7 @@ def delay_margins(found: UncertainSystem, tolerance: float) -> dict[str, tuple[f
 
 
 def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
-    """Whether stability is proven for all delays up to ``high`` [s], whatever the other elements
+    """Whether stability is proven for delays up to ``high`` [s], whatever the other elements
     are.
     """
     if len(found.elements) == 1 and (first := _first_on_axis(found, name)) is not None:

@@ -96,8 +96,7 @@ class SensitivityChecker(PartsChecker):
 def margin_sensitivity(
     system: Any, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
 ) -> MarginSensitivity:
-    """Bounds, by name, of how much each element contributes: 0 for nothing, 1 for an element that
-    decides alone.
+    """Bounds, by name, of how much each element contributes: 0 for nothing, 1 for everything.
 
     The number is the relative increase of the margin's reciprocal over the relative increase of one
     element's uncertainty. At 0.75, with 25 % more of this uncertainty the rest may be 0.75 x 25 %

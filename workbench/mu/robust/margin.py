@@ -1,6 +1,4 @@
-"""Robust stability of an uncertain system: how much uncertainty it tolerates, and which
-perturbation destabilises it.
-"""
+"""Robust stability of an uncertain system: its margin, and a perturbation that destabilises it."""
 
 from __future__ import annotations
 

@@ -176,9 +176,7 @@ class StabilityChecker(PartsChecker):
         return found
 
     def figures(self, answer: StabilityMargin) -> dict[str, Figure]:
-        """Mu over frequency, whose reciprocal is the margin; no figure for real parameters
-        alone.
-        """
+        """Mu over frequency, whose reciprocal is the margin; none for real parameters alone."""
         return {} if answer.peak is None else {"mu": answer.peak.plot()}
 
     def second_opinion(self, answer: StabilityMargin) -> list[Check]:
@@ -204,9 +202,7 @@ class StabilityChecker(PartsChecker):
 
 @dataclass(frozen=True, eq=False)
 class UnlimitedChecker(RepeatedChecker):
-    """Checks that no element of a system can move its poles, by a new computation and by
-    perturbations.
-    """
+    """Checks by a new computation and by perturbations that no element can move the poles."""
 
     system: UncertainSystem
 

@@ -1,6 +1,4 @@
-"""Transformed systems that are stable if and only if the poles of the given ones lie in a
-region.
-"""
+"""Transformed systems: stable if and only if the poles of the given ones lie in a region."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The second opinion of upper bounds of mu: perturbations that could refute them, and ball
-arithmetic.
+"""The second opinion of upper bounds of mu: perturbations that could refute them, and balls.
 
 A perturbation refutes a bound only where ball arithmetic proves that it is singular; what plain
 NumPy suggests is reported and decides nothing.

@@ -1,3 +1,1 @@
-"""Implemented and sampled controllers, checked in time: rounding, integers, C headers, held
-plants.
-"""
+"""Implemented and sampled controllers, checked in time: integers, headers, held plants."""

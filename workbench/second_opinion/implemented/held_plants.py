@@ -1,5 +1,4 @@
-"""Loops of a sampled controller and a continuous plant, perturbed by constants and all-pass
-functions.
+"""Sampled controllers on continuous plants, perturbed by constants and all-pass functions.
 
 The plant is closed by the perturbation in continuous time and sampled by matrix exponentials: no
 response at any frequency is computed.
