@@ -1,4 +1,4 @@
-"""What is trusted: code that decides whether an answer holds, and nothing else.
+"""The trusted code: it decides whether an answer holds, and does nothing else.
 
 Takes: an answer and the data of its problem.
 Gives: bounds rounded outward, and proofs that a stored answer carries with it.

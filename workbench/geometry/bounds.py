@@ -1,7 +1,7 @@
 """Lower bounds on the sizes of circles and stadiums, from the points alone.
 
-The bounds share no code with the methods. A method's answer only tells where to look for a bound:
-every bound holds for the optimum, whatever the answer was.
+The bounds share no code with the methods. A method's answer only decides where the search for a
+bound begins: every bound holds for the optimum, whatever the answer was.
 """
 
 from __future__ import annotations

@@ -70,8 +70,8 @@ def _stadiums(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Centre, radius, half-length and angle, each (A,), of A stadiums around the sets (S, N).
 
-    ``which`` (A,) holds the index of the set of each stadium; ``centered`` and ``directed`` tell
-    whether the given centres (A,) and angles (A,) hold.
+    ``which`` (A,) holds the index of the set of each stadium; ``centered`` and ``directed`` say
+    whether the given centres (A,) and angles (A,) are used.
     """
     center = given_center.copy()
     angle = given_angle.copy()

@@ -102,7 +102,7 @@ def _numeric(name: str, given: ArrayLike) -> np.ndarray:
 
 
 def _finite(name: str, values: np.ndarray) -> np.ndarray:
-    """The same values, or an `InputError` that tells where one is not finite."""
+    """The same values, or an `InputError` that says which one is not finite."""
     bad = ~np.isfinite(values)
     if bad.any():
         first = tuple(int(axis[0]) for axis in np.nonzero(np.atleast_1d(bad)))

@@ -4,7 +4,7 @@ They serve for comparison with the exact answers. Where the text is ambiguous, i
 follows:
 
 * 5.3.1 "geometric center": the mean of the points. An angle is acute if it is less than a right
-  angle; of two angles that are not, the one at P_1 is looked at first.
+  angle; if two angles are not, the one at P_1 is treated first.
 * 5.4.2, first candidate: a side of the polygon and its mirror image in the given centre; valid if
   all vertices lie between the two.
 * 5.4.2, second candidate: "all the median points of the polygon" are the midpoints of its sides,

@@ -67,7 +67,7 @@ def turned_perturbations(structure: Structure, count: int, points: int) -> Compl
 def windings(M: Array, Delta: ComplexArray) -> RealArray:
     """Number of turns (k,) of det(I - M Delta) around 0 along curves (k, points, rows, columns).
 
-    NaN if steps are too long to tell. From Delta_1 to Delta_2 the determinant is multiplied by
+    NaN if steps are too long to decide. From Delta_1 to Delta_2 the determinant is multiplied by
     det(I - X), X = (I - M Delta_1)^-1 M (Delta_2 - Delta_1): with all eigenvalues x of X smaller
     than 1 no perturbation between them makes it 0, and it turns by the sum of the angles of 1 - x.
     The curve can be contracted to Delta = 0 within a ball of perturbations. If the number of turns

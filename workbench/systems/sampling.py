@@ -61,7 +61,7 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     Raises
     ------
     InputError
-        The system is sampled already, or stands for none; the time or the delay is wrong.
+        The system is sampled already, or the object is no system; the time or the delay is wrong.
 
     Warns
     -----

@@ -1,4 +1,4 @@
-"""What a rational ray proves of a conic program, in exact arithmetic.
+"""Statements about a conic program that a rational ray proves, in exact arithmetic.
 
 Let y be in the dual of K. Every x with b - A x in K satisfies y'(b - A x) >= 0, hence
 

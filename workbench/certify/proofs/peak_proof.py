@@ -1,7 +1,7 @@
 """The proof of a peak: multipliers that prove one bound on intervals that cover a band.
 
 Scalings that are functions of frequency, if there are any, replace most intervals. A repeated proof
-searches for nothing: the multipliers are stored, and the kernel recomputes everything else from the
+makes no search: the multipliers are stored, and the kernel recomputes everything else from the
 system.
 
 Nothing is searched when it is proven again: the multipliers are those stored, and what the kernel

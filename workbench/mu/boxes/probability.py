@@ -42,7 +42,7 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GuaranteedProbability(Answer):
-    """The probability of what was asked lies between ``lower`` and ``upper``.
+    """Bounds ``lower`` and ``upper`` of the probability that was asked for.
 
     ``parts`` is how many parts of the box of parameters were examined.
 
@@ -88,8 +88,8 @@ def guaranteed_probability(
     Parameters
     ----------
     system
-        An `UncertainSystem` whose elements are all real, stable at its nominal; or what stands for
-        one. Its parameters are independent.
+        An `UncertainSystem` whose elements are all real, stable at its nominal; or an object that
+        stands for one. Its parameters are independent.
     gain
         Level that the largest singular value over frequency has to stay below; None: members only
         have to be stable.
@@ -99,7 +99,7 @@ def guaranteed_probability(
     tolerance
         Distance of the bounds at which the search ends.
     parts
-        Most parts of the box that are examined.
+        Largest number of parts of the box that are examined.
 
     Raises
     ------

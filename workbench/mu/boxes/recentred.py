@@ -144,7 +144,7 @@ class RealParameters:
     def all_stable(self, part: BoxPart) -> bool | None:
         """True if all members of a part are stable, False if none is; by discs around their poles.
 
-        None where the discs do not tell; for narrow parts they do.
+        None where the discs do not decide; for narrow parts they do.
         """
         centre, width = self.perturbation(part.centre), self.perturbation(part.reach)
         loop = self._closed(Enclosure(centre, np.abs(width)))

@@ -20,7 +20,7 @@ LOWER_BOUND_SHARE = 0.97
 """Lower bounds are computed at frequencies whose upper bound is above this share of the largest."""
 
 QUICK_FREQUENCIES = 60
-"""Most frequencies at which a quick lower bound is computed."""
+"""Largest number of frequencies at which a quick lower bound is computed."""
 
 THOROUGH_FREQUENCIES = 6
 """Number of these frequencies at which a thorough lower bound follows."""

@@ -47,11 +47,11 @@ class Peak(Answer):
 
     ``Delta`` (r, c) makes I - M(j omega) Delta singular up to rounding and proves the lower bound;
     it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
-    Delta, or where there is none the frequency of the largest upper bound. ``intervals`` cover the
-    band unless upper is infinite. ``complex_part`` is the complex uncertainty added to real
-    scalars, as a share of them; the peak holds for this larger set of perturbations. For a system
-    with sampling time ``period`` [s] the band ends at half the sampling rate, and the intervals are
-    in the frequency v = 2 / period tan(omega period / 2).
+    Delta or, without a Delta, that of the largest upper bound. ``intervals`` cover the band unless
+    upper is infinite. ``complex_part`` is the complex uncertainty added to real scalars, as a share
+    of them; the peak holds for this larger set of perturbations. For a system with sampling time
+    ``period`` [s] the band ends at half the sampling rate, and the intervals are in the frequency v
+    = 2 / period tan(omega period / 2).
     """
 
     lower: float

@@ -76,8 +76,8 @@ def least_delta(
 ) -> LeastDelta:
     """Bounds of the least |delta| that breaks the loop, L = N / D exp(-s delay).
 
-    Beyond ``tail`` [rad/s], |L| is monotone with a limit below 1. ``pair``: plant and controller
-    have a factor each; otherwise only one of them has.
+    Beyond ``tail`` [rad/s], |L| is monotone with a limit below 1. With ``pair``, plant and
+    controller have a factor each; otherwise only one of them does.
     """
     with ctx.workprec(BITS):
         T = arb(fmpq(delay.numerator, delay.denominator))

@@ -122,14 +122,16 @@ class QuasiPolynomial:
         return {}
 
     def leading(self, order: int) -> dict[Fraction, float]:
-        """What f(s) / s^order tends to, a factor of each exponential, by delay."""
+        """Limit of f(s) / s^order at infinity: the factor of each exponential, by delay."""
         return {T: float(arb(p[order])) for T, p in self.terms.items() if p[order]}
 
 
 def without_common_factor(
     N: QuasiPolynomial, D: QuasiPolynomial
 ) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """The same quotient N / D; where it is one of polynomials and one exponential, as that."""
+    """The same quotient N / D without a common factor, if it reduces to polynomials and one
+    exponential.
+    """
     if not N.terms:
         return N, QuasiPolynomial({Fraction(0): fmpq_poly([1])})
     T0 = min(N.terms)

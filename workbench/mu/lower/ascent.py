@@ -107,7 +107,8 @@ def climb(M, table, delta, value, known, w, v):  # type: ignore[no-untyped-def]
 
     An ascent stops when a real block that is the unknown reaches an end of its interval; another
     ascent with a new unknown follows. ``known`` are the values (K,) and Deltas (K, rows, columns)
-    at which ascents ended before. One that comes near such a Delta from below ends with its value.
+    at which ascents ended before. An ascent that comes near such a Delta from below ends with its
+    value.
     """
     last = len(table)
     for _ in range(len(table)):

@@ -138,7 +138,9 @@ class _Search:
         self._earlier: list[list[FoundEigenvalue]] = [[] for _ in self.M]
 
     def ascend(self, count: int, agree: int) -> None:
-        """Keep the best of ascents from so many starts; fewer where so many agree."""
+        """Keep the best of ``count`` ascents; the search ends earlier once ``agree`` of them
+        agree.
+        """
         starts = self.varied_starts(count)
         places = range(0, len(self.M), DEADLINE_MATRICES)
         chunks = [slice(place, place + DEADLINE_MATRICES) for place in places]
@@ -152,7 +154,9 @@ class _Search:
         return unit_starts(count, self.structure.rows, rng), reals
 
     def varied_starts(self, count: int) -> tuple[np.ndarray, ...]:
-        """Starts of `search_batch` in turn: with moving real blocks, held ones, held at a level."""
+        """Starts of `search_batch` of three kinds in turn: real blocks move, are held, or are held
+        at a level.
+        """
         vectors, reals = self.starts(count)
         real = np.array([isinstance(block, Real) for block in self.structure])
         moving, levels = np.ones(count, bool), np.zeros(count)
@@ -168,19 +172,19 @@ class _Search:
         return vectors, reals, moving, levels
 
     def improve(self, chunk: slice, values: np.ndarray, deltas: np.ndarray) -> None:
-        """Keep values and Deltas of a chunk where they are better than those known."""
+        """Keep the values and Deltas of a chunk that are better than the known ones."""
         for index in np.flatnonzero(values > self.value[chunk]):
             self._keep(chunk.start + index, values[index], deltas[index])
 
     def each(self, description: str, find: Callable[[int], FoundEigenvalue]) -> None:
-        """Keep what `find` gives for each matrix where it is better than what is known."""
+        """Keep the result of `find` for each matrix whose known proposal it improves."""
         for index in self._context.track(range(len(self.M)), description):
             value, delta = find(index)
             if value > self.value[index]:
                 self._keep(index, value, delta)
 
     def _keep(self, index: int, value: float, delta: np.ndarray) -> None:
-        """Keep a better proposal for a matrix, and the last ones before it."""
+        """Keep a better proposal for a matrix, and also the last few earlier ones."""
         if self.value[index] > 0:
             before = *self._earlier[index], (self.value[index], self.delta[index].copy())
             self._earlier[index] = list(before[-RUNNERS_UP:])
@@ -200,10 +204,10 @@ class _Search:
         return max(found, key=lambda one: one[0])
 
     def from_exact_vertices(self) -> Callable[[int], FoundEigenvalue]:
-        """A function that gives the best Delta of one matrix with real blocks at their ends.
+        """Function that gives the best Delta of one matrix with all real blocks at their ends.
 
-        For real blocks only. A real M has eigenvalues there that are exactly real, and a complex
-        one may have some.
+        For structures of real blocks only. There a real M has exactly real eigenvalues; a complex M
+        may have some.
         """
         sizes = [block.rows for block in self.structure]
         few, many = (
@@ -219,7 +223,7 @@ class _Search:
         return find
 
     def from_nonlinear(self, context: Context) -> Callable[[int], FoundEigenvalue]:
-        """A function that gives the best Delta of one matrix found by the nonlinear program."""
+        """Function that gives the best Delta of one matrix found by the nonlinear program."""
         nonlinear = NonlinearSearch(self.structure, context)
 
         def find(index: int) -> FoundEigenvalue:
@@ -233,7 +237,7 @@ class _Search:
         return unscaled(self.value, self.delta, self._exponent)
 
     def _proven(self, M: np.ndarray, Delta: np.ndarray) -> np.ndarray:
-        """Bounds (B,) that Deltas prove, none above what the size of its Delta says; 0 for none."""
+        """Bounds (B,) that Deltas prove, each at most 1 over the size of its Delta; 0: no proof."""
         proven = proven_bounds(M, self.structure, Delta)
         size = np.linalg.norm(np.where(proven[:, None, None] > 0, Delta, 1.0), 2, axis=(1, 2))
         return np.minimum(said(proven), 1 / size)

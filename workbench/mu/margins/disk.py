@@ -52,9 +52,9 @@ class DiskMargin(Answer):
     The loop is proven stable for every |delta| below ``lower``. At size ``upper`` there are
     factors, ``worst`` by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None
     if one of them is an infinite gain, if the loop breaks only in the limit of infinite frequency,
-    or if no factors are known and ``upper`` is infinite. ``proof`` has bounds of the reciprocals,
-    or is the margin itself. Over a set of plants stability is proven for every one of them, and
-    ``plant`` has the values of uncertain elements that belong to the worst factors.
+    or if no factors are known and ``upper`` is infinite. ``proof`` has the bounds of the
+    reciprocals; it may be the margin itself. For a set of plants, stability is proven for every
+    plant, and ``plant`` has the values of the uncertain elements that belong to the worst factors.
     """
 
     channels: tuple[str, ...]

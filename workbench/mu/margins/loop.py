@@ -46,9 +46,9 @@ def loop_margins(
         Relative distance between the bounds of a disk margin. For `every_plant` it is 0.01, or this
         value if larger.
     parts
-        Most parts of the box of real parameters that are examined for each margin of a set. None:
-        4,000, or 120 if the set has uncertain dynamics too, since the bounds then keep a gap that
-        no number of parts closes.
+        Largest number of parts of the box of real parameters that are examined for each margin of a
+        set. None: 4,000, or 120 if the set has uncertain dynamics too, since the bounds then keep a
+        gap that no number of parts closes.
     time_limit
         Time [s] after which `every_plant` returns its bounds so far.
 

@@ -76,7 +76,8 @@ class MeasuredLoop:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasuredMargins(Answer):
-    """Margins of a measured loop that is closed with negative feedback, as far as data tell.
+    """Margins of a measured loop that is closed with negative feedback, as far as the data show
+    them.
 
     Each crossing is a row (K, 4): the margin, its frequency [rad/s], the lower and the upper end of
     its range. ``gains`` are factors on the gain at which L passes -1; ``phases_deg`` [deg] and
@@ -106,7 +107,7 @@ class MeasuredMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest factors below and above 1; 0 and infinity where there is none."""
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         return nearest_factors(self.gains)
 
     @property

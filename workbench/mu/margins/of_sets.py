@@ -115,7 +115,7 @@ def set_margins(
         Relative distance of the bounds of t. If the set has uncertain dynamics too, upper bounds of
         mu keep a gap that no number of parts closes.
     parts
-        Most parts of the box of parameters that are examined for each margin.
+        Largest number of parts of the box of parameters that are examined for each margin.
     time_limit
         Time [s] after which the bounds so far are returned.
     """

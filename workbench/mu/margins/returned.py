@@ -87,6 +87,7 @@ def channel_names(inputs: int, outputs: int) -> list[str]:
 def opened_channel(returned: UncertainSystem, channel: int) -> UncertainSystem:
     """L of a channel, from S - 1: the other channels stay closed."""
     closed = returned[[channel], [channel]]
-    # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, by positive feedback of what is returned.
+    # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, since the returned signal is fed back
+    # positively.
     opened: UncertainSystem = -1.0 * feedback(closed, 1.0, sign=-1)
     return opened

@@ -49,8 +49,8 @@ BESIDE = np.geomspace(0.98, 1.02, 9)
 upper bound.
 """
 SWEPT = 30
-"""Number of further frequencies, beside 0: several peaks may be equally high, and only some belong
-to a member of the set.
+"""Number of further frequencies, in addition to 0: several peaks may be equally high, and only some
+belong to a member of the set.
 """
 COVERED, ONE_LOST = "the set that contains the dead time is stable", "one member is not"
 """What the two bounds rest on."""

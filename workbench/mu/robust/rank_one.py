@@ -34,7 +34,7 @@ def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
     Parameters
     ----------
     real
-        Diagonal entry c_r of the real scalar, complex (...); 0 where there is none.
+        Diagonal entry c_r of the real scalar, complex (...); 0 if there is none.
     others
         Sum of |c_k| over the complex scalars (...), not negative.
 

@@ -39,13 +39,13 @@ upper bound is smaller."""
 LOWER_ROOT_WIDTH = 1e-5
 """Width of the interval of log b in which the root of the lower bound is found."""
 UPPER_ROOT_STEPS = 40
-"""Most evaluations of the upper bound in the search for its root."""
+"""Largest number of evaluations of the upper bound in the search for its root."""
 SUFFICIENT_SHARE = 0.9999
 """A lower bound above this share of the upper bound is not improved further."""
 LARGEST_LOOP_CONDITION = 1e10
 """Largest condition number of I - M Delta_f for which the loop of Delta_f is closed."""
 ROOT_SEARCH_RANGE = 80.0
-"""Largest distance from the start, in log b, at which a root is looked for."""
+"""Largest distance from the start, in log b, at which a root is searched for."""
 OUTWARD_FACTOR = 1 + 1e-13
 """Factor that rounds products of proven numbers outward."""
 

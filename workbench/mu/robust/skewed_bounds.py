@@ -180,7 +180,7 @@ def worst_case_checks(
     system, structure
         As given to `worst_case_gain`.
     found
-        The claimed bounds and what proves them. An infinite upper bound claims nothing.
+        The claimed bounds with their proofs. An infinite upper bound claims nothing.
     dt
         Sampling time [s] of the sampled system that this continuous one stands for; 0: none.
 

@@ -1,7 +1,7 @@
 """The second opinion of upper bounds of mu: perturbations that could refute them, and balls.
 
-A perturbation refutes a bound only where ball arithmetic proves that it is singular; what plain
-NumPy suggests is reported and decides nothing.
+A perturbation refutes a bound only if ball arithmetic proves that it makes I - M Delta singular. A
+result in plain NumPy is reported, but decides nothing.
 """
 
 from __future__ import annotations

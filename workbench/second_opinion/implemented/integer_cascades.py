@@ -1,7 +1,7 @@
 """Fixed-point cascades, driven by the errors and inputs that are worst for them.
 
-The worst signal is the sign of an impulse response, reversed in time. What it reaches within the
-samples tried can refute a bound but never confirm it.
+The worst signal is the sign of an impulse response, reversed in time. The value that it reaches
+within the samples tried can refute a bound but never confirm it.
 """
 
 from __future__ import annotations

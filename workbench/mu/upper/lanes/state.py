@@ -36,8 +36,8 @@ class Lanes(NamedTuple):
 
     Matrices (r, r): S, Z and their steps, L, S_inverse, V, Q, work. Matrices (c, r): M, MX, T_M and
     U_M. Matrices (c, c): T_C, U_C. Vectors of blocks: W, its step and the second orders of D and W.
-    Of unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with its
-    pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
+    Vectors of unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with
+    its pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
     """
 
     M: Lane
