@@ -288,11 +288,10 @@ def _nearest(discs: Discs, omega: float, half: float) -> tuple[float, float, boo
 
 
 def _end_from_zero(first: Array, last: Array, half: float) -> tuple[float, bool]:
-    """Where an interval from 0 ends at the nearest of other intervals, and whether a point would
-    end it later.
+    """The end of an interval from 0 at the nearest disc, and whether a large disc shortens it.
 
-    It would not if another disc ends it soon after the large one, or if the large one is hardly
-    wider than it is far.
+    ``first`` and ``last`` are the ends of the discs on the axis. A disc shortens the interval if
+    the nearest middle of a disc lies clearly beyond the nearest end.
     """
     ahead = first > 0
     first, last = first[ahead], last[ahead]

@@ -35,7 +35,7 @@ def need_statement(problem: Any) -> Any:
     whole = [one.name() for one in problem.variables() if one.boolean_idx or one.integer_idx]
     if whole:
         raise InputError(
-            f"integer or boolean variables: {', '.join(whole)}; no bound is proven of them: fix "
+            f"integer or boolean variables: {', '.join(whole)}; no bound is proven for them: fix "
             "their values, or solve the problem without the attribute, which bounds it"
         )
     _need_numbers(problem)

@@ -70,7 +70,7 @@ a pole lies on the axis."""
 
 
 def axis_rounding(A: RealArray) -> float:
-    """Size of changes of A (n, n), with balanced states, that count as rounding of its poles."""
+    """Largest change of A (n, n), with balanced states, that counts as rounding of its poles."""
     return AXIS_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
 
 

@@ -294,7 +294,7 @@ def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
         shares = [f(b) - f(a) for f, a, b in zip(functions, low, high, strict=True)]
         if min(shares) < 0:
             name = elements[int(np.argmin(shares))].name
-            raise InputError(f"the cdf of {name} falls, which no distribution function does")
+            raise InputError(f"the cdf of {name} decreases, as no distribution function does")
         return float(np.prod(shares))
 
     return weight

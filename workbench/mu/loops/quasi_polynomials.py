@@ -129,8 +129,9 @@ class QuasiPolynomial:
 def without_common_factor(
     N: QuasiPolynomial, D: QuasiPolynomial
 ) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """The same quotient N / D without a common factor, if it reduces to polynomials and one
-    exponential.
+    """The quotient N / D with common factors removed.
+
+    If the quotient is a rational function times one exponential, it is returned in that form.
     """
     if not N.terms:
         return N, QuasiPolynomial({Fraction(0): fmpq_poly([1])})

@@ -164,7 +164,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
         if L.D[0, 0] == -1.0:
             raise InputError(
                 "the loop is singular through its direct term: 1 + L is 0 at infinite frequency; a "
-                "lag in plant or controller mends it"
+                "lag in plant or controller removes that"
             )
         exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
         return margins_of(exact).checked_by(ClassicalChecker(exact, L))
@@ -202,7 +202,7 @@ def late_loop(loop: UncertainSystem) -> DelayedLoop | CoupledLoop:
     if abs(R.D[0, 0]) >= 1.0:
         raise InputError(
             f"|L| is {abs(R.D[0, 0]):.6g} at infinity: with the dead time {names} the closed loop "
-            "has endlessly many unstable poles, or is on their border; below 1 is needed"
+            "has infinitely many unstable poles, or is on the border to that; below 1 is needed"
         )
     return DelayedLoop(exact_loop(R, R), delayed)
 

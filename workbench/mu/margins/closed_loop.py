@@ -41,7 +41,9 @@ if TYPE_CHECKING:  # modules with expensive margins are imported only when they 
 PADE_ORDERS = (6, 8, 10, 12, 14)
 """Orders of the Pade approximation of dead time in disks of sets; higher orders lose digits."""
 CORNER = 2.0
-"""The approximation must be accurate up to this multiple of the highest crossover frequency."""
+"""The error bound of the approximation may reach its largest value only above this multiple of the
+highest crossover frequency.
+"""
 MEMBERS = 20
 """Number of random plants of a set whose loops are drawn."""
 PARTS = 4000

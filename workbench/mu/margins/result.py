@@ -153,7 +153,7 @@ class LoopMargins(Answer):
         if self.closed is None:
             raise InputError(
                 "measured responses say nothing between their frequencies, so that no disk can be "
-                "proven of them: fit a model or a cover first; `modulus` is the least distance "
+                "proven for them: fit a model or a cover first; `modulus` is the least distance "
                 "from -1 at the data"
             )
         return self.closed

@@ -100,7 +100,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """
     if not isinstance(peak, Peak):
         raise InputError(
-            f"peak must be what `peak(system, structure)` gives, not {type(peak).__name__}"
+            f"peak must be a result of `peak(system, structure)`, not {type(peak).__name__}"
         )
     if not peak.lower > 0:
         raise InputError("the peak's lower bound is 0: no destabilising perturbation is known")

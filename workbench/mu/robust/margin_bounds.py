@@ -40,12 +40,12 @@ class StabilityMargin(Answer):
 
     Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
     of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
-    parameters, and dynamics as systems. It is None, and ``upper`` infinite, if no perturbation was
-    found. With a factor above 1 the system is stable for all of its uncertainty. ``peak`` is the
-    peak of mu that proves the bounds; if all elements are real it is None, and ``parts`` of their
-    box were examined instead (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] the bounds
-    are about the sampled system, whose perturbations are sampled with it: for a continuous plant
-    under a sampled controller see `workbench.synthesis.sampled_robustness`.
+    parameters, and dynamics as systems. ``worst`` is None, and ``upper`` infinite, if no
+    perturbation was found. With a factor above 1 the system is stable for all of its uncertainty.
+    ``peak`` is the peak of mu that proves the bounds; if all elements are real it is None, and
+    ``parts`` of their box were examined instead (see `workbench.mu.boxes`). With a sampling time
+    ``dt`` [s] the bounds are about the sampled system, whose perturbations are sampled with it: for
+    a continuous plant under a sampled controller see `workbench.synthesis.sampled_robustness`.
 
     The factor multiplies normalised perturbations. For an uncertain delay it does not multiply the
     time: a smaller disc about the case without delay contains no true delay at all frequencies.

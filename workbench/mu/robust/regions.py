@@ -71,7 +71,7 @@ def _need_numbers(found: UncertainSystem, asked: str) -> None:
     for one in found.elements.values():
         if isinstance(one, DynamicElement | DelayElement):
             raise InputError(
-                f"{one.name} is dynamics, of which nothing is known left of the axis; {asked} is "
+                f"{one.name} is dynamics, whose gain is known on the axis only; {asked} is "
                 "for systems with uncertain numbers only"
             )
 
