@@ -33,7 +33,7 @@ STARTING_INTERVALS = 400
 """Number of intervals at the start, in equal steps of log frequency except for the first one."""
 FIRST_SHARE = 1e-5
 """End of the first interval, relative to half the sampling rate."""
-LARGEST_CONDITION, LARGEST_ERROR, SPARED = 1e12, 1e-7, 10.0
+LARGEST_CONDITION, LARGEST_ERROR, DISTANCE_FACTOR = 1e12, 1e-7, 10.0
 """Limits for modal coordinates: their condition number, the relative distance of their response
 from that of T, and the factor by which the true distance may exceed the one seen.
 """
@@ -150,7 +150,7 @@ def _well_conditioned(T: StateSpace) -> Form:
     apart = float(np.abs(one - other).max())
     if not apart <= LARGEST_ERROR * float(np.abs(one).max()):
         return plain
-    return modal._replace(error=SPARED * apart)
+    return modal._replace(error=DISTANCE_FACTOR * apart)
 
 
 def _bounds(

@@ -24,7 +24,7 @@ from workbench.systems.realisation import matrices_of
 
 BITS = (128, 256, 512, 1024)
 """Bits of the numbers, tried in turn until the error is that of rounding to doubles."""
-CLAIMED = 2.0
+CLAIMED_FACTOR = 2.0
 """Claimed errors are this multiple of the proven errors, which differ in their last bits between
 processors, and at least this multiple of an entry's rounding.
 """
@@ -97,7 +97,7 @@ def gramians(system: Any) -> Gramians:
     parts: list[RealArray] = []
     for near, error in _enclosed(found):
         root = np.sqrt(np.abs(np.diagonal(near)))
-        claimed = np.maximum(CLAIMED * error, EPS * np.outer(root, root))
+        claimed = np.maximum(CLAIMED_FACTOR * error, EPS * np.outer(root, root))
         parts += [near, np.nextafter(claimed, np.inf) if near.any() else claimed]
     P, P_error, Q, Q_error = parts
     return Gramians(found, P, Q, P_error, Q_error).checked_by(GramiansChecker(found))

@@ -17,7 +17,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.realisations.boundary_states import least_boundary_part
 from workbench.realisations.system_parts import (
-    CLAIMED,
+    CLAIMED_FACTOR,
     RESPONSE_ROUNDING,
     SystemParts,
     SystemPartsChecker,
@@ -142,7 +142,7 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
     small = realisation(in_parallel(*kept), dt, **labels)
     removed = _unmatched(found.poles(), small.poles())
     sizes = len(kept[0][0]), len(kept[1][0]), len(kept[2][0])
-    error, relative = CLAIMED * errors[0], CLAIMED * errors[1]
+    error, relative = CLAIMED_FACTOR * errors[0], CLAIMED_FACTOR * errors[1]
     return MinimalRealisation(small, removed, error, relative, parts, sizes).checked_by(checker)
 
 

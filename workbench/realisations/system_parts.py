@@ -37,7 +37,7 @@ RESPONSE_ROUNDING = 1e-6
 """Largest difference of responses in doubles that rounding explains."""
 VANISHING = 2.0**-150
 """An entry of the part on the boundary counts as 0 below this share of the system's entries."""
-CLAIMED = 2.0
+CLAIMED_FACTOR = 2.0
 """Claimed errors are this multiple of the proven errors, which differ a little between
 processors.
 """
@@ -157,7 +157,7 @@ def parts_of(system: StateSpace) -> SystemParts:
         raise _undecided()
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
     boundary, antistable_part, stable = (realisation(part, dt, **labels) for part in blocks)
-    errors = CLAIMED * error, CLAIMED * relative
+    errors = CLAIMED_FACTOR * error, CLAIMED_FACTOR * relative
     return SystemParts(stable, boundary, antistable_part, coordinates, *errors)
 
 

@@ -13,7 +13,7 @@ from workbench.executor.effort import tries
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response
 
-BETWEEN = 8
+POINTS_BETWEEN = 8
 """Number of frequencies tried between neighbouring data."""
 SIGN_ROUNDING = 0.1
 """Largest distance of the trace of a sign function from an integer that counts as rounding."""
@@ -64,7 +64,7 @@ def within(
 
 def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
     """Check that a realisation lies above data (F,), interpolated linearly on log-log scales."""
-    count = tries(BETWEEN) * (omega.size - 1) + 1
+    count = tries(POINTS_BETWEEN) * (omega.size - 1) + 1
     place, index = np.linspace(0, omega.size - 1, count), np.arange(omega.size)
     grid = np.exp(np.interp(place, index, np.log(omega)))
     data = np.exp(np.interp(place, index, np.log(magnitude)))

@@ -38,7 +38,7 @@ two ways differ by less, unless the loop is too badly conditioned for either.
 """
 SINGULAR = 1e14
 """Condition number above which a matrix counts as singular."""
-INSIDE = 1.0 - 1e-9
+BALL_SHARE = 1.0 - 1e-9
 """Size of perturbations relative to the radius of the ball: rounding must not push them out of
 it.
 """
@@ -187,7 +187,7 @@ def perturbed(loop: Any, Delta: RealArray) -> tuple[RealArray, RealArray, RealAr
 
 def _radius(claimed: float) -> float:
     """Size of perturbations smaller than 1 / claimed; any size is allowed for a claim of 0."""
-    return INSIDE / claimed if claimed > 0.0 else 1.0
+    return BALL_SHARE / claimed if claimed > 0.0 else 1.0
 
 
 def _integrates(system: Any) -> bool:

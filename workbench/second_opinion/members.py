@@ -19,7 +19,7 @@ MEMBERS = 300
 """Number of members that are drawn."""
 LEVEL = 1e-9
 """Probability of a contradiction by chance."""
-CLOSE = 1e-3
+CLOSE_SHARE = 1e-3
 """A member is left undecided if its sampled gain is this close to the level, relative."""
 BISECTIONS = 60
 """Number of bisections of a range in the search for a value: more than doubles can resolve."""
@@ -85,7 +85,10 @@ def good_share(
         if possible and gain is not None:
             omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
             size = float(np.linalg.norm(plain_response(system, omega), 2, axis=(-2, -1)).max())
-            sure, possible = sure and size < (1 - CLOSE) * gain, size < (1 + CLOSE) * gain
+            sure, possible = (
+                sure and size < (1 - CLOSE_SHARE) * gain,
+                size < (1 + CLOSE_SHARE) * gain,
+            )
         fewest, most = fewest + sure, most + possible
     return fewest, most, count
 

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
-from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING
+from workbench.second_opinion.loops import BALL_SHARE, SAMPLED_ROUNDING
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
     loop_eigenvalues,
@@ -79,7 +79,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
 
 def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     """Check that loops of constant perturbations smaller than 1 / claimed are stable."""
-    radius = INSIDE / claimed if claimed > 0 else 1.0
+    radius = BALL_SHARE / claimed if claimed > 0 else 1.0
     fastest = -math.inf
     drawn = radius * constant_perturbations(structure, tries(LOOPS))
     for Delta in drawn:
@@ -101,7 +101,7 @@ def not_encircled(matrices: Array, structure: Structure) -> Check:
     If mu of the matrices M (k, c, r) is at most 1, as an upper bound claims, it does so on no such
     curve.
     """
-    curves = INSIDE * turned_perturbations(structure, tries(CURVES), CURVE_POINTS)
+    curves = BALL_SHARE * turned_perturbations(structure, tries(CURVES), CURVE_POINTS)
     turns = [windings(M, curves) for M in matrices[: tries(MATRICES)]]
     told = [one[~np.isnan(one)].max(initial=0.0) for one in turns]
     return Check(

@@ -19,7 +19,7 @@ REFINEMENTS, REFINED = 3, 21
 """Number of refinements around the worst point, and of points in each."""
 ITERATIONS = 60
 """Number of doublings of the time over which costs are summed."""
-INSIDE = 1.0 - 1e-9
+EDGE_SHARE = 1.0 - 1e-9
 """Size of Delta relative to the edge of the set: rounding must not push a plant out of it."""
 
 
@@ -61,7 +61,9 @@ def drawn_changes(left: RealArray, right: RealArray) -> RealArray:
     u, _, vh = np.linalg.svd(Delta, full_matrices=False)
     dyads = u[:, :, :1] @ vh[:, :1]
     full = u @ vh
-    found: RealArray = INSIDE * left @ np.where(np.arange(plants)[:, None, None] % 2, full, dyads)
+    found: RealArray = (
+        EDGE_SHARE * left @ np.where(np.arange(plants)[:, None, None] % 2, full, dyads)
+    )
     return found @ right.T
 
 

@@ -25,7 +25,7 @@ SPREAD_FREQUENCIES = 60
 """Number of frequencies spread evenly, on a logarithmic scale, over the band of the poles."""
 CLOSING_ROUNDING = 1e-12
 """Rounding of the responses of plant and controller, relative."""
-SPARED = 10.0
+ROUNDING_FACTOR = 10.0
 """Largest error of a response, in units of the difference between two ways to compute it."""
 FREQUENCIES_AT_ONCE = 256
 """Number of frequencies whose matrices are held in memory together."""
@@ -145,7 +145,7 @@ def closing_error(plant: Any, P: ComplexArray, K: Any, C: ComplexArray, omega: A
     """
     errors = [
         CLOSING_ROUNDING
-        + SPARED * _size(found - _transposed(system, omega)) / _nonzero(_size(found))
+        + ROUNDING_FACTOR * _size(found - _transposed(system, omega)) / _nonzero(_size(found))
         for system, found in ((plant, P), (K, C))
     ]
     controls, measurements = C.shape[-2:]

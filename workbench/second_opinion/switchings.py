@@ -21,9 +21,9 @@ SHORT_STAYS = 8
 """Number of stays, from the shortest on, that are tried for every two modes."""
 ENTRIES = (2, 7)
 """Fewest and most visits to modes in one period."""
-CLOSE = 1e-3
+CLOSE_GROWTH = 1e-3
 """Growth that is below 0 by less than this is computed again in many bits."""
-LONGER = 3.0
+LONGEST_RATIO = 3.0
 """Stays without a longest one are drawn up to this multiple of the shortest."""
 
 
@@ -66,7 +66,7 @@ def _period(transitions: Sequence[RealArray], modes: Sequence[int], stays: Seque
 def _growth(period: Any) -> float:
     """Logarithm of the growth in one period, less the possible effect of rounding."""
     rate, rounding = growth(np.array(period.tolist(), dtype=float), 1.0)
-    if rate < -max(rounding, CLOSE):
+    if rate < -max(rounding, CLOSE_GROWTH):
         return float(rate + rounding)
     return precise_growth(period) - PRECISE_ROUNDING
 
@@ -105,5 +105,5 @@ def _stay(rng: np.random.Generator, shortest: int, longest: int | None, number: 
     """
     if number < tries(SWITCHINGS) // 2:
         return shortest
-    last = longest if longest is not None else int(LONGER * shortest) + 1
+    last = longest if longest is not None else int(LONGEST_RATIO * shortest) + 1
     return int(rng.integers(shortest, max(last, shortest) + 1))

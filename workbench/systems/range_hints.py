@@ -15,16 +15,16 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 from workbench.systems.realisation import pole_sizes, root_sizes
 
-FAR = 100.0
+FAR_RATIO = 100.0
 """Frequencies and times count as out of range from this ratio to the fastest or slowest pole on. Hz
 instead of rad/s is a factor of 6, within a plant's usual range; milliseconds instead of seconds is
 a factor of 1000.
 """
-OFTEN = 10.0
+USUAL_SAMPLES = 10.0
 """Usual number of samples within the shortest time constant of a loop. A loop that is sampled a
 hundred times as often is out of range.
 """
-BEYOND = 1.01
+FASTER_RATIO = 1.01
 """A zero counts as faster than the fastest pole from this ratio on; a smaller ratio may be
 rounding.
 """
@@ -46,22 +46,22 @@ def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
     low, high = float(given.min()), float(given.max())
     system = control.ss(system)
     poles = _pole_sizes(system)
-    if not poles.size or (poles.min() / FAR <= high and low <= FAR * poles.max()):
+    if not poles.size or (poles.min() / FAR_RATIO <= high and low <= FAR_RATIO * poles.max()):
         return
     zeros = _zero_sizes(system)
     fastest, slowest, fast, slow = poles.max(), poles.min(), "pole", "pole"
-    if zeros.size and zeros.max() > BEYOND * fastest:
+    if zeros.size and zeros.max() > FASTER_RATIO * fastest:
         fastest, fast = zeros.max(), "zero"
-    if zeros.size and zeros.min() < slowest / BEYOND:
+    if zeros.size and zeros.min() < slowest / FASTER_RATIO:
         slowest, slow = zeros.min(), "zero"
     run = f"{low:.3g} to {high:.3g}" if high > low else f"{low:.3g}"
     told = f"{given.size} given, {run} rad/s"
-    if low > FAR * fastest:
+    if low > FAR_RATIO * fastest:
         _warn(
             f"all frequencies lie above 100 times the fastest {fast}: are they in Hz? ({told}; the "
             f"{fast} is at {fastest:.3g} rad/s, or is the system in other units of time?)"
         )
-    elif high < slowest / FAR:
+    elif high < slowest / FAR_RATIO:
         _warn(
             f"all frequencies lie below 1/100 of the slowest {slow}: are they in kHz? ({told}; the "
             f"{slow} is at {slowest:.3g} rad/s, or is the system in other units of time?)"
@@ -74,10 +74,10 @@ def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
     Returns whether it warned. ``called`` is the name of the system in the message.
     """
     poles = _pole_sizes(system)
-    if not poles.size or period * poles.min() <= FAR:
+    if not poles.size or period * poles.min() <= FAR_RATIO:
         return False
     slowest = min([poles.min(), *_zero_sizes(system)])
-    if period * slowest <= FAR:
+    if period * slowest <= FAR_RATIO:
         return False
     _warn(
         f"the sampling time, {period:.3g} s, is above 100 times the {called}'s longest time "
@@ -95,7 +95,7 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
     if warn_long_period(period, plant, "plant"):
         return
     closed = _pole_sizes(loop)
-    if closed.size and period * closed.max() < 1 / (FAR * OFTEN):
+    if closed.size and period * closed.max() < 1 / (FAR_RATIO * USUAL_SAMPLES):
         _warn(
             f"the sampling time, {period:.3g} s, is below 1/1000 of the loop's shortest time "
             f"constant, {1 / closed.max():.3g} s: is the plant in other units of time?"

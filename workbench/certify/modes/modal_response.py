@@ -24,13 +24,13 @@ LARGEST_CONDITION = 1e10
 """Largest condition number of eigenvectors that are used: a step of refinement then gains
 digits.
 """
-TRIED = 4
+TRIED_POINTS = 4
 """Number of points, spread over the given ones, at which a step of refinement is tried in addition
 to the doubtful points.
 """
-SPARED = 10.0
+ROUNDING_FACTOR = 10.0
 """Error of a response by rounding, in units of its estimate."""
-UNSETTLED = 1e-3
+UNSETTLED_CHANGE = 1e-3
 """If the last step changes a response by more than this share, the refinement does not converge."""
 STEPS = 4
 """Largest number of steps of refinement."""
@@ -61,17 +61,19 @@ class ModalResponse:
         scale = np.full(len(s), size.max(initial=0.0)) if of_largest else size
         with np.errstate(all="ignore"):
             lost = EPS * self._terms(s) / scale
-        suspect = ~(lost <= error / SPARED)  # also if that is not a number
+        suspect = ~(lost <= error / ROUNDING_FACTOR)  # also if that is not a number
         tried = suspect.copy()
-        tried[np.linspace(0, len(s) - 1, TRIED).astype(int)] = True
-        tried[np.argsort(lost)[-TRIED:]] = True
+        tried[np.linspace(0, len(s) - 1, TRIED_POINTS).astype(int)] = True
+        tried[np.argsort(lost)[-TRIED_POINTS:]] = True
         refined, change = self._refined(s[tried], error, scale[tried])
-        wrong = _size(refined - found[tried]) > np.maximum(error * scale[tried], SPARED * change)
+        wrong = _size(refined - found[tried]) > np.maximum(
+            error * scale[tried], ROUNDING_FACTOR * change
+        )
         found[tried] = refined
         if (wrong & ~suspect[tried]).any():
             found, change = self._refined(s, error, scale)
             tried = np.ones(len(s), bool)
-        settled = change <= max(error, UNSETTLED) * scale[tried]
+        settled = change <= max(error, UNSETTLED_CHANGE) * scale[tried]
         return found if settled.all() else None
 
     def _plain(self, s: ComplexArray) -> ComplexArray:

@@ -29,7 +29,7 @@ from workbench.structure import Structure
 
 PIECES = 40
 """Largest number of pieces into which a gap is divided if rounding differs from that of the run."""
-BEYOND = 1.1
+WIDENED_REACH = 1.1
 """Factor on the half-width of linear multipliers, since they prove more than was needed."""
 
 
@@ -100,7 +100,10 @@ def _ends(
     if slopes is None:
         return proven_in_doubles(system, multipliers, beta, interval.omega, end_margin=0.0)[0]
     reach = max(interval.omega - interval.low, interval.high - interval.omega)
-    for factor in (BEYOND, 1.0):  # D may be positive definite up to the stored ends and not beyond
+    for factor in (
+        WIDENED_REACH,
+        1.0,
+    ):  # D may be positive definite up to the stored ends and not beyond
         half = min(factor * reach, interval.omega)
         ends = proven_in_doubles(system, multipliers, beta, interval.omega, slopes, half, 0.0)[0]
         if ends is not None:

@@ -24,14 +24,14 @@ transformation.
 
 WHOLE: tuple[Band, ...] = ((0.0, math.inf),)
 """All frequencies."""
-PROMISING = 0.98
+PROMISING_BOUND = 0.98
 """Bounds below this are worth a proof on an interval."""
 COMPLEX_SHARES = (0.1, 1e-3, 1e-6)
 """Complex parts of the parameters for which multipliers are chosen, tried in turn until one closes
 a band. Multipliers for purely real parameters hold on far narrower intervals; near poles close to
 the axis only a small complex part is possible.
 """
-MANY = 5
+MANY_PARAMETERS = 5
 """With this many real parameters or more, a part's bands are refined only if its bound of mu is
 below 1 at the middles of all open bands; otherwise the part is cut at once. Halving each of p
 parameters takes 2^p parts, while halving the intervals of frequency takes about twice the time.
@@ -75,7 +75,7 @@ def open_bands(
         first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
     bands = _left_open(system, first, bands, late)
-    many = sum(isinstance(block, Real) for block in structure) >= MANY
+    many = sum(isinstance(block, Real) for block in structure) >= MANY_PARAMETERS
     rounds, gaps = (MANY_ROUNDS, MANY_GAPS) if many else (ROUNDS, MOST_GAPS)
     if many and bands and not late():
         sharp = _with_real_blocks(system, structure, COMPLEX_SHARES[-1])(_middles(bands))
@@ -112,7 +112,9 @@ def _left_open(
         if late():
             break
         omega = float(found.omega[k])
-        if found.upper[k] >= PROMISING or not any(low <= omega <= high for low, high in bands):
+        if found.upper[k] >= PROMISING_BOUND or not any(
+            low <= omega <= high for low, high in bands
+        ):
             continue
         multipliers = found.D_left[k], found.D_right[k], found.G[k]
         ends, _ = proven_in_doubles(system, multipliers, 1.0, omega)

@@ -19,9 +19,9 @@ from workbench.mu.boxes.recentred import RealParameters
 
 POLES = 4
 """Number of rightmost poles of which each proposes a corner."""
-SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+GRID_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 """Places at which each parameter is tried, as shares of the way from its lower to its upper end."""
-STEPS = np.array([-0.1, -0.01, 0.01, 0.1])
+STEP_SHARES = np.array([-0.1, -0.01, 0.01, 0.1])
 """Steps by which each parameter is moved, as shares of its range."""
 MOST_MOVES = 40
 """Largest number of moves in one search."""
@@ -73,8 +73,8 @@ def _single_changes(box: BoxPart, values: RealArray) -> RealArray:
     """Values (k, p) that differ from the given ones (p,) in one parameter."""
     places = np.hstack(
         [
-            box.low[:, None] + (box.high - box.low)[:, None] * SHARES,
-            values[:, None] + (box.high - box.low)[:, None] * STEPS,
+            box.low[:, None] + (box.high - box.low)[:, None] * GRID_SHARES,
+            values[:, None] + (box.high - box.low)[:, None] * STEP_SHARES,
         ]
     )
     places = np.clip(places, box.low[:, None], box.high[:, None])

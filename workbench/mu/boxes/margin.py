@@ -16,7 +16,7 @@ from workbench.mu.boxes.recentred import RealParameters
 
 BISECTIONS = 60
 """Number of bisections for the size at which a direction becomes unstable."""
-WITHIN = 0.999
+GAP_SHARE = 0.999
 """A level lies this share of the wanted gap below the upper bound, so that rounding does not exceed
 the gap.
 """
@@ -26,7 +26,7 @@ SMALLEST, SIZES, DECADE = 1e-12, 121, 10
 """The directions of the corners are first tried at sizes from SMALLEST, as a share of the largest
 size: how many sizes, and how many of them per decade.
 """
-NOTHING = 1e-15
+LEAST_SIZE = 1e-15
 """The search ends when the size in question falls below this."""
 DECISIONS = 4
 """A size is given at most about parts / DECISIONS parts; after that, the number is not raised any
@@ -39,15 +39,15 @@ eps^(1/3), the amount by which rounding moves a triple pole.
 PARTS_EXCLUDED = "parts of the box hold stable members only"
 ONE_UNSTABLE = "one member of the box is unstable"
 """What the lower and the upper bound rest on."""
-TRIED = 4
+BISECTED_MEMBERS = 4
 """Number of a part's unstable members whose least unstable size is computed by bisection."""
-FALL = 1e3
+FIRST_RATIO = 1e3
 """Ratio of two successive sizes while neither a stable size nor an unstable member is known."""
-CLOSED = 0.75
+CLOSED_SHARE = 0.75
 """Share of the distance between the bounds, on a logarithmic scale, that the next level would
 close.
 """
-MORE = 4
+PARTS_GROWTH = 4
 """Factor by which the number of parts per size grows, from 1, whenever it did not suffice."""
 SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
 """Shares by which the upper bound is reduced, in turn, to look for a smaller unstable member."""
@@ -132,7 +132,7 @@ def box_margin(
     allowed, undecided = 1, math.inf  # parts allowed per size, and the least size that needs more
     while search.goes_on and search.upper > (1 + gap) * search.lower:
         highest, last = min(search.upper, undecided), allowed > parts // DECISIONS
-        if highest < NOTHING:
+        if highest < LEAST_SIZE:
             break
         if highest <= search.near(gap, last):
             if last:
@@ -141,7 +141,7 @@ def box_margin(
             continue
         level = search.level(gap, highest, first=math.isinf(undecided))
         if not search.decide(level, allowed):
-            allowed, undecided = MORE * allowed, level
+            allowed, undecided = PARTS_GROWTH * allowed, level
         search.tell()
     upper = math.inf if search.values is None else search.upper
     need_agreement(
@@ -186,16 +186,16 @@ class _Search:
         begun = [size for size in self._begun if self.lower < size < self.upper]
         if first and begun:
             return min(begun)
-        level = highest / (1 + WITHIN * gap)
+        level = highest / (1 + GAP_SHARE * gap)
         if self.lower:
-            return min(level, self.lower ** (1 - CLOSED) * highest**CLOSED)
+            return min(level, self.lower ** (1 - CLOSED_SHARE) * highest**CLOSED_SHARE)
         if first:
             return level
-        return highest / (FALL if self.values is None else 2.0)
+        return highest / (FIRST_RATIO if self.values is None else 2.0)
 
     def near(self, gap: float, last: bool) -> float:
         """A size so close above the lower bound that deciding smaller ones would gain little."""
-        wide = 0.0 if last else self.lower**CLOSED * self.upper ** (1 - CLOSED)
+        wide = 0.0 if last else self.lower**CLOSED_SHARE * self.upper ** (1 - CLOSED_SHARE)
         return max((1 + gap) * self.lower, wide)
 
     def _is_late(self) -> bool:
@@ -289,7 +289,7 @@ class _Search:
         sizes = self.boxes.size(values)
         values = values[(sizes > 0) & (sizes <= self.upper)]
         unstable = values[self.given.unstable(values)] if len(values) else values
-        for one in unstable[np.argsort(self.boxes.size(unstable))][:TRIED]:
+        for one in unstable[np.argsort(self.boxes.size(unstable))][:BISECTED_MEMBERS]:
             self._bisect(one[None])
 
     def _bisect(self, values: RealArray) -> None:

@@ -39,7 +39,7 @@ PROVEN_SHARE = 1 - 1e-6
 otherwise a more accurate response is tried.
 """
 
-BEYOND = 1 + 1e-6
+BEYOND_BORDER = 1 + 1e-6
 """A perturbation on the stability boundary, multiplied by this, lies beyond the boundary."""
 
 
@@ -118,7 +118,7 @@ def destabilised(
     structure: Structure,
     Delta: Array,
     above: float = 0.0,
-    reach: float = BEYOND,
+    reach: float = BEYOND_BORDER,
 ) -> Attained:
     """The bound proven by the least multiple of Delta, up to `reach`, that destabilises the loop.
 

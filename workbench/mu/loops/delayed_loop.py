@@ -42,13 +42,13 @@ from workbench.mu.loops.delayed_modulus import LeastDelta, least_delta, least_di
 
 HALVINGS = 80
 """Number of bisections for a crossing of the real axis within an interval of frequency."""
-ENDS = 3
+CROSSINGS_PER_END = 3
 """Number of crossings of the negative real axis that are reported at either end of an interval on
 which gain and phase are monotone; in all there are infinitely many.
 """
-SAME = 2.0**-100
+SAME_ROOT = 2.0**-100
 """Roots of several polynomials within this relative distance are one, such as poles on the axis."""
-INSIDE = 2.0**-90
+END_MARGIN = 2.0**-90
 """An interval of frequency ends this share before its limit, such as a pole on the axis."""
 BORDER = 2.0**-140
 """A count of crossings this close to a whole number is undecided."""
@@ -189,7 +189,7 @@ class DelayedLoop:
         parts = (even, odd, square, turning, self._flat(), crossed)
         every: list[Any] = [x.sqrt().mid() for part in parts for x in positive_roots(part)]
         every.sort()
-        return [one for k, one in enumerate(every) if not k or one > every[k - 1] * (1 + SAME)]
+        return [one for k, one in enumerate(every) if not k or one > every[k - 1] * (1 + SAME_ROOT)]
 
     # --- crossings of the negative real axis ---------------------------------------------------
 
@@ -198,20 +198,24 @@ class DelayedLoop:
         end.
         """
         quadrant = self._quadrant(low * 2 + 1 if high is None else (low + high) / 2)
-        low = low * (1 + INSIDE) if low > 0 else arb(2) ** -PRECISION
+        low = low * (1 + END_MARGIN) if low > 0 else arb(2) ** -PRECISION
         first = float(self._phase(low, quadrant))
         if high is None:
             if not self.delay:
                 return []
-            last = first - 2 * math.pi * (ENDS + 1)
-            high = low + 2 * math.pi * (ENDS + 3) / arb(self._exact_delay)
+            last = first - 2 * math.pi * (CROSSINGS_PER_END + 1)
+            high = low + 2 * math.pi * (CROSSINGS_PER_END + 3) / arb(self._exact_delay)
         else:
-            high = high * (1 - INSIDE)
+            high = high * (1 - END_MARGIN)
             last = float(self._phase(high, quadrant))
         down, up = sorted([first, last])
         turns = range(math.floor((down / math.pi - 1) / 2), math.ceil((up / math.pi - 1) / 2) + 1)
         wanted = [k for k in turns if down < (2 * k + 1) * math.pi < up]
-        chosen = wanted if len(wanted) <= 2 * ENDS else [*wanted[:ENDS], *wanted[-ENDS:]]
+        chosen = (
+            wanted
+            if len(wanted) <= 2 * CROSSINGS_PER_END
+            else [*wanted[:CROSSINGS_PER_END], *wanted[-CROSSINGS_PER_END:]]
+        )
         return [self._at_phase(low, high, (2 * k + 1), quadrant, last < first) for k in chosen]
 
     def _quadrant(self, omega: arb) -> float:

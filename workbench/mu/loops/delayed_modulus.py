@@ -33,17 +33,17 @@ forever.
 """
 BITS = 128
 """Precision [bits] of the balls."""
-FIRST = 16
+FIRST_BANDS = 16
 """Number of frequencies that divide the first bands of the search; beyond them, bands double in
 width.
 """
-MOST = 20_000
+MOST_BANDS = 20_000
 """Largest number of bands examined; the answer is the bound proven by then."""
 ARCS, MOST_ARCS = 8, 400
 """Number of arcs into which a half circle is cut first if the phase of L is arbitrary, and the
 largest number.
 """
-ROUNDED = 2.0**-50
+OUTWARD_SHARE = 2.0**-50
 """Relative amount by which a double is rounded outward."""
 
 
@@ -103,11 +103,11 @@ class Bands:
         while not self._bound_beyond(end) >= taken[0] * share:
             end *= 2.0
             taken = min(taken, (self.at(end), end))
-        edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
+        edges = [0.0, *(end * 2.0**-k for k in range(FIRST_BANDS, -1, -1))]
         bands = [(self.below(low, high), low, high) for low, high in pairwise(edges)]
         heapq.heapify(bands)
         taken = min(taken, (self.at(0.0), 0.0))
-        for _ in range(MOST):
+        for _ in range(MOST_BANDS):
             bound, low, high = bands[0]
             middle = (low + high) / 2
             taken = min(taken, (self.at(middle), middle))
@@ -163,7 +163,7 @@ class Bands:
         if self.pair:
             size = _paired(size**2 + abs(N).abs_lower() * abs(D).abs_lower(), d.abs_upper())
         found = abs(D + N).abs_upper() / size if size > 0 else arb("inf")
-        return float(found.abs_upper()) * (1 + ROUNDED)
+        return float(found.abs_upper()) * (1 + OUTWARD_SHARE)
 
     def _inner(self, N: acb, D: acb) -> tuple[arb, arb]:
         """|b + a L| times |D|, and d times |D|^2."""
@@ -229,4 +229,4 @@ def _paired(p: arb, d: arb) -> arb:
 
 def least_double(value: arb) -> float:
     """The least number in a ball of positive numbers, rounded down; 0 if the ball is unbounded."""
-    return float(value.abs_lower()) * (1 - ROUNDED) if value.is_finite() else 0.0
+    return float(value.abs_lower()) * (1 - OUTWARD_SHARE) if value.is_finite() else 0.0

@@ -14,13 +14,13 @@ from itertools import pairwise
 
 from flint import acb, arb, ctx
 
-from workbench.mu.loops.delayed_modulus import MOST, ROUNDED, LeastDelta, least_double
+from workbench.mu.loops.delayed_modulus import MOST_BANDS, OUTWARD_SHARE, LeastDelta, least_double
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
-FIRST = 16
+FIRST_BANDS = 16
 """Number of first bands; each is twice as wide as the one before."""
-TRIED = 80
+TRIED_OMEGAS = 80
 """Number of frequencies, half an octave apart, at which a small value is searched for first."""
 FARTHEST = 2.0**EXPONENT
 """Radius that stands for infinity."""
@@ -49,11 +49,11 @@ class _Search:
         wanted = min(first[0] * share, self._bound_beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
         end = radius_where(lambda R: self._bound_beyond(R) >= wanted)
         assert end is not None
-        edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
+        edges = [0.0, *(end * 2.0**-k for k in range(FIRST_BANDS, -1, -1))]
         bands = [(self._below(low, high), low, high) for low, high in pairwise(edges)]
         heapq.heapify(bands)
         taken = min(first, (self._at(0.0), 0.0))
-        for _ in range(MOST):
+        for _ in range(MOST_BANDS):
             bound, low, high = bands[0]
             middle = (low + high) / 2
             taken = min(taken, (self._at(middle), middle))
@@ -66,7 +66,7 @@ class _Search:
     def _first_omegas(self) -> list[float]:
         """Frequencies at which a small value is searched for first."""
         end = radius_where(lambda R: self._bound_beyond(R) > 0)
-        return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED)]
+        return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED_OMEGAS)]
 
     def _limit(self) -> float:
         """A value of the quotient that is approached at infinite frequency, where all delays are
@@ -96,7 +96,7 @@ class _Search:
     def _at(self, omega: float) -> float:
         """The quotient at a frequency, rounded up."""
         f, h = abs(self.f.at(omega)), abs(self.h.at(omega))
-        return float((f / h).abs_upper()) * (1 + ROUNDED) if h > 0 else math.inf
+        return float((f / h).abs_upper()) * (1 + OUTWARD_SHARE) if h > 0 else math.inf
 
     def _below(self, low: float, high: float) -> float:
         """A lower bound of the quotient on a band."""

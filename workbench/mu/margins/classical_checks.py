@@ -22,13 +22,13 @@ from workbench.systems.realisation import realisation
 
 CROSSING_ROUNDING = 1e-6
 """A response counts as -1, or as lying on the unit circle, if its distance is at most this."""
-GAINS = 7
+TRIED_GAINS = 7
 """Number of gains between the least and the largest at which the closed loop is tried."""
 POLE_STEP = 1e-9
 """Relative step away from the frequencies of poles."""
-WITHIN = 1e-3
+RANGE_MARGIN = 1e-3
 """Share of the logarithmic range of gains that is left out at either end."""
-WIDEST = 1e3
+LARGEST_FACTOR = 1e3
 """Largest gain factor tried."""
 
 
@@ -136,16 +136,16 @@ class ClassicalChecker(CrossingChecker):
 
     def _between(self, low: float, high: float) -> Check:
         """Check that the loop is stable for gains between the nearest factors."""
-        ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
-        room = WITHIN * (ends[1] - ends[0])
+        ends = np.log([max(low, 1 / LARGEST_FACTOR), min(high, LARGEST_FACTOR)])
+        room = RANGE_MARGIN * (ends[1] - ends[0])
         fastest = -math.inf
-        for gain in np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS)):
+        for gain in np.exp(np.linspace(ends[0] + room, ends[1] - room, TRIED_GAINS)):
             loop = closed(self.loop, float(gain))
             rate, rounding = (math.inf, 0.0) if loop is None else growth(loop.A, loop.dt)
             if loop is None or rate < rounding or not self._within_rounding(loop, float(gain)):
                 fastest = max(fastest, rate - rounding)
         statement = "logarithmic growth of a loop per sample, less its rounding"
-        over = f"for {GAINS} gains between the nearest factors"
+        over = f"for {TRIED_GAINS} gains between the nearest factors"
         return Check("stable between", statement, fastest, 0.0, over=over)
 
     def _within_rounding(self, loop: StateSpace, gain: float) -> bool:
@@ -206,7 +206,7 @@ def _late_checks(answer: Any, counts: list[int], nearest: float) -> list[Check]:
     least distance.
     """
     claimed = "number of closed-loop poles right of the axis, by the argument principle"
-    over = f"for {GAINS} gains between the nearest factors"
+    over = f"for {TRIED_GAINS} gains between the nearest factors"
     excess = answer.modulus / nearest - 1.0 if nearest else math.inf
     statement = "share by which |1 + L| is smaller than claimed where it is tried"
     return [
@@ -217,9 +217,9 @@ def _late_checks(answer: Any, counts: list[int], nearest: float) -> list[Check]:
 
 def _tried(low: float, high: float) -> RealArray:
     """Gains between two factors, with 1 among them."""
-    ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
-    room = WITHIN * (ends[1] - ends[0])
-    gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS))
+    ends = np.log([max(low, 1 / LARGEST_FACTOR), min(high, LARGEST_FACTOR)])
+    room = RANGE_MARGIN * (ends[1] - ends[0])
+    gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, TRIED_GAINS))
     return np.append(gains, 1.0)
 
 

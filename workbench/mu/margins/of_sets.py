@@ -38,13 +38,13 @@ LARGEST_TURN = 1e3
 """Largest t of a phase; it corresponds to 179.9 degrees."""
 KINDS = 4
 """Number of margins per channel that share the time: gain up, gain down, phase and delay."""
-AGAIN = 4
+REPROOF_PARTS = 4
 """A proof of a margin may use this many times the parts of the search that found it: on another
 processor a few more parts may be needed.
 """
-SHORTER = 1 - REPEATED_ROUNDING
+REPROVEN_SHARE = 1 - REPEATED_ROUNDING
 """Share of a margin that is proven again: the search stops where the proof has no room left."""
-DRAWN, DRAWN_ROUNDING = 20, 1e-6
+DRAWN_PLANTS, DRAWN_ROUNDING = 20, 1e-6
 """Number of plants drawn in a check, and the relative error allowed for their crossings."""
 LOST_ROUNDING = 1e-4
 """Relative error allowed for the crossings of the plant that is lost first: they are nearly double
@@ -192,12 +192,14 @@ def proven_again(
 
     def kept(change: Any, t: float) -> bool:
         given = _parameters(*change(loop, channel))
-        return t <= 0.0 or proven_stable(given, LastGrowing(len(given.places)), SHORTER * t, parts)
+        return t <= 0.0 or proven_stable(
+            given, LastGrowing(len(given.places)), REPROVEN_SHARE * t, parts
+        )
 
     low, high = claimed.gain
     given, delay_of = _parameters(*with_delay(loop, channel)), partial(_delay_of, loop, channel)
     late = claimed.delay <= 0.0 or bears_delay(
-        given, delay_of, SHORTER * claimed.delay, tolerance, parts
+        given, delay_of, REPROVEN_SHARE * claimed.delay, tolerance, parts
     )
     turned = kept(with_phase, math.tan(math.radians(claimed.phase_deg) / 2))
     gain = (
@@ -230,7 +232,7 @@ class SetChecker(Checker):
 
     def checks(self, answer: SetMargins, tolerance: float) -> list[Check]:
         """Prove every margin again from its number."""
-        parts = AGAIN * self.boxes
+        parts = REPROOF_PARTS * self.boxes
         again = proven_again(self.loop, self.channel, answer, self.tolerance, parts)
         kept = (
             ("least gain", again.gain[0], answer.gain[0]),
@@ -248,7 +250,7 @@ class SetChecker(Checker):
         """Random plants must keep the margins, by their own crossings; the plant that is lost must
         not.
         """
-        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN))]
+        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN_PLANTS))]
         low = max(one.gain[0] for one in members)
         high = min(one.gain[1] for one in members)
         phase = min(abs(one.phase_deg) for one in members)

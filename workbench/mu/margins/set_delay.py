@@ -31,7 +31,7 @@ STEP = 0.25
 """A band is not cut again if the frequency grows along it by less than this, relative and in units
 of the wanted distance of the bounds; t grows by at most pi / 2 times as much.
 """
-NARROWED = 0.75
+NARROWED_SHARE = 0.75
 """A part whose range of t shrinks along its bands to at most this share is examined again before it
 is cut.
 """
@@ -44,7 +44,7 @@ the amount by which rounding moves a triple crossing.
 EVERY_BAND = "parts exclude every frequency for every plant"
 ITS_CROSSING = "one plant has a crossing there"
 """What the lower and the upper bound rest on."""
-WITHIN = 0.999
+GAP_SHARE = 0.999
 """A delay is chosen at this share of the wanted distance of the bounds."""
 
 
@@ -88,7 +88,7 @@ def delay_bounds(
             highest = 2 * math.pi / search.frequency(region[0][0])
         if highest <= (1 + gap) * lower:
             break
-        level = highest / (1 + WITHIN * gap)
+        level = highest / (1 + GAP_SHARE * gap)
         if undecided <= search.upper:
             level = (lower + highest) / 2
         if search.decide(level, region):
@@ -226,7 +226,7 @@ class _DelaySearch:
             spared = one.high[-1] - max(one.low[-1], self._turn(low, delay))
             share = spared / max(2 * part.width[-1], 1e-300)
             narrow = low > 0 and high / low <= 1 + STEP * self.gap
-            shrunk = 2 * one.width[-1] <= NARROWED * 2 * part.width[-1]
+            shrunk = 2 * one.width[-1] <= NARROWED_SHARE * 2 * part.width[-1]
             if shrunk:
                 found.append(one)
             elif not narrow and share * effects[-1] >= effects.max() / 2:

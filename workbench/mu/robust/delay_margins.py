@@ -19,15 +19,15 @@ SHORTEST, LONGEST = 1e-6, 1e6
 """Least and largest delay that is tried, as a multiple of the longest delay of the set."""
 BISECTIONS = 40
 """Largest number of delays tried for one bound."""
-GROWS = 1e-6
+LEAST_GROWTH = 1e-6
 """Least growth during one delay that counts as unstable: in doubles, a pole at 0 is found on either
 side.
 """
 PROOF_TOLERANCE = 1e-3
 """Tolerance of the peaks of mu that prove a delay."""
-STEP = 1.05
+DELAY_RATIO = 1.05
 """Ratio of one delay to the previous one in the search for a delay that is too long."""
-BESIDE = 1e-6
+LOST_EXCESS = 1e-6
 """The reported delay exceeds the delay that puts a pole on the axis by this share."""
 
 
@@ -64,7 +64,7 @@ def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:
     loop = found.at(**{name: tau})
     growth = np.asarray(loop.poles()).real.max(initial=-math.inf)
     # Doubles give poles of very different speeds with the absolute error of the fastest one.
-    return bool(growth * tau > GROWS) and is_proven_unstable(np.asarray(loop.A), False)
+    return bool(growth * tau > LEAST_GROWTH) and is_proven_unstable(np.asarray(loop.A), False)
 
 
 def _first_on_axis(found: UncertainSystem, name: str) -> float | None:
@@ -78,7 +78,7 @@ def _first_on_axis(found: UncertainSystem, name: str) -> float | None:
 def _longest_proven(found: UncertainSystem, element: DelayElement, tolerance: float) -> float:
     """The longest delay up to which stability is proven."""
     if (first := _first_on_axis(found, element.name)) is not None and len(found.elements) == 1:
-        return (1 - BESIDE) * first
+        return (1 - LOST_EXCESS) * first
     low, high = 0.0, math.inf
     tried = element.high
     for _ in range(BISECTIONS):
@@ -121,11 +121,11 @@ def _shortest_unstable(found: UncertainSystem, element: DelayElement) -> float:
     if (first := _first_on_axis(found, element.name)) is not None:
         if math.isinf(first):
             return first
-        if delay_is_lost(found, element.name, (1 + BESIDE) * first):
-            return (1 + BESIDE) * first
+        if delay_is_lost(found, element.name, (1 + LOST_EXCESS) * first):
+            return (1 + LOST_EXCESS) * first
     low = high = SHORTEST * element.high
     while not delay_is_lost(found, element.name, high):
-        low, high = high, high * STEP
+        low, high = high, high * DELAY_RATIO
         if high > LONGEST * element.high:
             return math.inf
     for _ in range(BISECTIONS):

@@ -44,11 +44,11 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 ORDERS = (6, 10, 14)
 """Orders of the Pade approximation, tried in turn until the bounds meet."""
-BESIDE = np.geomspace(0.98, 1.02, 9)
+NEARBY_RATIOS = np.geomspace(0.98, 1.02, 9)
 """Frequencies at which lower bounds of mu are computed, relative to the frequency of the largest
 upper bound.
 """
-SWEPT = 30
+SWEPT_FREQUENCIES = 30
 """Number of further frequencies, in addition to 0: several peaks may be equally high, and only some
 belong to a member of the set.
 """
@@ -60,11 +60,11 @@ HALVINGS = 40
 """Number of bisections for the size at which a corner of real parameters is lost."""
 SMALLEST, LARGEST = 1e-9, 1e3
 """Least and largest size of real parameters that are tried."""
-BEYOND = 1e-5
+BORDER_EXCESS = 1e-5
 """Relative distance of the reported size beyond the stability border, so that poles can be counted
 clearly.
 """
-MATRICES = 12
+TURN_FREQUENCIES = 12
 """Number of frequencies at which the second opinion counts turns of determinants."""
 
 
@@ -148,7 +148,7 @@ class LateStabilityChecker(PartsChecker):
         0.
         """
         slow, fast = _speeds(self.late.cover)
-        omega = np.geomspace(slow, fast, MATRICES)
+        omega = np.geomspace(slow, fast, TURN_FREQUENCIES)
         if math.isfinite(answer.omega) and answer.omega > 0:
             omega = np.append(omega, answer.omega)[::-1]
         matrices = answer.lower * self.late.matrices(omega, plain_response)
@@ -229,9 +229,9 @@ def _largest_lower_bound(
 ) -> tuple[LateSystem, float, LowerBound] | None:
     """The largest lower bound of mu near a frequency and in a sweep, with its proof."""
     slow, fast = _speeds(late.cover)
-    tried = np.append(0.0, np.geomspace(END_OFFSET * slow, fast, SWEPT))
+    tried = np.append(0.0, np.geomspace(END_OFFSET * slow, fast, SWEPT_FREQUENCIES))
     if 0.0 < omega < math.inf:
-        tried = np.append(tried, omega * BESIDE)
+        tried = np.append(tried, omega * NEARBY_RATIOS)
     matrices = late.matrices(tried)
     if not tried[0]:
         matrices[0] = matrices[0].real
@@ -261,7 +261,7 @@ def _lost_corner(late: LateSystem) -> tuple[float, dict[str, float]] | None:
             middle = math.sqrt(low * high)
             is_lost = _is_lost(late, dict(zip(names, middle * signs, strict=True)))
             low, high = (low, middle) if is_lost else (middle, high)
-        beyond = (1.0 + BEYOND) * high
+        beyond = (1.0 + BORDER_EXCESS) * high
         deltas = dict(zip(names, beyond * signs, strict=True))
         if _is_lost(late, deltas):
             most, found = beyond, deltas

@@ -46,7 +46,7 @@ PARTS = 4000
 """Largest number of parts of the box of real parameters that are examined."""
 EXCLUDED = "every part of the box of parameters is proven to be stable"
 """What lower margins of systems with real parameters rest on."""
-AGAIN = 4
+REPROOF_PARTS = 4
 """A proof of a lower bound may use this many times the parts of the search that found it: on
 another processor a few more parts may be needed.
 """
@@ -208,7 +208,7 @@ def _proven_again(asked: tuple[UncertainSystem, ...], found: StabilityMargin) ->
     for one in asked:
         given, _ = _parameters(one)
         boxes = Growing(len(given.places))
-        if lower and not proven_stable(given, boxes, lower, AGAIN * (found.parts + 1)):
+        if lower and not proven_stable(given, boxes, lower, REPROOF_PARTS * (found.parts + 1)):
             lower = 0.0
         if found.worst is not None:
             values = np.array([e.delta(found.worst[e.name]) for e in one.elements.values()])

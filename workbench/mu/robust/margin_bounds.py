@@ -19,9 +19,9 @@ from workbench.second_opinion import peaks
 from workbench.uncertainty.algebra.closing import IllPosedError
 from workbench.uncertainty.algebra.system import UncertainSystem
 
-SHORTER = 1 - 1e-6
+REPROVEN_SHARE = 1 - 1e-6
 """Share of a delay that is proven again: the search stops where the proof has no room left."""
-TRIED = 9
+TRIED_DELAYS = 9
 """Number of delays that a second opinion tries, up to the proven one."""
 RECIPROCAL_ROUNDING = 1e-15
 """Relative excess allowed for the rounded reciprocal of a bound."""
@@ -164,7 +164,7 @@ class StabilityChecker(PartsChecker):
             Check(
                 f"{name} borne",
                 "whether the delay is not proven to be borne, at 1 - 1e-6 of it",
-                float(borne > 0 and not delay_is_borne(system, name, SHORTER * borne)),
+                float(borne > 0 and not delay_is_borne(system, name, REPROVEN_SHARE * borne)),
                 0.0,
                 over=over,
             )
@@ -194,7 +194,7 @@ class StabilityChecker(PartsChecker):
         for name, (borne, _) in answer.delays.items():
             element = self.systems[0].elements[name]
             longest = min(TRIED_SHARE * borne, LONGEST_TRIED * element.high)  # type: ignore[attr-defined]
-            tried = np.linspace(0.0, longest, TRIED).tolist()
+            tried = np.linspace(0.0, longest, TRIED_DELAYS).tolist()
             members = [self.systems[0].at(**{name: tau}) for tau in tried]
             found.append(peaks.all_decay(members, f"{name} tried"))
         return found

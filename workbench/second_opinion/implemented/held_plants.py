@@ -17,7 +17,7 @@ from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
-from workbench.second_opinion.loops import INSIDE
+from workbench.second_opinion.loops import BALL_SHARE
 from workbench.second_opinion.powers import growth
 
 DRAWN = 30
@@ -42,7 +42,7 @@ def loops_held(parts: Any, K: Any, delay: float, sign: int, claimed: float) -> C
         The margin.
     """
     period, fastest, count = float(K.dt), -math.inf, 0
-    for Delta in _perturbations(min(claimed, 1e6) * INSIDE, 1 / period):
+    for Delta in _perturbations(min(claimed, 1e6) * BALL_SHARE, 1 / period):
         loop = _closed_transition(_held(_with(parts, Delta), period, delay), K, sign)
         rate, rounding = growth(loop, period)
         fastest, count = max(fastest, rate - rounding), count + 1

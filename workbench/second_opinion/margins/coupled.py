@@ -18,7 +18,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.second_opinion.margins.dead_times import DECADES, POINTS, turns_right
 
-NEARER = 4
+REFINEMENTS = 4
 """Number of times that the search around a least value is refined."""
 
 
@@ -69,7 +69,7 @@ class TriedLoop:
     def least_size(self, skew: float) -> float:
         """The least |delta| that breaks the loop, over the frequencies tried."""
         omega, least = self._frequencies(), math.inf
-        for _ in range(NEARER):
+        for _ in range(REFINEMENTS):
             L = self.response(omega)
             sizes = np.abs(1.0 + L) / np.abs((1.0 + skew) / 2.0 + (skew - 1.0) / 2.0 * L)
             k = int(np.argmin(sizes))
