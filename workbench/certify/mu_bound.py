@@ -328,8 +328,8 @@ def _bounds_near_guess(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
     """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found.
 
-    The third result is, where the test holds at all values tried, the least of these (F,); infinite
-    elsewhere.
+    The third result (F,) is the least value tried if the test holds at all of them; otherwise it is
+    infinite.
     """
     low, high, found = np.zeros_like(guess), np.zeros_like(guess), np.zeros(len(guess), bool)
     held = np.full_like(guess, np.inf)

@@ -63,7 +63,7 @@ def open_bands(
     """The bands that multipliers leave open, and the response with the largest upper bound.
 
     At all other frequencies I - M Delta is proven to be regular for every Delta of size up to 1.
-    First multipliers without G are tried, since they hold on wide intervals. The search ends once
+    Multipliers without G are tried first, since they hold on wide intervals. The search ends once
     ``late()`` is true.
     """
     plain = partial(bounds_at, system, structure.complexified())

@@ -19,7 +19,7 @@ from workbench.mu.upper.lanes.simd import EIGHT, LANES, load_eight, store_eight
 _extend: Any = _extending  # these have no annotations
 _typing: Any = _templates
 _FREE = ("contract",)
-"""Freedom of the arithmetic: a product and a sum may be rounded once together."""
+"""Permission for the compiler: a product and a sum may be rounded once, as a fused operation."""
 
 
 class _Values(types.Type):
