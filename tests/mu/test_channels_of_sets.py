@@ -105,7 +105,7 @@ def test_the_worst_plant_that_is_drawn_counts(monkeypatch, name):
     checker = SetChecker(loop, next(iter(channels)), 0.1, 10)
     tight = SimpleNamespace(gain=(0.5, 2.0), phase_deg=30.0, delay=0.2)
     wide = SimpleNamespace(gain=(0.1, 9.0), phase_deg=90.0, delay=2.0)
-    turns = iter([tight, wide] * of_sets.DRAWN)
+    turns = iter([tight, wide] * of_sets.DRAWN_PLANTS)
     monkeypatch.setattr(SetChecker, "_crossings", lambda self, member: next(turns))
     assert all(check.holds for check in checker.second_opinion(HONEST))
     found = checker.second_opinion(replace(HONEST, **BETTER[name]))

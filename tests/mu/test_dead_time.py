@@ -250,7 +250,7 @@ def test_dead_time_that_turns_too_far_for_disks_of_a_set_is_refused_by_name():
 def test_a_set_without_roll_off_is_refused_for_disks():
     """They told a disk of 0, with a plant of the approximation that no dead time is."""
     found = loop_margins(real("k", 1, percent=1) * 0.5 * late(1.0))
-    with pytest.raises(InputError, match="keeps a size up to infinite frequency"):
+    with pytest.raises(InputError, match="does not fall to 0 at infinite"):
         _ = found.disks
 
 

@@ -134,7 +134,7 @@ def test_a_claim_that_is_too_good_fails(kind, field):
 
 
 def test_bounds_that_cross_are_a_contradiction(monkeypatch):
-    monkeypatch.setattr(late_margin, "_largest", lambda found, corner: (1e3, 0.0))
+    monkeypatch.setattr(late_margin, "_lower_bounds", lambda found, corner: (1e3, 0.0))
     with pytest.raises(ContradictionError, match="mu with dead time"):
         robust_stability(lag(0.3), 1e-2)
 

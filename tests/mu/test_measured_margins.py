@@ -102,7 +102,7 @@ def test_several_plants_are_told_by_name():
 def test_data_have_no_disks():
     found = loop_margins(control.frd(EXACT, OMEGA))
     for ask in (lambda: found.disks, lambda: found.first, lambda: found.loops):
-        with pytest.raises(InputError, match="measured responses tell nothing between"):
+        with pytest.raises(InputError, match="measured responses say nothing between"):
             ask()
     assert found.every_plant == {} and found.plot()
 

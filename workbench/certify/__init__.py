@@ -1,9 +1,10 @@
-"""What is trusted: code that decides whether an answer holds, and nothing else.
+"""The trusted code: it decides whether an answer holds, and does nothing else.
 
 Takes: an answer and the data of its problem.
 Gives: bounds rounded outward, and proofs that a stored answer carries with it.
 Rests on: bounds of rounding errors, discs that enclose all eigenvalues, and ball arithmetic
     (python-flint). Hamiltonian matrices carry a bound from one frequency to an interval.
 
-It imports the ground and `workbench.systems`. Methods and checks import it; it imports no method.
+It imports only the basic modules and `workbench.systems`. Methods and checks import this package;
+it imports no method.
 """

@@ -1,4 +1,4 @@
-"""Bounds of the same quantity: a lower one above an upper one is an error, never a maximum."""
+"""Bounds of the same quantity must agree: a lower bound above an upper one is an error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def need_agreement(
     upper_claim: str = MULTIPLIERS,
     place: Callable[[tuple[int, ...]], str] = lambda index: f"at index {index}" if index else "",
 ) -> None:
-    """Raise ContradictionError where a lower bound is above the upper bound of its place.
+    """Raise ContradictionError if a lower bound is above the upper bound at the same place.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def need_agreement(
     what, lower_claim, upper_claim
         The quantity, and what each bound rests on, for the message.
     place
-        The name of an index of the bounds, for the message.
+        Function that names an index of the bounds, for the message.
     """
     low, high = np.asarray(lower, float), np.asarray(upper, float)
     wrong = np.argwhere(low > high)

@@ -22,11 +22,15 @@ from workbench.certify.stable_system import StableSystem, bilinear_frequency
 from workbench.systems.frequency_response import driven_states
 
 FEWEST_REFINED = 30
-"""Fewest states whose response is refined; fewer ones are eliminated in balls."""
+"""Least number of states for which a response is refined; with fewer states they are eliminated in
+balls.
+"""
 LARGEST_DEFECT = 2.0**-10
-"""Largest error of an inverse in doubles, by which a solution is refined."""
+"""Largest error of an inverse in doubles that is used to refine a solution."""
 DOUBLE_BITS = 53
-"""Bits of a double; a solution in doubles is refined in twice as many, then in more and more."""
+"""Bits of a double. A solution in doubles is refined with twice as many bits, then with more and
+more.
+"""
 
 Matrix = acb_mat
 """A matrix of complex balls."""
@@ -35,7 +39,7 @@ Matrix = acb_mat
 def balls(values: Array) -> Matrix:
     """The matrix (m, n) of floating-point numbers as balls of radius 0."""
     array = np.asarray(values, complex)
-    rows, columns = array.shape  # which lists of rows would lose where one is 0
+    rows, columns = array.shape  # a list of rows would lose the shape if a dimension is 0
     return acb_mat(rows, columns, array.ravel().tolist())
 
 
@@ -67,7 +71,7 @@ def doubles(M: Matrix) -> Enclosure:
 
 
 def submatrix(M: Matrix, rows: Array, columns: Array) -> Matrix:
-    """The rows and columns with these numbers."""
+    """The rows and columns with these indices."""
     found = [M[int(i), int(j)] for i in rows for j in columns]
     return acb_mat(len(rows), len(columns), found)
 
@@ -78,12 +82,12 @@ def identity(n: int) -> Matrix:
 
 
 def length(entries: Sequence[acb]) -> arb:
-    """Euclidean length of a vector; of all entries of a matrix, its Frobenius norm."""
+    """Euclidean length of a vector; for all entries of a matrix, its Frobenius norm."""
     return sum((abs(entry) ** 2 for entry in entries), arb(0)).sqrt()
 
 
 def below(ball: arb) -> float:
-    """The largest floating-point number that no member of a ball is below; -inf for no proof."""
+    """The largest floating-point number that is a lower bound of a ball; -inf without a proof."""
     end = ball.lower()
     value = float(end)
     if math.isnan(value):
@@ -92,7 +96,7 @@ def below(ball: arb) -> float:
 
 
 def above(ball: arb) -> float:
-    """The least floating-point number that no member of a ball is above; inf for no proof."""
+    """The least floating-point number that is an upper bound of a ball; inf without a proof."""
     end = ball.upper()
     value = float(end)
     if math.isnan(value):
@@ -111,9 +115,9 @@ def norm_of_block(Delta: Any) -> arb:
 
 
 def matrices_in_balls(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """A, B, C and D in continuous time, in the precision at work: those given, where known.
+    """A, B, C and D in continuous time, in the current precision; those given, if they are known.
 
-    Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+    Raises ZeroDivisionError if a pole cannot be told from z = -1.
     """
     if system.source is None:
         A, B, C, D = map(enclosed, system.enclosures)
@@ -125,8 +129,8 @@ def matrices_in_balls(system: StableSystem) -> tuple[Matrix, Matrix, Matrix, Mat
 def in_plane(omega: float, period: float) -> float | arb:
     """v of a frequency `omega` [rad/s] of a system sampled every `period` [s], exactly, in balls.
 
-    What is proven of a light resonance must not hang on how a processor rounds a tangent. A period
-    of 0 is that of a continuous system.
+    The value is a ball, so that no proof about a lightly damped resonance depends on how a
+    processor rounds a tangent. A ``period`` of 0 means continuous time.
     """
     v = float(bilinear_frequency(omega, period))
     if not (period and 0.0 < v < math.inf):
@@ -139,7 +143,7 @@ def in_plane(omega: float, period: float) -> float | arb:
 def response_of(system: StableSystem, omega: float | arb) -> Matrix | None:
     """The frequency response at `omega` [rad/s], infinity allowed (outputs, inputs).
 
-    That of a sampled system is computed at z itself, from the matrices given. None where ball
+    For a sampled system it is computed at z itself, from the given matrices. None if ball
     arithmetic cannot tell s I - A, or z I - A, from a singular matrix.
     """
     given = system.source
@@ -159,7 +163,7 @@ def response_of(system: StableSystem, omega: float | arb) -> Matrix | None:
 
 
 def _point(omega: float | arb, period: float) -> acb | None:
-    """s = j omega, None for infinity; z = (1 + s T / 2) / (1 - s T / 2) of a sampled system."""
+    """s = j omega, None for infinity; z = (1 + s T / 2) / (1 - s T / 2) for a sampled system."""
     v = omega if isinstance(omega, arb) else arb(float(omega))
     if not v.is_finite():
         return acb(-1) if period else None
@@ -170,7 +174,7 @@ def _point(omega: float | arb, period: float) -> acb | None:
 
 
 def _response_at(point: acb | None, A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> Matrix:
-    """D + C (point - A)^-1 B; D for none."""
+    """D + C (point - A)^-1 B; D if the point is None."""
     if point is None or not A.nrows():
         return D
     if point.imag == 0:  # real arithmetic keeps the response exactly real
@@ -180,11 +184,11 @@ def _response_at(point: acb | None, A: Matrix, B: Matrix, C: Matrix, D: Matrix) 
 
 
 def _refined(A: RealArray, B: RealArray, point: acb) -> Matrix | None:
-    """(point - A)^-1 B by refinement with an inverse in doubles, in the precision at work.
+    """(point - A)^-1 B by refinement with an inverse in doubles, in the current precision.
 
-    For Y near the inverse, E = 1 - Y (point - A) with rows of sum at most theta < 1 and the
-    residual R of X, the error of X is at most Z + theta max(Z) / (1 - theta), Z = |Y| |R|. None
-    where that does not lead to the precision.
+    Let Y be near the inverse, let E = 1 - Y (point - A) have row sums of at most theta < 1, and let
+    R be the residual of X. Then the error of X is at most Z + theta max(Z) / (1 - theta) with Z =
+    |Y| |R|. None if this does not reach the precision.
     """
     n = len(A)
     if n < FEWEST_REFINED:
@@ -199,7 +203,7 @@ def _refined(A: RealArray, B: RealArray, point: acb) -> Matrix | None:
     theta = float(((np.abs(E.mid) + E.rad) * UPWARD).sum(axis=1).max()) * UPWARD
     if not theta < LARGEST_DEFECT:
         return None
-    # Real and imaginary parts stand side by side: real balls take a fourth of the time.
+    # Real and imaginary parts stand side by side: real balls take a quarter of the time.
     r = B.shape[1]
     a, b = real_balls(A), real_balls(np.hstack([B, np.zeros((n, r))]))
     quarter: RealArray = np.kron(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.eye(r))

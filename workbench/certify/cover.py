@@ -37,19 +37,21 @@ REFINED_SHARE = 1e-3
 """Only bounds above this share of the largest are refined."""
 
 SETTLING_STEPS = 3
-"""Refinements in which unsettled gaps are split. What is left is seen when intervals are proven."""
+"""Number of refinements in which unsettled gaps are split. Gaps that remain are treated when
+intervals are proven.
+"""
 
 MOST_GRID_POINTS = 3000
-"""Number of frequencies at which refinement stops."""
+"""Refinement stops at this number of frequencies."""
 
 
 @dataclass(frozen=True)
 class FrequencyBounds:
     """Upper bounds over frequency with their multipliers.
 
-    ``omega`` (F,) [rad/s], increasing, ``M`` (F, c, r), ``upper`` (F,), and ``D_left``
-    (F, c, c), ``D_right`` (F, r, r), ``G`` (F, r, c) as `upper_bound` has them. ``least`` (F,) says
-    which are the least that the method finds, and not only low enough; None: all of them.
+    ``omega`` (F,) [rad/s], increasing, ``M`` (F, c, r), ``upper`` (F,), and ``D_left`` (F, c, c),
+    ``D_right`` (F, r, r), ``G`` (F, r, c) as `upper_bound` has them. ``least`` (F,) marks the
+    bounds that are the least the method can find, not merely low enough; None: all of them.
     """
 
     omega: RealArray
@@ -62,7 +64,7 @@ class FrequencyBounds:
 
     @property
     def is_least(self) -> BoolArray:
-        """Which bounds (F,) are the least that the method finds."""
+        """Marks the bounds (F,) that are the least the method can find."""
         return np.ones(len(self.omega), bool) if self.least is None else self.least
 
     def within(self, low: float, high: float) -> FrequencyBounds:
@@ -87,7 +89,9 @@ class FrequencyBounds:
 BoundsAt = Callable[[RealArray], FrequencyBounds]
 """A function that gives upper bounds at increasing frequencies [rad/s] (F,) by any method."""
 Settled = Callable[[FrequencyBounds], BoolArray]
-"""Tells (F - 1,) between which frequencies nothing is expected that bounds at them do not show."""
+"""Tells for each pair of neighbouring frequencies (F - 1,) whether nothing is expected between them
+that their bounds do not show.
+"""
 Holds = Callable[[Array, float, Multipliers], BoolArray]
 """Whether multipliers prove a bound at matrices (F, c, r), by any method."""
 
@@ -97,7 +101,7 @@ def refined_bounds(
 ) -> FrequencyBounds:
     """Upper bounds on a grid chosen from the poles, refined at maxima and at steep slopes.
 
-    Where bounds need not be the least, slopes say nothing: `settled` takes their place.
+    If bounds need not be the least, slopes say nothing, and `settled` is used instead.
     """
     found, unsettled = bounds_at(starting_grid(poles)), None
     steps = SETTLING_STEPS
@@ -113,8 +117,8 @@ def refined_bounds(
 
 
 def _frequencies_to_add(found: FrequencyBounds, unsettled: BoolArray | None) -> RealArray:
-    """Frequencies to add: in unsettled gaps (F - 1,), or between too different neighbours, and
-    beside maxima.
+    """Frequencies to add: in unsettled gaps (F - 1,), or between neighbours that differ too much,
+    and next to maxima.
     """
     omega, bound = found.omega, found.upper
     inner = slice(1 if omega[0] == 0.0 else 0, -1 if np.isinf(omega[-1]) else None)
@@ -138,7 +142,8 @@ def _frequencies_to_add(found: FrequencyBounds, unsettled: BoolArray | None) -> 
 
 
 def with_peak(found: FrequencyBounds, bounds_at: BoundsAt) -> FrequencyBounds:
-    """The bounds, and some at the vertices of parabolas through the largest one and those beside.
+    """The bounds, with further ones at the vertices of parabolas through the largest bound and its
+    neighbours.
 
     A bound a little above the true peak is then proven at once, on the whole band.
     """
@@ -160,7 +165,7 @@ def with_peak(found: FrequencyBounds, bounds_at: BoundsAt) -> FrequencyBounds:
 
 
 PEAK_STEPS, PEAK_SHARPNESS = 12, 1e-7
-"""Most parabolas, and the change of log omega that ends them."""
+"""Largest number of parabolas, and the change of log omega that ends them."""
 
 NEGLIGIBLE_BOUND = 1e-9
 """Bounds below this, absolute and as a share of the response, are not resolved further."""
@@ -169,16 +174,20 @@ COARSENING_FACTOR, COARSENINGS = 10.0, 10
 """Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
 
 MOST_FAILURES_OF_BALLS = 5
-"""Failures after which ball arithmetic, which takes its time, is tried no more."""
+"""Number of failures after which ball arithmetic, which is slow, is not tried any more."""
 
 HOPELESS_RATIO = 1e3
-"""Growth of the bound at which the search stops: rounding hides every proof."""
+"""The search stops when the bound has grown by this factor: rounding hides every proof then."""
 
 FIXED_INTERVALS, FIXED_INTERVALS_OF_MANY_STATES = 15, 4
-"""Steps with fixed multipliers before linear multipliers cover the remaining gaps."""
+"""Number of steps with fixed multipliers before linear multipliers cover the remaining gaps; for
+few and for many states.
+"""
 
 MANY_STATES = 100
-"""States from which discs take far longer than a trial of multipliers at all known frequencies."""
+"""With this many states or more, discs take far longer than trying multipliers at all known
+frequencies.
+"""
 
 NARROW_GAP_RATIO = 1 + 1e-7
 """Gaps whose ends have a smaller ratio than this are covered by fixed multipliers only."""
@@ -187,14 +196,15 @@ SMALLEST_POSITIVE = float(np.finfo(float).tiny)
 """Smallest normal floating-point number; avoids division by a frequency of 0."""
 
 WIDE_INTERVAL = 0.3
-"""Width on a logarithmic scale from which an interval is not improved by other multipliers."""
+"""An interval at least this wide, on a logarithmic scale, is not improved by other multipliers."""
 
 GAPS_AT_ONCE = 32
 """Number of gaps whose middles are bounded in one call."""
 
 TRIALS, NEAR_TRIALS = 24, (-8, -4, -2, -1, 1, 2, 4, 8)
-"""Multipliers tried for an interval: so many from all of its gap, and those of frequencies at these
-distances from the worst one, in points of the grid."""
+"""Multipliers tried for an interval: this many from all of its gap, and those at these distances,
+in grid points, from the worst frequency.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +212,8 @@ class CertifiedInterval:
     """Frequencies low to high [rad/s] on which multipliers prove the bound of a peak.
 
     ``omega`` [rad/s] is a frequency within; ``D_left`` (c, c), ``D_right`` (r, r) and ``G`` (r, c)
-    are the multipliers at it. ``slopes`` are their derivatives by frequency [s], zero if None.
+    are the multipliers at it. ``slopes`` are their derivatives with respect to frequency [s], zero
+    if None.
     """
 
     low: float
@@ -223,11 +234,11 @@ class CertifiedInterval:
 
 
 class BandCover:
-    """The band of frequencies, the intervals that cover it at the present beta, and open gaps.
+    """The band of frequencies, the intervals that cover it at the current beta, and the open gaps.
 
     ``found`` are the bounds known so far, ``intervals`` the certified intervals and ``open`` the
     gaps (low, high) [rad/s] not yet covered. ``plain_at`` gives bounds with multipliers that change
-    less over frequency, which may be larger: G of real scalars grows as 1 / omega where their
+    less over frequency, and which may be larger: G of real scalars grows as 1 / omega where their
     response falls as omega.
     """
 
@@ -240,12 +251,13 @@ class BandCover:
         plain_at: BoundsAt | None = None,
         holds: Holds | None = None,
     ) -> None:
-        if system.vanishes():  # what is left of it in doubles is rounding
+        if system.vanishes():  # the rest of it in doubles is rounding
             found = replace(found, M=0.0 * found.M, upper=0.0 * found.upper)
         self.system, self.bounds_at, self.plain_at = system, bounds_at, plain_at
         self.tolerance, self.found, self.holds = tolerance, found, holds
         size = float(np.abs(found.M).max())
-        if not size and not system.vanishes():  # it is no larger than rounding of what cancels
+        # it is no larger than the rounding of terms that cancel
+        if not size and not system.vanishes():
             size = float(system.summands(found.omega).max())
         self.beta = max(
             (1 + tolerance) * float(found.upper.max()), NEGLIGIBLE_BOUND * min(size, 1.0)
@@ -256,14 +268,14 @@ class BandCover:
 
     @property
     def proven(self) -> float:
-        """The bound proven on the whole band; infinite while a gap is open."""
+        """The bound proven on the whole band; infinite as long as a gap is open."""
         return math.inf if self.open else self.beta
 
     def complete(self, steps: int, most: float = math.inf) -> str:
         """Cover the band and return a message about how it ended.
 
-        After every `steps` steps the tolerance grows by `COARSENING_FACTOR`. It ends where no bound
-        up to `most` is left to prove.
+        After every `steps` steps the tolerance grows by `COARSENING_FACTOR`. The search ends early
+        if no bound up to `most` can be proven any more.
         """
         if self.beta == 0.0:
             self.open = []
@@ -316,16 +328,17 @@ class BandCover:
             ends = self._in_balls(multipliers, omega)
         if ends is None or _log_width(*ends) < WIDE_INTERVAL:
             beside = self._finite_frequency(omega)
-            plain = self._plain(beside)
+            plain = self._plain_interval(beside)
             if plain is not None and (ends is None or _log_width(*plain[0]) > _log_width(*ends)):
                 omega, (ends, multipliers) = beside, plain
         if not self._close_interval(ends, omega, multipliers):
             self.beta *= 1 + self.tolerance
 
     def _widest(self, worst: int) -> int:
-        """The frequency whose multipliers hold at most frequencies about it and the worst one.
+        """The frequency whose multipliers hold at the largest number of frequencies around it and
+        the worst one.
 
-        It is looked for where there are many states only, with a margin for rounding in discs.
+        The search is made only for many states, with a margin for rounding in discs.
         """
         holds, level = self.holds, self.beta * (1 - 0.25 * self.tolerance)
         if holds is None or len(self.system.A) < MANY_STATES:
@@ -338,7 +351,9 @@ class BandCover:
         tried |= {min(max(own + step, 0), len(inside) - 1) for step in NEAR_TRIALS}
 
         def reached(place: int) -> tuple[bool, int]:
-            """Whether the worst frequency is reached from a place, and how many are."""
+            """Whether the multipliers at a place reach the worst frequency, and how many
+            frequencies they reach.
+            """
             held = holds(self.found.M[inside], level, self._multipliers(inside[place]))
             if not held[place]:
                 return False, 0
@@ -350,7 +365,9 @@ class BandCover:
         return int(inside[max(sorted(tried), key=lambda place: (*reached(place), place == own))])
 
     def _finite_frequency(self, omega: float) -> float:
-        """A frequency; of 0 and infinity, where scalings may grow without limit, one in its gap."""
+        """A finite positive frequency: for 0 and infinity, where scalings may grow without limit,
+        one in its gap.
+        """
         for low, high in self.open:
             if low == omega == 0.0 and high < math.inf:
                 return high / 2
@@ -358,8 +375,8 @@ class BandCover:
                 return 2 * low
         return omega
 
-    def _plain(self, omega: float) -> tuple[tuple[float, float], Multipliers] | None:
-        """The interval about a frequency that its plain multipliers prove; None for none."""
+    def _plain_interval(self, omega: float) -> tuple[tuple[float, float], Multipliers] | None:
+        """The interval around a frequency that its plain multipliers prove; None: no interval."""
         if self.plain_at is None:
             return None
         found = self.plain_at(np.array([omega]))
@@ -374,7 +391,7 @@ class BandCover:
         return self.found.D_left[index], self.found.D_right[index], self.found.G[index]
 
     def _in_balls(self, multipliers: Multipliers, omega: float) -> tuple[float, float] | None:
-        """Ends that ball arithmetic proves; None also where it failed too often before."""
+        """Ends that ball arithmetic proves; None also if it has failed too often before."""
         if self.failures_of_balls >= MOST_FAILURES_OF_BALLS:
             return None
         ends = proven_in_balls(self.system, multipliers, self.beta, omega, END_MARGIN)
@@ -388,7 +405,7 @@ class BandCover:
         multipliers: Multipliers,
         slopes: tuple[Array, Array, Array] | None = None,
     ) -> bool:
-        """Take an interval off the open gaps; False where there is none that is wide enough."""
+        """Remove an interval from the open gaps; False if none of them is wide enough."""
         if ends is None or not _wide(*ends):
             return False
         D_left, D_right, G = multipliers
@@ -399,12 +416,13 @@ class BandCover:
     def _linear_step(self, gap: tuple[float, float]) -> None:
         """Cover the middle of a gap with multipliers between those of its ends.
 
-        Where rounding hides what they prove, ball arithmetic tries those of the middle itself; if
-        nothing is proven, the gap is halved.
+        If rounding hides what they prove, ball arithmetic tries the multipliers of the middle
+        itself; if nothing is proven, the gap is halved.
         """
         low, high = gap
-        self._at(low), self._at(high)
-        indices = [self._at(low), self._at(high)]  # the second may have moved the first
+        self._index_of(low), self._index_of(high)
+        # the second call may have moved the index of the first
+        indices = [self._index_of(low), self._index_of(high)]
         for index in indices:
             bound = float(self.found.upper[index])
             if bound * (1 + 0.5 * self.tolerance) > self.beta:
@@ -422,19 +440,21 @@ class BandCover:
         if self._close_interval(ends, omega, middle, slopes):
             return
         if ends is None and doubt:
-            index = self._at(omega)
+            index = self._index_of(omega)
             fixed = self._multipliers(index)
             if self._close_interval(self._in_balls(fixed, omega), omega, fixed):
                 return
-        plain = self._plain(omega)
+        plain = self._plain_interval(omega)
         if plain is not None and self._close_interval(plain[0], omega, plain[1]):
             return
         self.open.remove(gap)
         between = _middle(low, high) if low > 0 else omega
         self.open += [(low, between), (between, high)]
 
-    def _at(self, omega: float) -> int:
-        """Index of a frequency; a new one is bounded first, and one that is not least again."""
+    def _index_of(self, omega: float) -> int:
+        """Index of a frequency. A new frequency is bounded first; a bound that is not the least is
+        computed again.
+        """
         index = int(np.searchsorted(self.found.omega, omega))
         known = index < len(self.found.omega) and self.found.omega[index] == omega
         if known and self.found.is_least[index]:
@@ -457,11 +477,11 @@ class BandCover:
             self.found = self.found.joined(self.bounds_at(new))
             return int(np.flatnonzero(self.found.omega == new[0])[0])
         index = int(np.argmax(np.where(inside, self.found.upper, -1.0)))
-        return self._at(float(omega[index]))
+        return self._index_of(float(omega[index]))
 
 
 def _wide(low: float, high: float) -> bool:
-    """Whether an interval is wider than rounding errors of its ends."""
+    """Whether an interval is wider than the rounding errors of its ends."""
     return high - low > 1e-11 * low if math.isfinite(high) else True
 
 
@@ -479,7 +499,9 @@ def _middle(low: float, high: float) -> float:
 
 
 def _log_width(low: float, high: float) -> float:
-    """Width of an interval on a logarithmic scale, of one from 0 or to infinity also finite."""
+    """Width of an interval on a logarithmic scale; finite also for an interval from 0 or to
+    infinity.
+    """
     return math.log(min(high, 1 / SMALLEST_POSITIVE)) - math.log(max(low, SMALLEST_POSITIVE))
 
 

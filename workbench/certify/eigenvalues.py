@@ -8,7 +8,7 @@ every eigenvalue lies in one of the discs
 
 of the diagonals p, e and the sums a, b of the other entries of their rows (Gershgorin; Stewart,
 Gershgorin theory for the generalized eigenvalue problem, Math. Comp. 29 (1975) 600-606). P and E
-are enclosed, so that nothing is asked of the accuracy of V and W; they only make the discs small.
+are enclosed, so that V and W need not be accurate; accuracy only makes the discs small.
 """
 
 from __future__ import annotations
@@ -30,41 +30,44 @@ from workbench.certify.rounding import (
 )
 
 ATTEMPTS = 3
-"""Times that eigenvectors are computed, again in the coordinates of those before, which helps where
-entries differ widely."""
+"""Number of times that eigenvectors are computed, each time in the coordinates of those before.
+This helps if entries differ widely.
+"""
 FEWEST_KEPT = 40
-"""Fewest states of a matrix whose discs are kept for those who ask again."""
+"""Least number of states of a matrix whose discs are kept for later calls."""
 SHARP = 1e-7
-"""Radius of a disc on the axis, as a share of its centre, with which attempts end."""
+"""Attempts end once each disc on the axis has a radius below this share of its centre."""
 SHARP_ENOUGH = 1e-4
-"""The same of a disc that only ends an interval."""
+"""The same for a disc that only ends an interval."""
 SCALINGS = 8
-"""Steps of the search for the scaling of the rows."""
+"""Number of steps of the search for the scaling of the rows."""
 WANTED_SHARE = 1e-3
-"""Radius of a disc, as a share of its distance from the real axis, with which a row is content."""
+"""A row needs no further scaling once its disc has a radius below this share of its distance from
+the real axis.
+"""
 LEAST_DISTANCE = 1e-9
-"""Least distance from the axis, as a share of the eigenvalue's size, that a row is scaled for."""
+"""Least distance from the axis, as a share of the eigenvalue's size, for which a row is scaled."""
 LARGEST_SCALE = 1e9
-"""Largest factor of a row."""
+"""Largest scaling factor of a row."""
 
 
 @dataclass(frozen=True, eq=False)
 class Discs:
-    """Discs |s - centre| <= radius, both (n,); an infinite radius where nothing is proven."""
+    """Discs |s - centre| <= radius, both (n,); the radius is infinite where nothing is proven."""
 
     centre: Array
     radius: RealArray
 
     @property
     def rightmost(self) -> float:
-        """Upper bound of the real parts; -inf without discs."""
+        """Upper bound of the real parts; -inf if there are no discs."""
         return float((self.centre.real + self.radius).max(initial=-np.inf))
 
     def proves_some(self, among: BoolArray) -> bool:
         """Whether some eigenvalue is in these discs (n,).
 
-        A group of discs that touches no other holds as many eigenvalues as it has discs
-        (Gershgorin); a disc that touches others may hold none.
+        A group of discs that touches no other disc contains as many eigenvalues as it has discs
+        (Gershgorin); a disc that touches others may contain none.
         """
         if not among.any():
             return False
@@ -90,7 +93,8 @@ def real_discs(
 ) -> Discs:
     """Discs that contain all t at which [-j A - omega - t, -j B; C, D] is singular.
 
-    In real arithmetic where all matrices are real and the discs are small; else as `static_discs`.
+    In real arithmetic if all matrices are real and the discs are small; otherwise as
+    `static_discs`.
     """
     pencil = real_pencil(A, B, C, D, omega)
     found = None if pencil is None else pencil_discs(*pencil)
@@ -99,7 +103,7 @@ def real_discs(
     shifted = A - exact(1j * omega * np.eye(len(A.mid))) if omega else A
     A, B = (Enclosure(-1j * part.mid, part.rad) for part in (shifted, B))
     other = static_discs(A, B, C, D, sharp)
-    # One disc that is everything counts as one doubtful disc, and says less than several.
+    # One disc that contains everything counts as one doubtful disc, and says less than several.
     if found is None or not np.isfinite(found.radius).all():
         return other
     return min(other, found, key=lambda discs: discs.doubtful(sharp))
@@ -111,13 +115,13 @@ def static_discs(
     """Discs that contain all s at which [A - s, B; C, D] is singular, D proven regular.
 
     The s are the eigenvalues of A - B D^-1 C. This matrix is only computed to find eigenvectors V1
-    and their inverse W1. With V2 = -D^-1 C V1 and W2 = -W1 B D^-1, nearly,
+    and their inverse W1. With approximate V2 = -D^-1 C V1 and W2 = -W1 B D^-1, the matrix
 
         [W1 W2] [A B] [V1 0]   [P F]
         [ 0  1] [C D] [V2 1] = [G D]
 
-    has small F and G, so that errors of D^-1 count twice, and no difference of large entries of
-    A - B D^-1 C is rounded.
+    has small F and G. Errors of D^-1 then enter in second order only, and no difference of large
+    entries of A - B D^-1 C is rounded.
     """
     nothing = Discs(np.zeros(1), np.full(1, np.inf))
     back = enclosed_inverse(D)
@@ -183,7 +187,9 @@ def pencil_discs(P: Enclosure, E: Enclosure, within: float = np.inf) -> Discs:
 
 
 def _discs(P: Enclosure, E: Enclosure, scale: RealArray, within: float) -> Discs:
-    """As `pencil_discs`, with factors (n,) of the columns, and their inverses of the rows."""
+    """As `pencil_discs`, with the columns multiplied by factors (n,) and the rows divided by
+    them.
+    """
     (p, a), (e, b) = _rows(P, scale), _rows(E, scale)
     with np.errstate(all="ignore"):
         size = np.abs(e)
@@ -192,7 +198,7 @@ def _discs(P: Enclosure, E: Enclosure, scale: RealArray, within: float) -> Discs
         centre = p / e
         radius = ((a + b * reach) / size + 8 * EPS * np.abs(centre)) * UPWARD
         known = np.isfinite(centre) & np.isfinite(radius)
-        # A row whose e is small may have no s within reach at all.
+        # A row with a small e may have no s within reach at all.
         away = np.abs(p) > (a + within * (size + b)) * UPWARD
     if np.isfinite(within):
         centre, radius, known = centre[~away], radius[~away], known[~away]
@@ -202,7 +208,7 @@ def _discs(P: Enclosure, E: Enclosure, scale: RealArray, within: float) -> Discs
 def _rows(matrix: Enclosure, scale: RealArray) -> tuple[Array, RealArray]:
     """The diagonal, and for each row the sum of the other entries and of all radii.
 
-    Column j counts `scale` j times and row i as much less: a similarity.
+    Column j is multiplied by `scale` j and row j divided by it: a similarity.
     """
     beside = np.abs(matrix.mid)
     np.fill_diagonal(beside, 0.0)
@@ -212,8 +218,8 @@ def _rows(matrix: Enclosure, scale: RealArray) -> tuple[Array, RealArray]:
 def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
     """Factors (n,) that make discs small where they are near the real axis.
 
-    Any factors are allowed. Rows whose disc is too large beside its distance gain at the cost of
-    the others.
+    Any factors are allowed. A row whose disc is too large for its distance gains at the cost of the
+    other rows.
     """
     p, e = np.diagonal(P.mid), np.diagonal(E.mid)
     with np.errstate(all="ignore"):
@@ -221,7 +227,7 @@ def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
         beside = np.abs(P.mid) + P.rad + reach * (np.abs(E.mid) + E.rad)
         distance = np.abs((p * e.conj()).imag) / np.abs(e)
     np.fill_diagonal(beside, 0.0)
-    # Where e is 0, the distance is that from all s within reach.
+    # Where e is 0, use the distance from all s within reach.
     distance = np.where(np.isfinite(distance), distance, np.abs(p)) + LEAST_DISTANCE * np.abs(p)
     if not (np.isfinite(beside).all() and (distance > 0).all()):
         return np.ones(len(p))
@@ -239,7 +245,7 @@ def pole_discs(A: Enclosure) -> Discs:
     return _pole_discs(A)
 
 
-@lru_cache(maxsize=4)  # a check of stability and a norm ask for those of one matrix
+@lru_cache(maxsize=4)  # a check of stability and a norm both ask for the discs of the same matrix
 def _kept_pole_discs(entries: bytes, n: int) -> Discs:
     return _pole_discs(exact(np.frombuffer(entries).reshape(n, n)))
 
@@ -252,11 +258,11 @@ def _pole_discs(A: Enclosure) -> Discs:
 
 
 def separate_pole_discs(A: Enclosure) -> Discs:
-    """As `pole_discs`, of each block on the diagonal of A's block triangular form by itself.
+    """As `pole_discs`, separately for each diagonal block of A's block triangular form.
 
-    The states in another order make A block triangular where states do not act on each other in a
-    circle. Its eigenvalues are then those of the blocks, and a chain of equal lags, whose
-    eigenvectors are all alike, is as many blocks of one state.
+    A suitable order of the states makes A block triangular, if states do not influence each other
+    in a circle. Its eigenvalues are then those of the blocks. A chain of equal lags, whose
+    eigenvectors are all alike, becomes as many blocks of one state.
     """
     acts = (A.mid != 0) | (A.rad != 0)
     count, block = connected_components(acts, connection="strong")

@@ -1,10 +1,10 @@
-"""An interval of frequencies proven in ball arithmetic, where doubles leave it open.
+"""An interval of frequencies proven in ball arithmetic, where doubles cannot decide.
 
-The Hamiltonian is formed from the data in balls and its eigenvalues are enclosed there. It has
-simple eigenvalues even where A has none, as with repeated poles of weights.
+The Hamiltonian is formed from the data in balls and its eigenvalues are enclosed. It may have
+simple eigenvalues even if A has multiple ones, as with repeated poles of weights.
 
-Eigenvectors in doubles, improved in balls, make it nearly diagonal. That takes a tenth of the time
-of its eigenvectors in balls from the start, which are computed only where this fails.
+Eigenvectors in doubles, improved in balls, make it nearly diagonal. This takes a tenth of the time
+of computing its eigenvectors in balls from the start, which is done only if the first way fails.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def ball_discs(
 ) -> Discs | None:
     """Discs that contain all t = w - omega at which Phi(w) is singular; w for omega at infinity.
 
-    None where Phi(omega) > 0 is not proven, or where no precision encloses the eigenvalues. More
-    bits are tried while a disc that meets the axis is a large one.
+    None if Phi(omega) > 0 is not proven, or if no precision encloses the eigenvalues. More bits are
+    tried as long as a disc that meets the axis is large.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _discs(A: Matrix, B: Matrix, C: Matrix, D: Matrix, F: Matrix, omega: float) 
 def _improved_discs(T: Matrix) -> Discs | None:
     """Discs of the pencil W T V - s W V, for eigenvectors V improved in balls and W near V^-1.
 
-    None where a disc that meets the axis stays large.
+    None if a disc that meets the axis stays large.
     """
     try:
         V = balls(np.linalg.eig(in_its_unit(middle(T))[0])[1])
@@ -102,10 +102,10 @@ def _improved_discs(T: Matrix) -> Discs | None:
 
 
 def _isolating_discs(T: Matrix) -> Discs | None:
-    """A disc for each eigenvalue by itself; None where they are not found apart."""
+    """One disc for each single eigenvalue; None if the discs cannot be separated."""
     t = T.eig(multiple=True, nonstop=True)
     centre = np.array([complex(one.mid()) for one in t])
-    # The centre is rounded to a double, too.
+    # The centre is rounded to a double as well.
     radius = np.array([above((one - acb(c)).abs_upper()) for one, c in zip(t, centre, strict=True)])
     ok = np.isfinite(centre).all() and np.isfinite(radius).all()
     return Discs(centre, radius) if ok else None
@@ -118,7 +118,7 @@ def _form_of(F: Matrix, M: Matrix) -> Matrix:
 
 
 def _blocks(F: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """Q, S and R of the form in states and inputs."""
+    """Q, S and R of the form in the states and inputs."""
     n, r = C.ncols(), D.ncols()
     N = _rows(_columns(C, D), _columns(acb_mat(r, n), identity(r)))
     W = (N.conjugate().transpose() * F * N).tolist()

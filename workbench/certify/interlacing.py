@@ -1,14 +1,14 @@
-"""That no stable controller stabilises a plant, proven from two of its real zeros, in fractions.
+"""Exact proof, from two real zeros of a plant, that no stable controller stabilises it.
 
 Let p(s) = det(s I - A) and n(s) = p(s) G(s) for a plant G, and p_K(s) the same for K. With positive
 feedback the closed loop has the characteristic polynomial f = p p_K det(I - G K). If K is stable,
-p_K is positive on the real axis from 0 on. Where all of n is zero (a blocking zero z), f(z) has the
-sign of p(z): where p has opposite signs at two of them, f has a root between, and the loop is
-unstable. Of a strictly proper plant infinity is one, and f is positive there: p(z) < 0 at one other
-is enough.
+p_K is positive on the real axis from 0 on. Where all entries of n are zero (a blocking zero z),
+f(z) has the sign of p(z). If p has opposite signs at two blocking zeros, f has a root between them,
+and the loop is unstable. A strictly proper plant has a blocking zero at infinity, where f is
+positive: p(z) < 0 at one other blocking zero is enough.
 
-A blocking zero is a root of the greatest common divisor of the entries of n. It is proven to lie in
-a range, by the signs at the ends.
+A blocking zero is a root of the greatest common divisor of the entries of n. The signs of the
+divisor at the ends of a range prove that the zero lies in it.
 
 Source: D. C. Youla, J. J. Bongiorno, C. N. Lu, "Single-loop feedback-stabilization of linear
 multivariable dynamical plants", Automatica 10 (1974) 159-173 (parity interlacing).
@@ -28,12 +28,16 @@ from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 
 Range = tuple[float, float]
-"""Ends of a range of the real axis [rad/s]; both infinite: infinity."""
+"""Ends of a range of the real axis [rad/s]; if both are infinite, the range is the point at
+infinity.
+"""
 
 
 @dataclass(frozen=True)
 class Interlacing:
-    """What is proven: each range has a zero of the plant, and p has opposite signs at the two."""
+    """What is proven: each range contains a blocking zero of the plant, and p has opposite signs in
+    the two ranges.
+    """
 
     low_zero: bool
     high_zero: bool
@@ -41,14 +45,14 @@ class Interlacing:
 
     @property
     def holds(self) -> bool:
-        """No stable controller stabilises the plant."""
+        """Whether it is proven that no stable controller stabilises the plant."""
         return self.low_zero and self.high_zero and self.opposite
 
 
 def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
-    """What can be proven of a continuous plant with a blocking zero in each of two ranges.
+    """The proof for a continuous plant with a blocking zero in each of two ranges.
 
-    Nothing is, where the ranges are not in order, or begin left of 0.
+    Nothing is proven if the ranges are not in order, or begin left of 0.
     """
     in_order = 0.0 <= low[0] <= low[1] < high[0] <= high[1] and math.isfinite(low[1])
     if not in_order or plant.dt:
@@ -61,9 +65,9 @@ def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
 
 
 def separated_zeros(plant: StateSpace) -> tuple[Range, Range] | None:
-    """Ranges of two neighbouring blocking zeros from 0 on at which p has opposite signs, or None.
+    """Ranges of two neighbouring blocking zeros, from 0 on, at which p has opposite signs; or None.
 
-    The zeros are isolated as roots of an exact polynomial: one at 0 is at 0, whatever rounds.
+    The zeros are isolated as roots of an exact polynomial, so that a zero at 0 is exactly 0.
     """
     p = exact_matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
@@ -98,7 +102,7 @@ def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
 
 
 def _has_zero(plant: StateSpace, common: fmpq_poly, ends: Range) -> bool:
-    """Whether there is a blocking zero in a range: signs at the ends differ, or one is zero."""
+    """Whether a range contains a blocking zero: the signs at its ends differ, or one is zero."""
     if math.isinf(ends[0]):
         return not np.any(plant.D)
     once = common / common.gcd(common.derivative()) if common else common  # its roots are simple

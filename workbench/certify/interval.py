@@ -48,11 +48,12 @@ from workbench.certify.rounding import (
 from workbench.certify.stable_system import StableSystem, stable_system
 
 END_MARGIN = 1e-3
-"""Share of the distance to each end that an interval gives up, so that another machine, whose
-discs differ a little, proves the same interval."""
+"""Share of the distance to each end that an interval gives up, so that another machine, whose discs
+differ a little, can prove the same interval.
+"""
 
 WORTHWHILE = 0.05
-"""Gain of an interval, as a share of its length, for which better coordinates are looked for."""
+"""Better coordinates are searched for if they may lengthen an interval by at least this share."""
 
 Multipliers = Sequence[Array]
 """D_left (c, c), D_right (r, r) and G (r, c)."""
@@ -82,9 +83,9 @@ def certified_interval(
     omega
         Frequency [rad/s]; 0 and infinity are allowed.
     slopes
-        Derivatives of the multipliers by frequency [s], zero if None.
+        Derivatives of the multipliers with respect to frequency [s], zero if None.
     half
-        Largest distance [rad/s] of the ends from omega, finite where there are slopes.
+        Largest distance [rad/s] of the ends from omega; it must be finite if there are slopes.
     end_margin
         Share of the distance to each end that is given up.
 
@@ -138,7 +139,7 @@ def proven_in_balls(
     if discs is None:
         return None
     below, above, _ = _nearest(discs, omega, math.inf)
-    return _held(below, above, omega, math.inf, end_margin)
+    return _interval_about(below, above, omega, math.inf, end_margin)
 
 
 def _proven(
@@ -157,7 +158,7 @@ def _proven(
     holds, refuted = _holds_at(form, omega)
     if not holds:
         return None, not refuted
-    # The ends themselves are rounded where omega is large.
+    # If omega is large, the ends themselves are rounded.
     within = half * (1 + 16 * EPS) + 4 * EPS * omega if half < math.inf else math.inf
     below, above, doubt = _reach(form, omega, within)
     if slopes is not None and not all(
@@ -166,13 +167,13 @@ def _proven(
         for D, change in zip(multipliers[:2], slopes[:2], strict=True)
     ):
         return None, False
-    return _held(below, above, omega, half, end_margin), doubt
+    return _interval_about(below, above, omega, half, end_margin), doubt
 
 
-def _held(
+def _interval_about(
     below: float, above: float, omega: float, half: float, end_margin: float
 ) -> tuple[float, float] | None:
-    """The interval that reaches `below` and `above` omega less the margin, rounded inward."""
+    """The interval from `below` to `above` omega, reduced by the margin and rounded inward."""
     inward = 1 - max(end_margin, 8 * EPS)
     if math.isinf(omega):
         return (above * (2 - inward), math.inf) if above < math.inf else None
@@ -188,7 +189,8 @@ def _held(
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """The realisation and the two forms of (y, u), at omega and by frequency, in scaled units.
+    """The realisation and two quadratic forms of (y, u), at omega and its slope over frequency, in
+    scaled units.
 
     The second form is None for fixed multipliers.
     """
@@ -204,13 +206,13 @@ class _Form:
 def _form(
     system: StableSystem, multipliers: Multipliers, slopes: Multipliers | None, beta: float
 ) -> _Form | None:
-    """The inequality in units in which M, D and beta are near 1; None where D is not positive."""
+    """The inequality in units in which M, D and beta are near 1; None if D is not positive."""
     D_left, D_right, G = (np.asarray(part) for part in multipliers)
     with np.errstate(all="ignore"):
         y, u = (nearest_power_of_two(np.sqrt(np.diagonal(D).real)) for D in (D_left, D_right))
         level = float(nearest_power_of_two(beta))
         twist = np.abs(G / level / u[:, None] / y)
-        # A large G would hide the other terms of the rows to which it belongs.
+        # A large G would hide the other terms in its rows.
         twisted = nearest_power_of_two(np.sqrt(1.0 + (twist**2).sum(axis=1)))
     if not all(positive_definite(exact(D)) for D in (D_left, D_right)):
         return None
@@ -264,8 +266,8 @@ def _holds_at(form: _Form, omega: float) -> tuple[bool, bool]:
 def _reach(form: _Form, omega: float, half: float) -> tuple[float, float, bool]:
     """Distances [rad/s] below and above omega, within half, where L is proven to be regular.
 
-    For omega at infinity the second one is the frequency above which it is. Last comes whether
-    the disc that ends an interval is a large one.
+    For omega at infinity, the second number is the frequency above which L is regular. The third
+    result says whether the disc that ends an interval is a large one.
     """
     slope = form.slope
     discs = _fixed_discs(form, omega) if slope is None else _linear_discs(form, slope, omega, half)
@@ -273,22 +275,23 @@ def _reach(form: _Form, omega: float, half: float) -> tuple[float, float, bool]:
 
 
 def _nearest(discs: Discs, omega: float, half: float) -> tuple[float, float, bool]:
-    """As `_reach`, from the discs that contain all frequencies at which L is singular."""
+    """As `_reach`, given discs that contain all frequencies at which L is singular."""
     doubt = discs.doubtful() > 0
     first, last = touched(discs)
     if math.isinf(omega):
         return 0.0, max(float(last.max(initial=0.0)), 0.0), doubt
     if ((first <= 0) & (last >= 0)).any():
         return 0.0, 0.0, doubt
-    above, below = (_end(*ends, half) for ends in ((first, last), (-last, -first)))
+    above, below = (_end_from_zero(*ends, half) for ends in ((first, last), (-last, -first)))
     doubt = doubt and (above[1] or below[1])
     return below[0], above[0], doubt
 
 
-def _end(first: Array, last: Array, half: float) -> tuple[float, bool]:
-    """Where an interval from 0 ends at the nearest of others, and whether a point ends it later.
+def _end_from_zero(first: Array, last: Array, half: float) -> tuple[float, bool]:
+    """The end of an interval from 0 at the nearest disc, and whether a large disc shortens it.
 
-    Others than a large one would end it soon after too, or the large one is hardly wider than far.
+    ``first`` and ``last`` are the ends of the discs on the axis. A disc shortens the interval if
+    the nearest middle of a disc lies clearly beyond the nearest end.
     """
     ahead = first > 0
     first, last = first[ahead], last[ahead]
@@ -300,8 +303,8 @@ def _end(first: Array, last: Array, half: float) -> tuple[float, bool]:
 def _fixed_discs(form: _Form, omega: float) -> Discs:
     """Discs that contain all t, or all w for omega at infinity, at which L(w) is singular.
 
-    In place of Q, S and R there stand y = C x + D u and its multiple by the form: all blocks are
-    then data, and none of their products is rounded.
+    The signal y = C x + D u and its product with the form replace Q, S and R: all blocks are then
+    data, and no product of them is rounded.
     """
     n, r = form.B.mid.shape
     c = len(form.C.mid)
@@ -333,14 +336,14 @@ def _linear_discs(form: _Form, slope: Enclosure, omega: float, half: float) -> D
 
 
 def _form_of_outputs(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:
-    """Q, S, S^H and R of a form of (y, u)."""
+    """Q, S, S^H and R of a form in (y, u)."""
     n, r = form.B.mid.shape
     N = stacked_enclosures([[form.C, form.D], [exact(np.zeros((r, n))), exact(np.eye(r))]])
     return _four_blocks(N.H @ (weight @ N), n)
 
 
 def _four_blocks(matrix: Enclosure, n: int) -> list[list[Enclosure]]:
-    """The four blocks of a matrix that is divided after its first n rows and columns."""
+    """The four blocks of a matrix, divided after its first n rows and columns."""
     parts = slice(None, n), slice(n, None)
     return [
         [Enclosure(matrix.mid[row, column], matrix.rad[row, column]) for column in parts]

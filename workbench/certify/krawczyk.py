@@ -1,4 +1,4 @@
-"""A zero of equations, proven to lie within a box, with the surplus unknowns fixed.
+"""Proof that equations have a zero within a box, with surplus unknowns fixed.
 
 With P near the inverse of the Jacobian and Y a box around y, let
 
@@ -19,9 +19,11 @@ from flint import arb, arb_mat, ctx
 from numpy.typing import NDArray
 
 BOX_REFINEMENTS = 6
-"""Most steps that refine the middle of the box."""
+"""Largest number of steps that refine the middle of the box."""
 LARGEST_STEP = 2.0**-10
-"""A first step beyond this share of the unknowns' scale is given up: no zero is near."""
+"""If the first step is larger than this share of the unknowns' scale, the proof is given up: no
+zero is near.
+"""
 LEAST_PIVOT = 1e-13
 """Equations count as dependent if a pivot is below this share of the largest."""
 
@@ -85,14 +87,14 @@ def zero_within(
 
 
 def _scales(start: Balls) -> Balls:
-    """The sizes of the unknowns; of those that are 0, the largest size."""
+    """The sizes of the unknowns; for unknowns equal to 0, the largest size."""
     sizes = [abs(x) for x in start]
     largest = max(sizes)
     return [size if size > largest * 2.0**-40 else largest for size in sizes]
 
 
 def _independent(table: NDArray[np.float64]) -> list[int] | None:
-    """As many independent columns as there are rows; None where there are not enough."""
+    """Indices of as many independent columns as there are rows; None if there are too few."""
     from scipy.linalg import qr
 
     if not np.isfinite(table).all() or table.shape[0] > table.shape[1]:

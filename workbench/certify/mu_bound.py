@@ -22,26 +22,32 @@ from workbench.arrays import EPS, ComplexArray
 from workbench.structure import Full, Real, Structure
 
 CHUNK_MATRICES = 4096
-"""Matrices that are bounded in one call; intermediate arrays need many times their memory."""
+"""Number of matrices bounded in one call; intermediate arrays need many times their memory."""
 ACCEPTED_ROUNDING = 1e-9
 """Rounding errors below this share of beta^2 are accepted without a search."""
 SAID_ALLOWANCES = 3.0
-"""Allowances in a bound that is said, so that each processor proves it. Two ways to round differ by
-at most an allowance each from what is exact; the check takes a third."""
+"""Multiple of the rounding allowance in a bound that is reported, so that each processor can prove
+it. Two ways of rounding differ from the exact value by at most one allowance each; the check takes
+a third.
+"""
 BISECTIONS = 45
-"""Most bisections of beta^2 on a logarithmic scale."""
+"""Largest number of bisections of beta^2 on a logarithmic scale."""
 SHARPNESS, SAID_SHARPNESS = 2.0**-42, 2.0**-34
 """Relative widths of the interval of beta^2 at which its search ends: for a bound that is proven,
-and for one that is said, a sixteenth of what is accepted without a search. The first is the second
-over a power of `WIDENING`: every beta that the search of the second tries, that of the first tries
-too."""
+and for a bound that is reported; the latter is a sixteenth of the rounding accepted without a
+search. The first is the second divided by a power of `WIDENING`: every beta tried in the search for
+the second is then also tried in the search for the first.
+"""
 OFF_EDGE = 1 + 2.0**-20
-"""Factor of the size of a multiplier before it is rounded to a power of two: those of the size 1,
-which are common, keep their scale when their last bit changes."""
+"""Factor on the size of a multiplier before it is rounded to a power of two: multipliers of size 1,
+which are common, then keep their scale when their last bit changes.
+"""
 ENOUGH_SHARP = 1.01
-"""Multiple of the sharpness at which a search ends: the width that it starts with is rounded."""
+"""A search ends at this multiple of the sharpness, since the width with which it starts is
+rounded.
+"""
 WIDENING = 2.0**4
-"""Factor of the distance from a guess to the next one that is tried."""
+"""Factor from the distance of one guess to that of the next."""
 
 
 def structured(
@@ -101,8 +107,9 @@ def certified_bound(
     D_left, D_right, G
         Multipliers of shapes (..., c, c), (..., r, r) and (..., r, c).
     allowances
-        Multiple of the allowance for rounding. One proves the bound; a bound that is said takes
-        `SAID_ALLOWANCES`, since another processor, which rounds otherwise, has to prove it too.
+        Multiple of the allowance for rounding. One proves the bound; a bound that is reported takes
+        `SAID_ALLOWANCES`, since another processor, which rounds differently, must be able to prove
+        it too.
     """
     multipliers = structured(structure, D_left, D_right, G)
     return structured_bound(M, structure, *multipliers, allowances=allowances)
@@ -115,7 +122,9 @@ def said_bound(
     D_right: ComplexArray,
     G: ComplexArray,
 ) -> NDArray[np.float64]:
-    """As `certified_bound`, with the room of a bound that every processor is to prove."""
+    """As `certified_bound`, with enough allowance that every processor can prove the bound
+    again.
+    """
     return certified_bound(M, structure, D_left, D_right, G, allowances=SAID_ALLOWANCES)
 
 
@@ -128,7 +137,7 @@ def structured_bound(
     *,
     allowances: float = 1.0,
 ) -> NDArray[np.float64]:
-    """As `certified_bound`, for multipliers that `structured` gave."""
+    """As `certified_bound`, for multipliers that come from `structured`."""
     batch = M.shape[:-2]
     parts = [np.reshape(part, (-1, *part.shape[-2:])) for part in (M, D_left, D_right, G)]
     value = np.empty(len(parts[0]))
@@ -169,7 +178,8 @@ def _certified_chunk(
         A, spread = _products(X, Y, D, structure)
         proper, top, error = _largest(A, spread, R, structure, proper, allowances)
         square = np.maximum(top + allowances * error, 0.0)
-        # A bound that is said is searched for less often than one that is proven: the least stands.
+        # A reported bound is searched for in fewer steps than a proven one: the least bound found
+        # is taken.
         doubtful = proper & (error > allowances * ACCEPTED_ROUNDING * square)
         if doubtful.any():
             square = np.array(square)
@@ -220,7 +230,7 @@ def _largest(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
     """Whether R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error.
 
-    R > 0 is to hold with these allowances for rounding.
+    R > 0 must hold with these allowances for rounding.
     """
     allowance = 4 * (2 * A.shape[-1] + 8) * EPS
     if _diagonal_only(structure):
@@ -234,8 +244,8 @@ def _largest(
         values, vectors = np.linalg.eigh(R)
         room = allowance * _norm(R)
         proper = proper & (values[..., 0] > allowances * room)
-        # The error is that of one allowance: what a check searches for is then searched for too
-        # where it is said.
+        # The error uses one allowance only, so that a value that a check searches for is also
+        # searched for when it is reported.
         least = values[..., 0] - room
         root = np.where(proper[..., None], values, 1.0) ** -0.5
         N = root[..., :, None] * (vectors.conj().mT @ A @ vectors) * root[..., None, :]
@@ -254,7 +264,8 @@ def _least_proven_level(
     allowances: float,
     guess: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Nearly the least t with a proof of t R - A > 0 despite rounding; infinite without any.
+    """Nearly the least t for which t R - A > 0 is proven despite rounding; infinite if there is
+    none.
 
     The search starts at a guess (F,), or anywhere.
     """
@@ -264,9 +275,10 @@ def _least_proven_level(
     def scaled(
         t: NDArray[np.float64], at: NDArray[np.intp]
     ) -> tuple[ComplexArray, NDArray[np.float64], NDArray[np.float64]]:
-        """t R - A for t (f,) and the numbers of the matrices (f,), with scaled rows and columns.
+        """t R - A for t (f,) and the indices of the matrices (f,), with scaled rows and columns.
 
-        With the factors of these (f, r), and what its least eigenvalue has to exceed for a proof.
+        Also the scaling factors (f, r), and the bound that the least eigenvalue must exceed for a
+        proof.
         """
         bound = fixed[at] + np.abs(t)[:, None, None] * growing[at]
         root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
@@ -276,12 +288,12 @@ def _least_proven_level(
         return S, root, EPS * (_norm(bound * both) + count * _norm(S))
 
     def holds(t: NDArray[np.float64], at: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Whether t R - A > 0 is proven, for t (f,) and the numbers of the matrices (f,)."""
+        """Whether t R - A > 0 is proven, for t (f,) and the indices of the matrices (f,)."""
         S, _, rounding = scaled(t, at)
         return np.asarray(np.linalg.eigvalsh(S)[:, 0] > allowances * rounding)
 
-    # A Newton step leads to where the least bound that is said will be. This guess is the same for
-    # all allowances: the search for a bound that is proven must try all that the other one tries.
+    # A Newton step leads to the least bound that will be reported. This guess is the same for all
+    # allowances: the search for a proven bound must try every value that the other search tries.
     S, root, rounding = scaled(guess, np.arange(len(guess)))
     values, vectors = np.linalg.eigh(S)
     least = root * vectors[:, :, 0]
@@ -301,13 +313,14 @@ def _least_proven_level(
         passed = holds(middle, open_)
         low[open_] = np.where(passed, low[open_], middle)
         high[open_] = np.where(passed, middle, high[open_])
-    if allowances > 1.0:  # the search of a check ends by its sharpness above the least it can prove
+    # the search of a check ends at its sharpness above the least value it can prove
+    if allowances > 1.0:
         high = high * (1 + 2 * SHARPNESS)
     return np.minimum(np.where(found, high, np.inf), held)
 
 
 Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
-"""Whether a t (f,) is proven for the matrices of some numbers (f,)."""
+"""Whether t (f,) is proven for the matrices with some indices (f,)."""
 
 
 def _bounds_near_guess(
@@ -315,7 +328,8 @@ def _bounds_near_guess(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
     """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found.
 
-    Besides, where it holds at all that were tried, the least of these (F,); infinite elsewhere.
+    The third result (F,) is the least value tried if the test holds at all of them; otherwise it is
+    infinite.
     """
     low, high, found = np.zeros_like(guess), np.zeros_like(guess), np.zeros(len(guess), bool)
     held = np.full_like(guess, np.inf)
@@ -326,7 +340,7 @@ def _bounds_near_guess(
         while numbers.size and share < 1.0:
             t = guess[numbers] * (1 + side * share)
             passed = holds(t, numbers)
-            inside = passed == (side > 0)  # between the last t and this one the test changes
+            inside = passed == (side > 0)  # the test changes between the last t and this one
             now = numbers[inside]
             found[now] = True
             ends = last[now], t[inside]
@@ -341,9 +355,10 @@ def _bounds_near_guess(
 def _bracket(
     holds: Test, count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Bounds (F,), a factor 2^8 apart, of the least t at which a test holds, and where it does.
+    """Bounds (F,), a factor 2^8 apart, of the least t at which a test holds, and whether there is
+    one.
 
-    They lie from 2^-100 to 2^100; both are 0 where the test holds at 0.
+    They lie between 2^-100 and 2^100; both are 0 if the test holds at 0.
     """
     low, high = np.full(count, 2.0**-108), np.full(count, 2.0**-100)
     every = np.arange(count)

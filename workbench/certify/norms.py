@@ -1,4 +1,4 @@
-"""The H-infinity norm of a stable loop, certified on every frequency."""
+"""The H-infinity norm of a stable loop, certified at every frequency."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ NORM_TOLERANCE = 1e-4
 """Relative tolerance of a certified norm: the bound lies at most this far above the norm."""
 
 RESPONSE_ERROR = NORM_TOLERANCE / 100
-"""Error of responses, as a share of the largest, above which they are refined. The largest one
-decides where the bound begins; it is proven on intervals then."""
+"""Responses are refined if their error exceeds this share of the largest one. The largest response
+only decides where the bound begins; the bound itself is proven on intervals.
+"""
 
 FAR = 2.0**200
-"""Outputs and rates beyond this size, or its reciprocal, are measured in another unit."""
+"""Outputs and rates beyond this size, or below its reciprocal, are measured in another unit."""
 
 INTERVALS_BEFORE_COARSENING = 300
-"""Number of intervals after which the tolerance becomes ten times as large. A loop whose response
-consists of rounding errors would otherwise need very many intervals."""
+"""The tolerance becomes ten times as large after this many intervals. Otherwise a loop whose
+response consists of rounding errors would need very many intervals.
+"""
 
 
 def certified_norm(loop: StateSpace) -> float:
-    """Upper bound of the H-infinity norm of a stable loop, certified on every frequency.
+    """Upper bound of the H-infinity norm of a stable loop, certified at every frequency.
 
-    Partial fractions prove it where eigenvectors in doubles are good enough. Elsewhere the norm is
-    the peak of mu for one full block, whose multipliers are D = 1: intervals on which these
-    multipliers prove the bound cover the band from 0 to infinity, or to half the sampling rate.
+    Partial fractions prove it if eigenvectors in doubles are good enough. Otherwise the norm is the
+    peak of mu for one full block, with the multipliers D = 1: intervals on which these multipliers
+    prove the bound cover the band from 0 to infinity, or to half the sampling rate.
     """
     parts = [np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D)]
     key = (*(part.tobytes() for part in parts), parts[3].shape, loop.dt)
@@ -49,7 +51,7 @@ def certified_norm(loop: StateSpace) -> float:
 
 
 MOST_KEPT = 16
-"""Most norms that are kept."""
+"""Largest number of norms that are kept."""
 _norms: dict[tuple[object, ...], float] = {}
 
 
@@ -61,9 +63,9 @@ def _certified_norm(loop: StateSpace) -> float:
     rate = float(nearest_power_of_two(fastest))
     near = 1 / FAR < unit < FAR and 1 / FAR < rate < FAR
     if not near and math.isfinite(largest) and math.isfinite(fastest):
-        inner = A / rate, B / rate, C / unit, D / unit  # squares would over- or underflow
+        inner = A / rate, B / rate, C / unit, D / unit  # squares would overflow or underflow
         back = inner[0] * rate, inner[1] * rate
-        if all(map(np.array_equal, back, (A, B))):  # no slow rate was lost
+        if all(map(np.array_equal, back, (A, B))):  # no slow rate is lost
             scaled = _certified_norm(realisation(inner, loop.dt or 0.0))
             return float(np.nextafter(scaled * unit, np.inf))
     parts = [A, B, C, D]
@@ -73,7 +75,8 @@ def _certified_norm(loop: StateSpace) -> float:
         if found is not None:
             return found
     system = stable_system(loop, sampled=True)
-    if not given or any(error.any() for error in system.errors):  # others than those tried
+    # frequencies other than those tried
+    if not given or any(error.any() for error in system.errors):
         found = _peak_of_fractions(system.enclosures)
         if found is not None:
             return found
@@ -81,7 +84,7 @@ def _certified_norm(loop: StateSpace) -> float:
 
 
 def _peak_of_fractions(parts: Sequence[Enclosure]) -> float | None:
-    """The norm of A, B, C and D, which are proven to be stable too; None where it is not proven."""
+    """The norm of A, B, C and D, which are proven to be stable too; None if it is not proven."""
     fractions = enclosed_fractions(*parts)
     return None if fractions is None else proven_peak(fractions, NORM_TOLERANCE)
 
@@ -95,7 +98,8 @@ def _norm_by_intervals(system: StableSystem) -> float:
         F = len(omega)
         D_left, D_right = (np.broadcast_to(np.eye(n, dtype=complex), (F, n, n)) for n in (c, r))
         G = np.zeros((F, r, c), complex)
-        # Nothing rests on these numbers: intervals prove the bound that begins at the largest.
+        # Nothing depends on these numbers: intervals prove the bound, which begins at the largest
+        # of them.
         return FrequencyBounds(omega, M, largest_singular_value(M), D_left, D_right, G)
 
     found = refined_bounds(bounds_at, system.poles).joined(bounds_at(np.array([0.0, np.inf])))

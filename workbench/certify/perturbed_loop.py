@@ -37,7 +37,7 @@ from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
 
 GROWTHS = (2.0**-34, 2.0**-24, 2.0**-16)
-"""Shares by which a perturbation on the stability boundary is enlarged, to lie beyond it."""
+"""Shares by which a perturbation on the stability boundary is enlarged, so that it lies beyond."""
 
 
 def proven_at(
@@ -50,10 +50,10 @@ def proven_at(
 
 
 def sharp_response(system: StableSystem, omega: float | arb) -> Array | None:
-    """The response (c, r) at `omega` [rad/s] of the system as given, from many digits.
+    """The response (c, r) of the given system at `omega` [rad/s], computed to many digits.
 
-    Doubles lose of a sampled system with clustered poles what its realisation loses. None where
-    balls cannot tell it.
+    For a sampled system with clustered poles, doubles lose the digits that its realisation loses.
+    None if balls cannot determine it.
     """
     with ctx.workprec(PRECISIONS[1]):
         M = response_of(system, omega)
@@ -63,7 +63,7 @@ def sharp_response(system: StableSystem, omega: float | arb) -> Array | None:
 def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Array) -> float:
     """The lower bound of the peak of mu over all frequencies that Delta (r, c) proves.
 
-    0 where it is not proven that Delta, enlarged a little, destabilises the system.
+    0 if it is not proven that Delta, slightly enlarged, destabilises the system.
     """
     if not (np.isfinite(Delta).all() and Delta.any()):
         return 0.0
@@ -72,14 +72,14 @@ def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Arr
         for bits in PRECISIONS:
             with ctx.workprec(bits):
                 larger = balls(Delta) * acb(1 + growth)
-                if _unstable(_closed(system, larger)):
+                if _is_unstable(_closed(system, larger)):
                     size = arb(size_of(structure, Delta)) * arb(1 + growth)
                     return max(below(arb(1) / size), 0.0)
     return 0.0
 
 
 def _closed(system: StableSystem, Delta: Matrix) -> Matrix | None:
-    """A + B Delta (I - D Delta)^-1 C; None where I - D Delta cannot be told from singular."""
+    """A + B Delta (I - D Delta)^-1 C; None if I - D Delta cannot be told from singular."""
     try:
         A, B, C, D = matrices_in_balls(system)
         return A + B * Delta * (identity(D.nrows()) - D * Delta).solve(C)
@@ -87,7 +87,7 @@ def _closed(system: StableSystem, Delta: Matrix) -> Matrix | None:
         return None
 
 
-def _unstable(A: Matrix | None) -> bool:
+def _is_unstable(A: Matrix | None) -> bool:
     """Whether an eigenvalue is proven to have a positive real part."""
     if A is None or not A.nrows():
         return False
@@ -100,7 +100,7 @@ def _unstable(A: Matrix | None) -> bool:
     rightmost = complex(values[np.argmax(values.real)])
     if not rightmost.real > 0:
         return False
-    # Near the eigenvalue, but not so near that the resolvent cannot be computed.
+    # At a point near the eigenvalue, but not so near that the resolvent cannot be computed.
     s = acb(rightmost) + rightmost.real / (8 * n)
     try:
         trace = abs((s * identity(n) - A).inv().trace())
@@ -114,8 +114,8 @@ def proven_gain(
 ) -> float:
     """A lower bound of sigma_max(F_u(N(j omega), Delta)) for exactly this Delta (r, c).
 
-    0 where |Delta| <= 1 is not proven, or where the loop of Delta cannot be told from a singular
-    one. With any u != 0, sigma_max(F) >= |F u| / |u|.
+    0 if |Delta| <= 1 is not proven, or if the loop of Delta cannot be told from a singular one. For
+    any u != 0, sigma_max(F) >= |F u| / |u|.
     """
     if not np.isfinite(Delta).all():
         return 0.0

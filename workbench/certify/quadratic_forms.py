@@ -1,7 +1,7 @@
-"""Quadratic functions V = x' P x compared, proven in ball arithmetic.
+"""Comparisons of quadratic functions V = x' P x, proven in ball arithmetic.
 
-A basis X in which P is nearly the identity is found in doubles; any regular one would do. Forms are
-carried into it in balls, where little is left to round, and judged there.
+A basis X in which P is nearly the identity is computed in doubles; any regular basis would be
+valid. Forms are transformed into it in balls, which loses little by rounding, and judged there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ BITS = 256
 EXCESSES = (2.0**-46, 2.0**-40, 2.0**-32, 2.0**-24, 2.0**-16)
 """Relative distances above the computed ratio that are tried as proven bounds."""
 LEAST_RATIO = 2.0**-200
-"""Least ratio that is looked for."""
+"""Least ratio that is searched for."""
 
 
 def _symmetric(P: RealArray) -> RealArray:
@@ -56,11 +56,12 @@ class QuadraticForm:
 
     @property
     def positive(self) -> bool:
-        """Whether it is proven to be positive for every x but 0."""
+        """Whether the form is proven to be positive for every x != 0."""
         return self.basis is not None and positive_definite(self.seen(self.P))
 
     def ratio_within(self, other: QuadraticForm, size: RealArray) -> float:
-        """Upper bound as `ratio`, for every M whose entries are at most ``size`` (n, n) in modulus.
+        """Upper bound as `ratio`, for every M whose entries have a modulus of at most ``size`` (n,
+        n).
 
         With x = X z it is at most |z|' (|X|' S' |Q| S |X|) |z| over z' (X' P X) z.
         """
@@ -81,7 +82,7 @@ class QuadraticForm:
         return np.inf
 
     def ratio(self, other: QuadraticForm, through: arb_mat) -> float:
-        """Upper bound of y' Q y / x' P x over all x, y = M x; infinite where none is proven.
+        """Upper bound of y' Q y / x' P x over all x, with y = M x; infinite if none is proven.
 
         Q is the form ``other``, M the balls ``through``.
         """
@@ -99,7 +100,7 @@ class QuadraticForm:
 
 
 def power(A: RealArray, exponent: int, rate: float | None = None) -> Any:
-    """A^exponent (n, n) in balls, or rate^(exponent - 1) A with a rate."""
+    """A^exponent (n, n) in balls; with a rate, rate^(exponent - 1) A instead."""
     with ctx.workprec(BITS):
         balls = real_balls(A)
         if rate is None:
@@ -114,6 +115,6 @@ def ball_product(A: RealArray, B: Any) -> Any:
 
 
 def ball_quotient(A: RealArray, divisor: float) -> Any:
-    """A over a number, in balls."""
+    """A divided by a number, in balls."""
     with ctx.workprec(BITS):
         return real_balls(A) / arb(divisor)

@@ -18,15 +18,17 @@ import numpy as np
 from workbench.arrays import EPS, Array, RealArray
 
 UPWARD = 1.0 + 2.0**-20
-"""Factor of each computed radius. A sum of up to 2^30 terms, none negative, errs by less."""
+"""Factor on each computed radius. A sum of up to 2^30 nonnegative terms has a smaller relative
+error.
+"""
 TINY = float(np.finfo(float).tiny)
 """Smallest normal number, which bounds the absolute error of a product that underflows."""
 SLICES = 5
-"""Slices of a matrix whose product is to be sharp: five have 100 bits for 800 inner terms."""
+"""Number of slices of a matrix for a sharp product: five have 100 bits for 800 inner terms."""
 WEIGHTINGS = 6
-"""Steps of the search for the weights x of an inverse."""
+"""Number of steps of the search for the weights x of an inverse."""
 WANTED_CONTRACTION = 1e-3
-"""The theta with which a row is content."""
+"""A row needs no further weighting once its theta is below this."""
 LARGEST_WEIGHT = 1e100
 """Largest ratio of two weights."""
 
@@ -63,12 +65,12 @@ class Enclosure:
     def times(self, factor: Any) -> Enclosure:
         """The product with a real number, or entry by entry with an array of them."""
         mid = self.mid * factor
-        rounds = np.frexp(factor)[0] != 0.5  # powers of two do not
+        rounds = np.frexp(factor)[0] != 0.5  # powers of two round nothing
         rad = self.rad * np.abs(factor) + np.where(rounds, 4 * EPS * np.abs(mid), 0.0)
         return Enclosure(mid, _above_underflow(mid, rad) * UPWARD)
 
     def scaled(self, rows: RealArray, columns: RealArray) -> Enclosure:
-        """The rows and columns times powers of two, which rounds nothing but an underflow."""
+        """The rows and columns times powers of two, which round nothing except by underflow."""
         mid = self.mid * rows[:, None] * columns
         rad = self.rad * rows[:, None] * columns
         return Enclosure(mid, _above_underflow(mid, rad))
@@ -85,13 +87,13 @@ class Enclosure:
 
 
 def _above_underflow(mid: Array, rad: RealArray) -> RealArray:
-    """The radii of products of one factor each, some of which may have underflowed."""
+    """The radii of products with one factor each, some of which may have underflowed."""
     low = (np.abs(mid) < TINY) & ((mid != 0) | (rad != 0))
     return np.where(low, rad + TINY, rad) if low.any() else rad
 
 
 def exact(matrix: Array) -> Enclosure:
-    """The matrix itself."""
+    """The matrix itself, without error."""
     return Enclosure(matrix, np.zeros(matrix.shape))
 
 
@@ -104,11 +106,11 @@ def stacked_enclosures(rows: list[list[Enclosure]]) -> Enclosure:
 
 
 def sharp_product(X: RealArray, Y: RealArray) -> Enclosure:
-    """Enclosure of X Y of real matrices (m, k), (k, n), nearly as sharp where its terms cancel.
+    """Enclosure of X Y for real matrices (m, k), (k, n), nearly as sharp if its terms cancel.
 
-    Rows of X and columns of Y are scaled by powers of two to at most 1, and cut into slices of so
-    few bits that products of two slices are sums of integers below 2^53 of one unit: no addition
-    rounds, in whatever order (Ozaki, Ogita, Oishi, Rump, Error-free transformations of matrix
+    Rows of X and columns of Y are scaled by powers of two to at most 1, and cut into slices of few
+    bits each. Products of two slices are then sums of integers below 2^53 in one unit, so that no
+    addition rounds, in any order (Ozaki, Ogita, Oishi, Rump, Error-free transformations of matrix
     multiplication by using fast routines of matrix multiplication, Numer. Algorithms 59 (2012)
     95-118).
     """
@@ -118,9 +120,9 @@ def sharp_product(X: RealArray, Y: RealArray) -> Enclosure:
     first, second = _slices(X, bits), _slices(Y, bits)
     total = np.zeros((len(X), Y.shape[1]))
     rest, size = np.zeros_like(total), np.zeros_like(total)
-    for count in range(1, SLICES + 1):  # slices that have `count + 1` times `bits` in all
+    for count in range(1, SLICES + 1):  # the slices have `count + 1` times `bits` bits in all
         part = np.hstack(first[:count]) @ np.vstack(second[:count][::-1])
-        both = total + part  # with the rounding of this sum (Knuth's TwoSum)
+        both = total + part  # including the rounding of this sum (Knuth's TwoSum)
         back = both - total
         lost = (total - (both - back)) + (part - back)
         total, rest, size = both, rest + lost, size + np.abs(lost)
@@ -131,9 +133,9 @@ def sharp_product(X: RealArray, Y: RealArray) -> Enclosure:
 
 
 def residual_product(X: RealArray, Y: RealArray) -> Enclosure:
-    """As `sharp_product`, with 20 bits more than a product of doubles, in three of them.
+    """As `sharp_product`, with 20 bits more than a product of doubles, by three products.
 
-    The first slices are multiplied without rounding. All else is smaller by 2^-bits.
+    The first slices are multiplied without rounding. All other terms are smaller by 2^-bits.
     """
     X, Y, scale, below = _in_units(X, Y)
     inner = X.shape[1]
@@ -146,11 +148,12 @@ def residual_product(X: RealArray, Y: RealArray) -> Enclosure:
 
 
 def _in_units(X: RealArray, Y: RealArray) -> tuple[RealArray, RealArray, RealArray, float]:
-    """X (m, k) and Y (k, n) in units of powers of two, with entries up to 1.
+    """X (m, k) and Y (k, n) in units that are powers of two, with entries up to 1.
 
-    Then come the units (m, n) of their product, and what underflow adds to an entry of it.
+    Further results: the units (m, n) of their product, and the possible underflow in each entry of
+    it.
     """
-    # Small rows of Y go with large columns of X.
+    # Small rows of Y are paired with large columns of X.
     beside = nearest_power_of_two(np.abs(Y).max(axis=1, initial=0.0))
     beside = np.clip(beside, 1 / LARGEST_WEIGHT, LARGEST_WEIGHT)
     X, Y = X * beside, Y / beside[:, None]
@@ -160,7 +163,9 @@ def _in_units(X: RealArray, Y: RealArray) -> tuple[RealArray, RealArray, RealArr
 
 
 def _slices(M: RealArray, bits: int, count: int = SLICES) -> list[RealArray]:
-    """Matrices of so many bits each that add up to one with entries up to 1, but for the last."""
+    """``count`` matrices of ``bits`` bits each that add up to the given one; the last one has all
+    remaining bits.
+    """
     found = []
     for k in range(1, count + 1):
         shift = 1.5 * 2.0 ** (52 - bits * k)
@@ -170,17 +175,17 @@ def _slices(M: RealArray, bits: int, count: int = SLICES) -> list[RealArray]:
 
 
 def enclosed_inverse(matrix: Enclosure) -> Enclosure | None:
-    """Enclosure of the inverse of every matrix enclosed; None where one may be singular."""
+    """Enclosure of the inverse of every enclosed matrix; None if one may be singular."""
     return solution(matrix, exact(np.eye(len(matrix.mid))))
 
 
 def solution(matrix: Enclosure, right: Enclosure) -> Enclosure | None:
-    """Enclosure of the X with A X = B for every A and B enclosed; None where A may be singular.
+    """Enclosure of the X with A X = B for every enclosed A and B; None if A may be singular.
 
-    For approximate Y of A^-1 and X, with E = 1 - Y A, the error of X is (1 - E)^-1 Y (B - A X).
-    If |E| x <= theta x for some x > 0 and theta < 1, then (1 - |E|)^-1 Z <= Z + |E| x z / (1 -
-    theta), z being the maximum of Z / x over each column of Z (Rump, Verification methods, Acta
-    Numerica 19 (2010) 287-449, section 10). The x serves matrices whose rows differ widely.
+    For approximate Y of A^-1 and X, with E = 1 - Y A, the error of X is (1 - E)^-1 Y (B - A X). If
+    |E| x <= theta x for some x > 0 and theta < 1, then (1 - |E|)^-1 Z <= Z + |E| x z / (1 - theta),
+    z being the maximum of Z / x over each column of Z (Rump, Verification methods, Acta Numerica 19
+    (2010) 287-449, section 10). The weights x help for matrices whose rows differ widely.
     """
     near, unit = in_its_unit(matrix.mid)
     try:
@@ -202,7 +207,7 @@ def solution(matrix: Enclosure, right: Enclosure) -> Enclosure | None:
 def amplified(size: RealArray, Z: RealArray) -> RealArray | None:
     """A bound (n, m) of (1 - |E|)^-1 Z for all |E| <= size (n, n) and Z (n, m) >= 0.
 
-    It is that of `solution`. None where it is not proven that every 1 + E is regular.
+    It is the bound of `solution`. None if it is not proven that every 1 + E is regular.
     """
     x = np.ones(len(size))
     for _ in range(WEIGHTINGS):
@@ -217,10 +222,10 @@ def amplified(size: RealArray, Z: RealArray) -> RealArray | None:
 
 
 def positive_definite(matrix: Enclosure) -> bool:
-    """Whether every Hermitian matrix enclosed is proven to be positive definite.
+    """Whether every enclosed Hermitian matrix is proven to be positive definite.
 
-    A congruence nearly diagonalises it; all discs of Gershgorin must lie right of 0. The
-    transformation is then regular too.
+    A congruence makes it nearly diagonal; all Gershgorin discs must lie right of 0. The
+    transformation is regular then, too.
     """
     if not matrix.finite:
         return False
@@ -239,8 +244,8 @@ def positive_definite(matrix: Enclosure) -> bool:
 def in_its_unit(matrix: Array) -> tuple[Array, float]:
     """A matrix in the unit of its largest entry, a power of two, and that unit.
 
-    So it goes to eliminations and to eigenvalues: in some versions of LAPACK's kernels (OpenBLAS
-    0.3.27) an imaginary pivot beyond single precision makes NaN.
+    Eliminations and eigenvalue routines get matrices in this form: in some versions of LAPACK's
+    kernels (OpenBLAS 0.3.27) an imaginary pivot beyond single precision makes NaN.
     """
     unit = float(nearest_power_of_two(np.abs(matrix).max(initial=0.0)))
     return matrix / unit, unit

@@ -2,13 +2,13 @@
 
 The plants are G(z) (1 + W_c(jw) delta_c + W_r(jw) delta_r) at z = exp(jwT), |delta_c| <= 1 complex,
 -1 <= delta_r <= 1 real, G the sampled nominal and w up to half the sampling rate. With the
-complementary sensitivity T of the nominal loop, all of them are stable if it is and
+complementary sensitivity T of the nominal loop, all loops are stable if the nominal one is and
 
     1 + T(z) (W_c(jw) delta_c + W_r(jw) delta_r) != 0   at every w and every delta.
 
-Mu is the reciprocal of the least size of a delta that makes it 0. On an interval of frequencies
-T W_r lies in a disc and |T W_c| below a bound: the resolvent of T by its Neumann series, the
-weights by the distances of jw from their roots.
+Mu is the reciprocal of the least size of a delta that makes the left side 0. On an interval of
+frequencies T W_r is enclosed in a disc and |T W_c| is bounded: T by the Neumann series of its
+resolvent, the weights by the distances of jw from their roots.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 
 ROUNDING = 1e-10
-"""Relative error of the responses, which bounds are raised by."""
+"""Relative error of the responses, by which bounds are raised."""
 BISECTIONS = 60
-"""Halvings of the bracket of mu."""
+"""Number of bisections of the bracket of mu."""
 MOST_INTERVALS = 400_000
-"""Intervals after which the search gives up."""
+"""The search gives up after this many intervals."""
 STARTING_INTERVALS = 400
-"""Intervals at the start, in equal steps of log frequency but for the first."""
+"""Number of intervals at the start, in equal steps of log frequency except for the first one."""
 FIRST_SHARE = 1e-5
-"""End of the first interval, over half the sampling rate."""
-LARGEST_CONDITION, LARGEST_ERROR, SPARED = 1e12, 1e-7, 10.0
-"""Of modes that serve as coordinates: their condition, the distance of their response over that of
-T, and the factor by which more distance than was seen is allowed for."""
+"""End of the first interval, relative to half the sampling rate."""
+LARGEST_CONDITION, LARGEST_ERROR, DISTANCE_FACTOR = 1e12, 1e-7, 10.0
+"""Limits for modal coordinates: their condition number, the relative distance of their response
+from that of T, and the factor by which the true distance may exceed the one seen.
+"""
 BATCH = 20_000
-"""Intervals that are looked at together."""
+"""Number of intervals treated together."""
 
 
 class Roots(Protocol):
@@ -55,7 +56,7 @@ class Roots(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SetPeak:
-    """Bounds of the supremum of mu, and where its lower bound is [rad/s]."""
+    """Bounds of the supremum of mu, and the frequency [rad/s] of the lower bound."""
 
     lower: float
     upper: float
@@ -116,7 +117,7 @@ def mu_at(T: StateSpace, W_c: Roots, W_r: Roots | None, omega: RealArray) -> Rea
 class Form(NamedTuple):
     """A realisation of T in coordinates in which its resolvent is small.
 
-    ``error`` bounds its response's distance from that of T.
+    ``error`` bounds the distance of its response from that of T.
     """
 
     A: Array
@@ -127,7 +128,7 @@ class Form(NamedTuple):
 
 
 def _well_conditioned(T: StateSpace) -> Form:
-    """T with scaled states, or in the coordinates of its modes where these say the same."""
+    """T with scaled states, or in modal coordinates if these give the same response."""
     M, n = np.block([[T.A, T.B], [T.C, T.D]]), T.nstates
     scale = balancing(M, n)[0][:n]
     A = np.asarray(T.A) * scale[:, None] / scale
@@ -149,7 +150,7 @@ def _well_conditioned(T: StateSpace) -> Form:
     apart = float(np.abs(one - other).max())
     if not apart <= LARGEST_ERROR * float(np.abs(one).max()):
         return plain
-    return modal._replace(error=SPARED * apart)
+    return modal._replace(error=DISTANCE_FACTOR * apart)
 
 
 def _bounds(
@@ -160,7 +161,7 @@ def _bounds(
     middle: RealArray,
     half: RealArray,
 ) -> tuple[RealArray, RealArray]:
-    """Mu (N,) in the middle of intervals, and bounds (N,) on all of each."""
+    """Mu (N,) in the middle of intervals, and bounds (N,) of mu on each whole interval."""
     T, T_off = _sensitivity(form, period, middle, half)
     c, c_off = _weight(W_c, middle, half)
     with np.errstate(invalid="ignore"):  # an infinite disc times a weight of zero is no disc
@@ -180,7 +181,8 @@ def _sensitivity(
     middle: RealArray,
     half: RealArray,
 ) -> tuple[ComplexArray, RealArray]:
-    """T (N,) in the middle of intervals, and the radii (N,) of discs that hold it on all of each.
+    """T (N,) in the middle of intervals, and the radii (N,) of discs that contain it on each
+    interval.
 
     With R = (z I - A)^-1 and |z - z_m| <= d, the Neumann series gives |T(z) - T(z_m)| <=
     d |C R| |R B| / (1 - d |R|) where d |R| < 1; elsewhere the radius is infinite.
@@ -199,15 +201,17 @@ def _sensitivity(
 
 
 def _weight(W: Roots, middle: RealArray, half: RealArray) -> tuple[ComplexArray, RealArray]:
-    """A weight (N,) in the middle of intervals, and radii (N,) of discs that hold it on each."""
+    """A weight (N,) in the middle of intervals, and radii (N,) of discs that contain it on each
+    interval.
+    """
     s = 1j * middle[:, None]
     above, below = s - W.zeros, s - W.poles
     zero = (above == 0).any(axis=1)
     logs = np.log(np.where(above == 0, 1.0, above)).sum(axis=1) - np.log(below).sum(axis=1)
     value = np.where(zero, 0.0, W.gain * np.exp(logs))
     room = np.abs(below) - half[:, None]
-    # On the interval every factor moves by `half` at most, so that |W| is at most `largest`, and
-    # W moves by no more than |W| would if all factors moved along themselves.
+    # On the interval every factor moves by `half` at most, so |W| is at most `largest`. W moves by
+    # no more than |W| would if every factor moved in its own direction.
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(np.abs(above) + half[:, None]).sum(axis=1) - np.log(room).sum(axis=1)
         largest = np.where((room > 0).all(axis=1), abs(W.gain) * np.exp(logs), np.inf)
@@ -215,7 +219,9 @@ def _weight(W: Roots, middle: RealArray, half: RealArray) -> tuple[ComplexArray,
 
 
 def _mu(n: ComplexArray, radius: RealArray) -> RealArray:
-    """The least m (N,) at which -m is `radius` or more away from the segment from -n to n."""
+    """The least m (N,) at which -m has a distance of at least `radius` from the segment from -n to
+    n.
+    """
     finite = np.isfinite(radius)
     radius = np.where(finite, radius, 0.0)
     low, high = np.zeros(len(n)), np.abs(n) + radius

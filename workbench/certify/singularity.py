@@ -46,10 +46,11 @@ from workbench.certify.tied_blocks import TiedEquations, is_tied, length_of, upp
 from workbench.structure import Full, Real, Structure
 
 REPROOF_MARGIN = 2.0**-36
-"""Share by which a bound that is said lies below the proven one. The proof starts from a vector
-that another processor or linear algebra library rounds in another way."""
+"""A reported bound lies below the proven one by this share. The proof starts from a vector that
+another processor or linear algebra library rounds differently.
+"""
 WIDTHS = (2.0**-46, 2.0**-34, 2.0**-20)
-"""Relative distances from a proposed Delta at which a singular one is looked for."""
+"""Relative distances from a proposed Delta at which a singular one is searched for."""
 UNUSED_SHARE = 1e-9
 """Blocks with a smaller share of the null vector, in balanced coordinates, are also tried as 0."""
 ROOT_REACH = 4
@@ -58,14 +59,14 @@ a simple root at 1 needs one width."""
 
 
 def proven_bounds(M: Array, structure: Structure, Delta: Array) -> RealArray:
-    """Lower bounds of mu that Deltas prove, 0 for not proven (...).
+    """Lower bounds of mu (...) that Deltas prove; 0: not proven.
 
     Parameters
     ----------
     M
         Complex, shape (..., c, r).
     Delta
-        Proposals (..., r, c) of the structure, nearly singular; not finite for none.
+        Proposals (..., r, c) of the structure, nearly singular; not finite if there is no proposal.
     """
     value = np.zeros(M.shape[:-2])
     for index in np.ndindex(value.shape):
@@ -83,14 +84,14 @@ def proven_bound(M: Matrix, structure: Structure, Delta: Array) -> float:
 
 
 def said(bound: Any) -> Any:
-    """Proven bounds, lowered so that they are proven again wherever somebody checks them."""
+    """Proven bounds, lowered a little so that any machine can prove them again."""
     return (1 - REPROOF_MARGIN) * bound
 
 
 def singular_sizes(M: Matrix, structure: Structure, Delta: Array) -> RealArray | None:
     """Upper bounds of the norms of the blocks of a Delta* near Delta with I - M Delta* singular.
 
-    None where no proof succeeds. For a matrix of balls, each member has such a Delta*.
+    None if no proof succeeds. For a matrix of balls, each member has such a Delta*.
     """
     Delta = structured_part(structure, Delta)
     v = _direction(middle(M), Delta)
@@ -107,7 +108,7 @@ def singular_sizes(M: Matrix, structure: Structure, Delta: Array) -> RealArray |
 def _proofs(
     M: Matrix, structure: Structure, Delta: Array, v: Array, share: RealArray
 ) -> list[RealArray | None]:
-    """Sizes proven with all blocks that v uses, and with the clearly used ones alone."""
+    """Sizes proven with all blocks that v uses, and with only the clearly used ones."""
     weights = np.array([np.linalg.norm(share[c]) for c in structure.column_slices])
     used = np.array([bool(v[r].any()) for r in structure.row_slices])
     choices = [used, used & (weights > UNUSED_SHARE)]
@@ -125,7 +126,7 @@ def _proofs(
 def _with_blocks(
     M: Matrix, structure: Structure, Delta: Array, v: Array, which: NDArray[np.bool_]
 ) -> RealArray | None:
-    """Sizes of the blocks of a singular Delta* in which only some blocks are not 0."""
+    """Sizes of the blocks of a singular Delta* in which only some blocks are nonzero."""
     if which.all():
         problem = _Proposal(M, structure, Delta, v)
     else:
@@ -145,7 +146,7 @@ def _with_blocks(
     for proof in proofs:
         try:
             sizes = proof()
-        except ZeroDivisionError:  # a matrix that ball arithmetic cannot tell from a singular one
+        except ZeroDivisionError:  # ball arithmetic cannot tell the matrix from a singular one
             continue
         if sizes is not None and np.isfinite(sizes).all():
             return sizes
@@ -174,7 +175,7 @@ class _Proposal:
         return not self.Delta.imag.any() and all(entry.imag.is_zero() for entry in entries)
 
     def dyads(self) -> RealArray | None:
-        """|v_i| / |z_i|, where no block is real or repeated."""
+        """|v_i| / |z_i|, if no block is real or repeated."""
         if any(is_tied(block) for block in self.structure):
             return None
         v = balls(self.v[:, None])
@@ -195,20 +196,23 @@ class _Proposal:
         return None
 
     def nearest_root(self) -> RealArray | None:
-        """Sizes with the complex blocks scaled by a root of f next to 1, where it is a simple one.
+        """Sizes with the complex blocks scaled by a root of f next to 1, if that root is simple.
 
-        It is cheaper than a box; where real blocks nearly suffice, the box is the sharper proof.
+        This proof is cheaper than a box; if real blocks nearly suffice, the box is the sharper
+        proof.
         """
         return self._scaled_sizes(WIDTHS[:1], WIDTHS[0])
 
     def root_farther_away(self) -> RealArray | None:
-        """Sizes as `nearest_root`, where a multiple root or rounding moved it away from 1."""
+        """Sizes as `nearest_root`, if a multiple root or rounding has moved the root away from
+        1.
+        """
         return self._scaled_sizes(WIDTHS, WIDTHS[-1])
 
     def _scaled_sizes(self, widths: tuple[float, ...], reachable: float) -> RealArray | None:
-        """Sizes with the complex blocks scaled by a root of f, at most |s| as large.
+        """Sizes with the complex blocks scaled by a root of f, with modulus at most |s|.
 
-        f is evaluated at the distances `widths` from 1; a root is looked for up to a few times
+        f is evaluated at the distances `widths` from 1; a root is searched for up to a few times
         `reachable` from there.
         """
         scaled = np.zeros_like(self.Delta)
@@ -217,7 +221,7 @@ class _Proposal:
         for turn, place in zip(turns, places, strict=True):
             if turn:
                 scaled[place] = self.Delta[place]
-        # f is of no higher degree than the rank of its last term.
+        # The degree of f is at most the rank of its last term.
         m = min(
             sum(b.rows for b, turn in zip(self.structure, turns, strict=True) if turn),
             sum(b.columns for b, turn in zip(self.structure, turns, strict=True) if turn),
@@ -243,9 +247,9 @@ class _Proposal:
         )
 
     def krawczyk(self) -> RealArray | None:
-        """Sizes within a box of (v, delta) that holds a zero of v_i - delta_i z_i."""
+        """Sizes within a box of (v, delta) that contains a zero of v_i - delta_i z_i."""
         if not any(isinstance(block, Real) for block in self.structure):
-            return None  # roots are as good for complex blocks, and cheaper
+            return None  # for complex blocks alone, roots are as good and cheaper
         equations = TiedEquations(self.M, self.structure, self.real)
         start = equations.unknowns(self.v, self.Delta)
         box = zero_within(start, equations.residual, equations.jacobian)
@@ -259,7 +263,9 @@ def size_of(structure: Structure, Delta: Array) -> float:
 
 
 def structured_part(structure: Structure, Delta: Array) -> Array:
-    """The Delta of exactly this structure with the given blocks; scalars by their first entry."""
+    """The Delta of exactly this structure nearest to the given blocks; scalars by their first
+    entry.
+    """
     exact = np.zeros(Delta.shape, complex)
     for block, row, column in zip(
         structure, structure.row_slices, structure.column_slices, strict=True

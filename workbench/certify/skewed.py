@@ -1,8 +1,8 @@
-"""Lower bounds of the skewed mu, proven: fixed blocks of at most 1, the varying ones bounded.
+"""Proven lower bounds of the skewed mu: fixed blocks of size at most 1, bounded varying blocks.
 
-Let exactly known fixed blocks Delta_f, of a norm of at most 1, close their part of the loop. The
-varying blocks then act on N = (I - M Delta_f)^-1 M, and a lower bound of mu of N with these blocks
-alone is one of the skewed mu. Where that proves nothing, all blocks are moved together.
+Let exactly known fixed blocks Delta_f, of norm at most 1, close their part of the loop. The varying
+blocks then act on N = (I - M Delta_f)^-1 M, and a lower bound of mu of N for these blocks is a
+lower bound of the skewed mu. If that proves nothing, all blocks are varied together.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from workbench.structure import Structure
 
 
 def without_effect(system: StableSystem, structure: Structure, varies: NDArray[np.bool_]) -> bool:
-    """Whether no response leads from the varying blocks back to them, through any fixed ones.
+    """Whether no response leads from the varying blocks back to them, through any fixed blocks.
 
-    The loop is then the same whatever they are. Decided in rational numbers.
+    The varying blocks then have no effect on the loop. Decided in rational numbers.
     """
     c, r = (np.arange(count) for count in system.D.shape)
     waiting: list[int] = np.flatnonzero(varies).tolist()
@@ -55,7 +55,7 @@ def proven_skew_of(
 ) -> float:
     """The lower bound of the skewed mu of M (c, r) that Delta (r, c) proves; 0: not proven.
 
-    Infinite where the fixed blocks alone make I - M Delta singular. `varies` (blocks,) marks the
+    Infinite if the fixed blocks alone make I - M Delta singular. `varies` (blocks,) marks the
     varying blocks.
     """
     if not np.isfinite(Delta).all():

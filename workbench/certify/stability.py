@@ -15,19 +15,20 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing, with_state_units
 
 SHARP_SHARE = 1e-5
-"""Radius of the worst pole's disc, as a share of its distance from the boundary, that is content:
-`verify` compares these distances to a part in 10^4."""
+"""The worst pole's disc is small enough if its radius is below this share of its distance from the
+boundary: `verify` compares these distances to a part in 10^4.
+"""
 
 
 def stability_of(loop: StateSpace) -> Check:
     """Check that all poles of a loop are proven to be stable.
 
-    Stable poles lie left of the imaginary axis in continuous time, within the unit circle in
-    discrete time. The value bounds their distance beyond it from above.
+    Stable poles lie left of the imaginary axis in continuous time, and within the unit circle in
+    discrete time. The value is an upper bound of their distance beyond that boundary.
     """
     A = np.asarray(loop.A, dtype=float)
     if len(A) >= FEWEST_KEPT and np.isfinite(A).all():
-        # scaled as for the loop's norm, which needs the same discs
+        # scaled as for the loop's norm, which uses the same discs
         scaled = with_state_units(A, *map(np.asarray, (loop.B, loop.C, loop.D)))[0]
         value, worst = _bound_of(scaled, bool(loop.dt))
     else:
@@ -42,9 +43,9 @@ def stability_of(loop: StateSpace) -> Check:
 def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     """Upper bound of the poles' distance beyond the stability boundary, and the worst pole.
 
-    Ball arithmetic is asked where doubles prove neither that all poles of A (n, n) are stable nor
-    that one is not, by a disc that is sharp, and each block of the block triangular form by itself
-    where balls do not.
+    Doubles are tried first, with a small disc: they may prove that all poles of A (n, n) are stable
+    or that one is not. Otherwise ball arithmetic is used, and after that each block of the block
+    triangular form by itself.
     """
     if not np.isfinite(A).all():
         return np.nan, None
@@ -66,7 +67,7 @@ def is_proven_unstable(A: RealArray, sampled: bool) -> bool:
 
 
 def _bound_of(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
-    """As `pole_bound`, of a matrix whose states are scaled."""
+    """As `pole_bound`, for a matrix whose states are scaled."""
     best: tuple[float, complex | None] = np.inf, None
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
         for discs in _attempts(A):
@@ -79,7 +80,7 @@ def _bound_of(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
 
 
 def _attempts(A: RealArray) -> Iterator[Discs]:
-    """Discs that contain the poles of a matrix whose states are scaled, by ever more work."""
+    """Discs that contain the poles of a matrix whose states are scaled, with increasing effort."""
     yield pole_discs(exact(A))
     states = [real_balls(part) for part in (A, A[:, :0], A[:0])]
     for form_of, bits in MODAL_FORMS:
@@ -92,8 +93,8 @@ def _attempts(A: RealArray) -> Iterator[Discs]:
 def _worst(discs: Discs, sampled: bool) -> tuple[float, complex | None, bool]:
     """The farthest point of the discs beyond the boundary, its disc, and whether that decides.
 
-    A disc that only just misses the boundary, or is wide beside its distance, does not: other
-    arithmetic finds another one.
+    A disc that only just misses the boundary, or is wide compared with its distance, decides
+    nothing: other arithmetic finds another disc.
     """
     if not len(discs.centre):
         return -np.inf, None, True

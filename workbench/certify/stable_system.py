@@ -1,4 +1,4 @@
-"""A stable system whose stability is proven, in coordinates in which doubles can prove bounds."""
+"""A system that is proven to be stable, in coordinates in which doubles can prove bounds."""
 
 from __future__ import annotations
 
@@ -45,15 +45,21 @@ from workbench.systems.hidden_states import seen_states
 from workbench.systems.interconnection import named_realisation
 
 SHARPNESS = 1e-6
-"""Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a
-realisation is taken as it is. Bounds 0.1 % above a resonance need discs smaller by such a factor
-than its damping. Other realisations are brought to modal coordinates by ball arithmetic."""
+"""A realisation is used as given if the radius of each pole's disc is below this share of the
+pole's distance from the imaginary axis. Bounds 0.1 % above a resonance need discs that are smaller
+than its damping by such a factor. Other realisations are transformed to modal coordinates in ball
+arithmetic.
+"""
 WELL_DAMPED = 0.1
-"""Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
+"""With at least this damping ratio, discs up to a tenth of the distance from the axis are
+accepted.
+"""
 HALF_PI = np.pi / 2 * (1 - 1e-15)
-"""Half an angle from which a frequency counts as half the sampling rate."""
+"""Half-angle from which on a frequency counts as half the sampling rate."""
 FEWEST_STATES, FEWEST_POINTS = 20, 4
-"""Fewest states, and frequencies, for which responses are computed from eigenvectors."""
+"""Least number of states, and of frequencies, for which responses are computed from
+eigenvectors.
+"""
 
 
 @dataclass(eq=False)
@@ -74,11 +80,12 @@ class Once:
 class StableSystem:
     """A stable continuous-time system; ``poles`` (n,) [rad/s] are its computed poles.
 
-    That of a sampled system with ``period`` T [s] has its response at v = 2 / T tan(omega T / 2)
-    (bilinear transformation, in balls); frequencies of all methods but two are v.
+    For a sampled system with ``period`` T [s], the response is at v = 2 / T tan(omega T / 2)
+    (bilinear transformation, in balls). All methods take frequencies v, except `plane` and
+    `angular`.
 
     ``A``, ``B``, ``C`` and ``D`` lie within ``errors`` of a realisation of the system, entry by
-    entry. The errors are 0 where these are the given matrices with scaled states.
+    entry. The errors are 0 if these are the given matrices with scaled states.
     """
 
     A: RealArray
@@ -88,15 +95,18 @@ class StableSystem:
     poles: Array
     errors: tuple[RealArray, ...]
     modal: Callable[[], StableSystem | None] = lambda: None
-    """Gives the system in modal coordinates, where ball arithmetic finds other ones than these."""
+    """Function that gives the system in modal coordinates, if ball arithmetic finds other
+    coordinates than these.
+    """
     source: GivenRealisation | None = None
-    """The realisation as it was given; None where these matrices enclose many, as those about the
-    centre of a box."""
+    """The realisation as given; None if these matrices enclose many systems, as those around the
+    centre of a box do.
+    """
     period: float = 0.0
     """Sampling time [s] of the given system; 0: it is continuous."""
 
     def plane(self, omega: Any) -> Any:
-        """v of frequencies omega [rad/s] of the given system."""
+        """v for frequencies omega [rad/s] of the given system."""
         return bilinear_frequency(omega, self.period)
 
     def angular(self, v: Any) -> Any:
@@ -127,9 +137,10 @@ class StableSystem:
         return not (D or (B and C))
 
     def summands(self, omega: ArrayLike) -> RealArray:
-        """Sizes of what is summed up to the response at frequencies [rad/s] (F, outputs, inputs).
+        """Sizes of the terms that add up to the response at frequencies [rad/s] (F, outputs,
+        inputs).
 
-        Where the sum is zero in doubles, it is known up to rounding of these.
+        If the sum is zero in doubles, the response is known up to rounding of these terms.
         """
         points = np.asarray(omega, dtype=float)
         states = np.abs(driven_states(self.A, self.B, 1j * points[np.isfinite(points)]))
@@ -169,9 +180,9 @@ class StableSystem:
     def response(self, omega: ArrayLike, error: float | None = None) -> Array:
         """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs).
 
-        Of many states at many frequencies it may err by `error` as a share of the largest entry of
-        all, and by the rounding of an elimination: that is enough for norms. None: by rounding
-        alone, as mu needs it, to which small entries may count as much.
+        For many states and many frequencies, the error may be the share `error` of the largest
+        entry of all, plus the rounding of an elimination: enough for norms. With None only rounding
+        is allowed, as mu needs it, for which small entries may matter as much as large ones.
         """
         points = np.atleast_1d(np.asarray(omega, dtype=float))
         result = np.tile(self.D.astype(complex), (len(points), 1, 1))
@@ -203,7 +214,7 @@ class StableSystem:
 
 
 def bilinear_frequency(omega: Any, period: float) -> Any:
-    """v of frequencies omega [rad/s] of a system sampled every `period` [s]; 0: v is omega."""
+    """v for frequencies omega [rad/s] of a system sampled every `period` [s]; 0: v is omega."""
     if not period:
         return omega
     half = np.asarray(omega, dtype=float) * period / 2.0
@@ -225,19 +236,20 @@ def stable_system(
 ) -> StableSystem:
     """The realisation of a StateSpace or TransferFunction that is proven to be stable.
 
-    ``sampled`` says that the caller also takes sampled systems, and so knows of v.
-    ``coordinates`` proposes states in which bounds are easier to prove; what they lead to is
-    enclosed, so that nothing rests on them.
+    ``sampled`` says that the caller also takes sampled systems, and so knows of v. ``coordinates``
+    proposes states in which bounds are easier to prove; the transformed matrices are enclosed, so
+    that no proof rests on the proposal.
 
-    Its states are scaled; where doubles prove too little of its poles, they are modal. States that
-    no input reaches, or that reach no output, by the zeros of the matrices, are proven stable too
+    The states are scaled; if doubles prove too little about the poles, modal states are used.
+    States that, by zeros of the matrices, no input reaches or no output sees, are proven stable too
     and then left out: repeated poles of weights would only blur the others.
 
     Raises
     ------
     InputError
-        The system has another type; it is sampled, improper or not finite; it has a pole on the
-        imaginary axis or to the right of it; or its poles cannot be told from the axis.
+        The system has another type; it is improper or not finite, or sampled without ``sampled``;
+        it has a pole on the imaginary axis or to the right of it; or its poles cannot be told from
+        the axis.
     """
     if isinstance(system, StableSystem):
         return system
@@ -253,8 +265,8 @@ def stable_system(
         raise InputError("the system is sampled, but its sampling time is not given: set its dt")
     if part.dt and not sampled:
         raise InputError(
-            f"the system is sampled every {part.dt} s, and a continuous-time one is needed; the "
-            "bilinear transformation keeps its values, only not their frequencies"
+            f"the system is sampled every {part.dt} s, but a continuous-time system is needed; the "
+            "bilinear transformation keeps the values of the response, at other frequencies"
         )
     if not np.isfinite(part.M).all():
         raise InputError("the system has entries that are not finite")
@@ -267,7 +279,7 @@ def stable_system(
     plain, D = in_continuous_time(own)
     parts = (coordinates and in_coordinates(own, coordinates)) or plain
     discs = pole_discs(parts[0])
-    best, unstable = _spread(discs), _unstable(discs)
+    best, unstable = _relative_spread(discs), _is_unstable(discs)
 
     def in_modes(form_of: FormOf, bits: int) -> Enclosures | None:
         try:
@@ -283,13 +295,13 @@ def stable_system(
         form = in_modes(form_of, bits)
         if form is not None:
             found = pole_discs(form[0])
-            unstable = _unstable(found)
-            if _spread(found) < best:
-                best, discs = _spread(found), found
+            unstable = _is_unstable(found)
+            if _relative_spread(found) < best:
+                best, discs = _relative_spread(found), found
                 parts = form if responds_sharply(form, plain) else parts
     if not (unstable or discs.rightmost < 0):
         discs = separate_pole_discs(plain[0])
-        unstable = _unstable(discs)
+        unstable = _is_unstable(discs)
     if unstable or not discs.rightmost < 0:
         raise _refusal(discs, plain[0].mid, unstable, period)
     if not seen.all():
@@ -304,7 +316,7 @@ def stable_system(
             if (
                 form is not None
                 and responds_sharply(form, plain)
-                and _spread(pole_discs(form[0])) < spread
+                and _relative_spread(pole_discs(form[0])) < spread
             ):
                 return enclosed_system(form, D, poles, source=own, period=period)
         return None
@@ -320,15 +332,16 @@ def enclosed_system(
     source: GivenRealisation | None = None,
     period: float = 0.0,
 ) -> StableSystem:
-    """The system of enclosed matrices."""
+    """The stable system of the enclosed matrices."""
     every = (*parts, D)
     A, B, C, direct = (part.mid for part in every)
     errors = tuple(part.rad for part in every)
     return StableSystem(A, B, C, direct, poles, errors, modal, source, period)
 
 
-def _spread(discs: Discs) -> float:
-    """Largest radius as a share of its centre's distance from the axis; infinite right of it.
+def _relative_spread(discs: Discs) -> float:
+    """Largest radius of a disc, as a share of its centre's distance from the axis; infinite right
+    of the axis.
 
     Poles that are well damped may have larger discs: no bound stands close above a resonance there.
     """
@@ -339,8 +352,8 @@ def _spread(discs: Discs) -> float:
     return float(np.where(damped, SHARPNESS * share, share).max(initial=0.0))
 
 
-def _unstable(discs: Discs) -> bool:
-    """Whether some pole is proven to lie right of the imaginary axis."""
+def _is_unstable(discs: Discs) -> bool:
+    """Whether a pole is proven to lie right of the imaginary axis."""
     return discs.proves_some(discs.centre.real > discs.radius)
 
 
@@ -367,8 +380,8 @@ def _refusal(discs: Discs, A: RealArray, unstable: bool, period: float) -> Input
             z = complex((2 / period + pole) / (2 / period - pole))
         place_said, said = f"z = {z:.9g}", said.replace("imaginary axis", "unit circle")
     return InputError(
-        f"the system {said} {place_said}, and bounds over frequency say "
-        "nothing of it then; close the loop with a stabilising controller, or move an "
+        f"the system {said} {place_said}, and bounds over frequency mean "
+        "nothing for it; close the loop with a stabilising controller, or move an "
         f"integrator a little {'into the circle' if period else 'to the left'}"
         + (
             ""

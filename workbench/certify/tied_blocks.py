@@ -1,7 +1,7 @@
 """Equations of the blocks of a singular Delta whose values are tied: v_i = delta_i z_i, z = M v.
 
 A full block and a complex scalar that is not repeated tie nothing: for any v_i and z_i != 0 there
-is a block that maps z_i to v_i, of norm |v_i| / |z_i|.
+is a block of norm |v_i| / |z_i| that maps z_i to v_i.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ def is_tied(block: Block) -> bool:
 
 
 def length_of(vector: Matrix, some: slice) -> arb:
-    """Length of a part of a column."""
+    """Length of a part of a column vector."""
     return length([vector[i, 0] for i in range(some.start, some.stop)])
 
 
 def upper_ends(norms: Iterable[arb]) -> RealArray:
-    """Upper ends of balls."""
+    """Upper ends of the balls."""
     return np.array([above(norm) for norm in norms])
 
 
@@ -46,7 +46,7 @@ class TiedEquations:
         ]
 
     def unknowns(self, v: Array, Delta: Array) -> list[arb]:
-        """The unknowns of a proposal."""
+        """The unknowns of a proposed v and Delta."""
         delta = {
             k: Delta[self.structure.row_slices[k].start, self.structure.column_slices[k].start]
             for k in self.tied
@@ -86,7 +86,7 @@ class TiedEquations:
         return [x.real for x in left] + ([] if self.real else [x.imag for x in left])
 
     def jacobian(self, unknowns: list[arb]) -> list[list[arb]]:
-        """Derivatives of the left sides (rows) by the unknowns (columns)."""
+        """Derivatives of the left sides (rows) with respect to the unknowns (columns)."""
         _, delta, z = self._parts(unknowns)
         table = []
         for k, i, j in self._each():
@@ -102,7 +102,7 @@ class TiedEquations:
         return [row for half in halves for row in half]
 
     def sizes(self, box: list[arb]) -> RealArray | None:
-        """Upper bounds of the norms of the blocks within a box; None where v may be 0."""
+        """Upper bounds of the norms of the blocks within a box; None if v may be 0."""
         v, delta, z = self._parts(box)
         if not any(abs(v[i, 0]) > 0 for i in range(self.structure.rows)):
             return None

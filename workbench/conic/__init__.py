@@ -1,4 +1,4 @@
-"""Conic programs by their data, and claims that they have no solution or no least value.
+"""Conic programs given by their data, and proofs that they have no solution or no least value.
 
 Takes: c, A, b and cones, from a Program, from CVXPY or from a file.
 Gives: answers of any conic solver, with dual bounds and exact rays.

@@ -21,7 +21,7 @@ from workbench.errors import InputError
 
 
 class FormSolver(ConicSolver):
-    """A solver of CVXPY's that solves nothing: CVXPY brings a problem to the form it asks for."""
+    """A dummy solver for CVXPY that solves nothing: it makes CVXPY bring a problem to its form."""
 
     SUPPORTED_CONSTRAINTS = [Zero, NonNeg, SOC, PSD]  # noqa: RUF012  (as CVXPY's own have it)
     EXP_CONE_ORDER = [0, 1, 2]  # noqa: RUF012
@@ -41,10 +41,10 @@ class FormSolver(ConicSolver):
 
 @dataclass(frozen=True, eq=False)
 class Canonical:
-    """A problem of CVXPY as a conic form, and the way back for its dual points.
+    """A CVXPY problem as a conic form, and the way back for its dual points.
 
-    ``constant`` is what the form's objective leaves out: the problem is to minimise c'x + constant,
-    which is minus the objective where that is to be maximised.
+    ``constant`` is the part of the objective that the form leaves out: the problem is to minimise
+    c'x + constant, which is minus the objective if the user maximises.
     """
 
     form: ConicForm
@@ -52,14 +52,14 @@ class Canonical:
     chain: Any
     inverse: Any
     hermitian: tuple[int, ...]
-    """Ids of constraints that a complex matrix is semidefinite."""
+    """Ids of the constraints that a complex matrix is semidefinite."""
 
     def dual_values(self, y: RealArray) -> dict[int, Any]:
-        """Dual values by the id of the constraints, of a dual point y (m,) of the form.
+        """Dual values by the id of the constraints, for a dual point y (m,) of the form.
 
         CVXPY has X as the real matrix (Re X, -Im X; Im X, Re X), and reads the left half of its
-        dual matrix. The right half says the same only of a dual point with that pattern; half the
-        sum of both, which proves the same bound, has it.
+        dual matrix. The right half agrees only if the dual point has the same pattern. Half the sum
+        of both has this pattern, and proves the same bound.
         """
         found = self._inverted(y, turned=False)
         if self.hermitian:
@@ -93,14 +93,14 @@ def canonical_form(problem: Any) -> Canonical:
     Raises
     ------
     InputError
-        It needs a cone that is none of `ConeKind`, or CVXPY would approximate one.
+        The problem needs a cone that is not in `ConeKind`, or CVXPY would approximate one.
     """
     if not problem.variables():  # CVXPY has no conic form without a variable
         idle = cp.Variable()
         problem = cp.Problem(type(problem.objective)(problem.objective.expr + 0 * idle),
                              problem.constraints)  # fmt: skip
     try:
-        with warnings.catch_warnings():  # of a sparse variable that is read as an array
+        with warnings.catch_warnings():  # about a sparse variable that is read as an array
             warnings.simplefilter("ignore")
             data, chain, inverse = problem.get_problem_data(FormSolver())
     except SolverError as error:
@@ -136,7 +136,9 @@ def _is_matrix(cone: ConeFactor) -> bool:
 
 
 def _triangles(cones: Sequence[ConeFactor]) -> csr_array:
-    """The map of CVXPY's rows, n^2 of a matrix, to those of its symmetric part's triangle."""
+    """The map from CVXPY's rows, n^2 for a matrix, to those of the triangle of its symmetric
+    part.
+    """
     places: list[tuple[int, int, float]] = []
     row = column = 0
     for cone in cones:
@@ -154,7 +156,7 @@ def _triangles(cones: Sequence[ConeFactor]) -> csr_array:
 
 
 def _square(n: int, y: RealArray) -> RealArray:
-    """The dual matrix of a triangle, whose entries beside the diagonal count for two."""
+    """The dual matrix of a triangle, whose off-diagonal entries count twice."""
     Y = np.zeros((n, n))
     for (i, j), value in zip(triangle(n), y, strict=True):
         Y[i, j] = Y[j, i] = value if i == j else value / 2

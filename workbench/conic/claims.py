@@ -1,4 +1,4 @@
-"""Claims that a conic program has no solution, or no least value, and what proves them."""
+"""Claims that a conic program has no solution, or no least value, and their proofs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Vectors = dict[str, list[Rational]]
 
 
 class ConicallyStated(Program):
-    """A Program that is a conic program, so that claims of having no solution can be proven.
+    """A Program that is a conic program, so that the absence of a solution can be proven.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class _ConicClaim(ProofTask):
 
     form: ConicForm
     lengths: ClassVar[dict[str, str]] = {}
-    """Names of the vectors, and whether each is as long as the form has rows or columns."""
+    """Names of the vectors, and whether each has one entry per row or per column of the form."""
 
     @property
     def quantifier(self) -> str:
@@ -80,8 +80,8 @@ class _ConicClaim(ProofTask):
 class NoSolution(_ConicClaim):
     """The claim that no x has b - A x in K.
 
-    A ray y of the dual cone with b'y < 0 proves it if A'y = 0, and otherwise that no solution has
-    max |x| < R (`workbench.certify.cones.rays`). R is the metric ``radius``.
+    A ray y of the dual cone with b'y < 0 proves it if A'y = 0. Otherwise the ray proves that no
+    solution has max |x| < R (`workbench.certify.cones.rays`). R is the metric ``radius``.
 
     Examples
     --------
@@ -132,22 +132,22 @@ class NoSolution(_ConicClaim):
         return statement, 1.0 / radius if radius else math.inf
 
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
-        """Valid where y excludes solutions up to some R, and holds where it excludes all."""
+        """Valid if y excludes solutions up to some R; it holds if y excludes all of them."""
         return super().certify(answer, 0.0, optimal=True)
 
     def metrics(self, answer: Vectors) -> dict[str, float]:
         return {"radius": excluded_radius(self.form, self.ray(answer))}
 
     def ray(self, answer: Vectors) -> Sequence[Rational]:
-        """The y that is judged."""
+        """The vector y of the answer that is judged."""
         return answer["y"]
 
 
 class NoSolutionOfComputed(NoSolution):
-    """As `NoSolution`, of a form that a Program computes: each processor has its own.
+    """As `NoSolution`, for a form that a Program computes, which may differ between processors.
 
-    Its doubles differ in their last bits, which leave of A'y = 0 a residual; y is moved until there
-    is none.
+    The last bits of its doubles differ, so that A'y = 0 holds only up to a residual; y is moved
+    until the residual is 0.
     """
 
     def ray(self, answer: Vectors) -> Sequence[Rational]:
@@ -155,7 +155,7 @@ class NoSolutionOfComputed(NoSolution):
 
 
 class NoLeastValue(_ConicClaim):
-    """The claim that c'x has no lower limit: a solution x, and a ray d along which c'x falls.
+    """The claim that c'x has no lower limit: a solution x, and a ray d along which c'x decreases.
 
     Examples
     --------
@@ -217,7 +217,7 @@ class NoLeastValue(_ConicClaim):
 
 
 def parsed_rational(text: str) -> Rational:
-    """A rational number from the text that `str` makes of it; raises InputError for another."""
+    """A rational number from its text by `str`; raises InputError for any other text."""
     try:
         return fmpq(text)
     except (TypeError, ValueError, ZeroDivisionError):

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from workbench.conic.canonical import Canonical
 
 LONGEST = 60
-"""Most characters of a constraint in a message."""
+"""Largest number of characters of a constraint in a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +49,17 @@ class CvxpyProgram(ConicallyStated):
     An answer is a dataset with the values of the problem's variables by name (``variable_1``, ...
     where they have none). Feasibility and value are checked on the user's own expressions. The
     answer's ``canonical_dual`` is a rational dual point of the conic form that CVXPY makes of the
-    problem; it proves that no feasible value is better than the metric ``bound``. Claims that there
-    is no solution, or no best value, are proven on that form.
+    problem; it proves that no feasible value is better than the metric ``bound``. The absence of a
+    solution, or of a best value, is proven on that form too.
 
-    Distances and gaps are relative to 1 + magnitudes: a problem in units of 1e-10 is stated in
-    larger ones first. The conic form is CVXPY's, its doubles taken as exact.
+    Distances and gaps are relative to 1 + magnitudes, so a problem with numbers near 1e-10 should
+    be stated in other units. The conic form is CVXPY's, with its doubles taken as exact.
 
     Parameters
     ----------
     problem
-        A `cvxpy.Problem` with cones of `ConeKind`, without integer variables. Its parameters have
-        values, which are taken as they are now.
+        A `cvxpy.Problem` with cones of `ConeKind`, without integer variables. Its parameters must
+        have values; the current ones are used.
 
     Raises
     ------
@@ -81,10 +81,10 @@ class CvxpyProgram(ConicallyStated):
 
     problem: Any
     stated: Any = field(init=False, repr=False)
-    """The problem with numbers for its parameters."""
+    """The problem with numbers in place of its parameters."""
     canonical: Canonical = field(init=False, repr=False)
     numbers: tuple[Any, ...] = field(init=False, repr=False)
-    """Every constant and parameter, so that a change of one is noticed."""
+    """Every constant and parameter, so that a later change of one is noticed."""
 
     default_method = "clarabel"
     headline = "value"
@@ -118,7 +118,9 @@ class CvxpyProgram(ConicallyStated):
 
     @property
     def sign(self) -> float:
-        """What the objective is times in what is minimised: -1 where it is to be maximised."""
+        """Factor from the user's objective to the minimised one: -1 if the objective is to be
+        maximised.
+        """
         return 1.0 if self.problem.objective.NAME == "minimize" else -1.0
 
     def at(self, answer: Dataset) -> AbstractContextManager[None]:
@@ -138,7 +140,7 @@ class CvxpyProgram(ConicallyStated):
         return 1.0 + abs(self.objective(answer))
 
     def answer_now(self) -> Dataset | None:
-        """The values that the variables have now; None where one has none."""
+        """The current values of the variables; None if one has no value."""
         import xarray as xr
 
         found: dict[str, Any] = {}
@@ -186,12 +188,14 @@ class CvxpyProgram(ConicallyStated):
         return [conic_proofs.supports(form, y), conic_proofs.dual_equations(form, y), drawn]
 
     def dual_values(self, y: Sequence[Any]) -> dict[int, Any]:
-        """Values of the constraints' dual variables by the constraint's id, in CVXPY's signs."""
+        """Values of the constraints' dual variables by the constraint's id, with CVXPY's signs."""
         near = np.array([float(Fraction(str(value))) for value in y])
         return dict(self.canonical.dual_values(near))
 
     def bound(self, answer: Dataset) -> Fraction | None:
-        """What no feasible value of what is minimised is below, proven; None without a proof."""
+        """Proven lower bound of the minimised objective over all feasible points; None without a
+        proof.
+        """
         y = dual_of(answer)
         found = None if y is None else dual_bound(self.canonical.form, y)
         return None if found is None else found + Fraction(self.canonical.constant)
@@ -214,11 +218,11 @@ class CvxpyProgram(ConicallyStated):
 def solve_problem(
     problem: Any, method: str | None, options: Options | None, context: Context | None
 ) -> Solution:
-    """What `solve` answers to a problem of CVXPY, which then holds what is certified of it.
+    """The response of `solve` to a CVXPY problem, which then holds the certified results.
 
-    Variables, dual variables, value and status are those of a valid answer: "optimal" where its
-    certificate holds, else "optimal_inaccurate"; or the status is a proven "infeasible" or
-    "unbounded". Of anything else nothing is kept: variables, value and status are None.
+    For a valid answer the problem gets its variables, dual variables, value and status: "optimal"
+    if the certificate holds, else "optimal_inaccurate". The status may also be a proven
+    "infeasible" or "unbounded". In all other cases variables, value and status are None.
     """
     from cvxpy.reductions.solution import Solution as Told
 
@@ -235,14 +239,14 @@ def solve_problem(
         y = dual_of(answer)
         duals = {} if y is None else program.dual_values(y)
         status = "optimal" if solution.holds else "optimal_inaccurate"
-        with warnings.catch_warnings():  # of a sparse variable that is read as an array
+        with warnings.catch_warnings():  # about a sparse variable that is read as an array
             warnings.simplefilter("ignore")
             problem.unpack(Told(status, solution.value, primal, duals, {}))
     return solution
 
 
 def dual_of(answer: Dataset) -> list[Any] | None:
-    """The dual point of an answer; None where it has none."""
+    """The dual point of an answer; None if it has none."""
     if RESERVED not in answer:
         return None
     return [parsed_rational(str(text)) for text in answer[RESERVED].values]
@@ -257,7 +261,7 @@ def _distance(
 
 
 def _largest(values: Array) -> float:
-    """The largest of distances, 0 where there is none; NaN where one is."""
+    """The largest distance, 0 if there is none; NaN if one is NaN."""
     return float(values.max(initial=0.0))
 
 
@@ -271,8 +275,8 @@ def _cut(constraint: Any) -> str:
 
 
 def _widest(program: CvxpyProgram) -> str:
-    """The widest of the cones that a solver needs, in the words of `workbench.solvers.CONES`."""
-    if program.stated.is_qp():  # quadratic objectives too, which are cones only here
+    """The widest class of cones that a solver needs, in the words of `workbench.solvers.CONES`."""
+    if program.stated.is_qp():  # quadratic objectives too, which only this form turns into cones
         return "linear"
     kinds = {cone.kind for cone in program.canonical.form.cones}
     return "semidefinite" if ConeKind.SEMIDEFINITE in kinds else "second-order"
@@ -290,7 +294,9 @@ def _conic(program: CvxpyProgram, context: Context, solver: ConicSolver) -> Clai
 
 
 def _proven_of_solutions(form: ConicForm, context: Context) -> str:
-    """What is proven of solutions where a solver ends without a word on them, as on weak ones."""
+    """What is proven about solutions if a solver ends without a verdict, as it may for weakly
+    infeasible problems.
+    """
     y = dual_ray(form, context)
     radius = 0.0 if y is None else excluded_radius(form, y)
     said = "there is no certificate, neither of an answer nor of there being none"

@@ -1,4 +1,4 @@
-"""Rational points of conic programs: an approximate point, moved until it is one exactly."""
+"""Exact rational points of conic programs, from approximate ones."""
 
 from __future__ import annotations
 
@@ -20,17 +20,22 @@ from workbench.conic.numeric import scaling
 CUTS = (0.0, 1e-8, 1e-6, 1e-4, 1e-3)
 """Shares of the size of a point below which it counts as on the edge of a cone, tried in turn."""
 MOST_ENTRIES = 30_000
-"""Most entries of equations that are eliminated exactly, in about half a minute."""
+"""Largest number of entries of equations that are eliminated exactly, which takes about half a
+minute.
+"""
 MOST_EQUATIONS = 400
-"""Most independent equations that are solved exactly by lifting, in a few seconds."""
+"""Largest number of independent equations that are solved exactly by lifting, which takes a few
+seconds.
+"""
 DEPENDENT = 1e-10
-"""Pivot relative to the largest one below which equations may depend on each other."""
+"""Equations may depend on each other if a pivot, relative to the largest one, is below this."""
 
 
 def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
-    """Rational x near given doubles with b - A x in K exactly; None where none was found.
+    """Rational x near given doubles with b - A x in K exactly; None if none was found.
 
-    Programs with more equations than exact arithmetic solves in about half a minute are not tried.
+    Programs with more equations than exact arithmetic can solve in about half a minute are not
+    tried.
     """
     tried: set[int] = set()
     count = sum(cone.size for cone, _ in form.blocks if cone.kind is ConeKind.ZERO)
@@ -49,7 +54,9 @@ def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
 
 
 def _equations(form: ConicForm, near: RealArray, cut: float) -> list[Combination]:
-    """Equations in x, the last column their right-hand side: zero cones and nearby faces."""
+    """Equations in x, with their right-hand sides in the last column: from zero cones and nearby
+    faces.
+    """
     rows, _ = scaling(form)
     s = form.b - form.A @ near
     found: list[Combination] = []
@@ -60,14 +67,14 @@ def _equations(form: ConicForm, near: RealArray, cut: float) -> list[Combination
         else:
             scaled = rows[part] * s[part]
             size = max(float(np.abs(rows * s).max(initial=0.0)), 1e-300)
-            # One factor for the rows of a cone: equations between them stay what they are.
+            # All rows of a cone share one factor, so that equations between them remain valid.
             combinations = list(face_equations(cone, scaled / size, cut)) if cut else []
         found += [_in_x(form, part.start, one) for one in combinations]
     return found
 
 
 def _in_x(form: ConicForm, start: int, combination: Combination) -> Combination:
-    """The equation in x of a combination of rows of the slack that is zero."""
+    """The equation in x that a combination of slack rows is zero."""
     A, n = form.A, form.c.size
     found: Combination = {n: Fraction(0)}
     for row, factor in combination.items():
@@ -80,9 +87,9 @@ def _in_x(form: ConicForm, start: int, combination: Combination) -> Combination:
 
 
 def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational] | None:
-    """The rational solution that agrees with given doubles where the equations leave a choice.
+    """The rational solution that agrees with given doubles as far as the equations leave a choice.
 
-    None where the equations contradict each other.
+    None if the equations contradict each other.
     """
     n = near.size
     x: list[Any] = [exact_rational(value) for value in near]
@@ -95,7 +102,7 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     order, independent = _pivot_order(equations, near)
     if independent and len(equations) <= MOST_EQUATIONS:
         return _lifted(equations, x, order)
-    if len(equations) * (n + 1) > MOST_ENTRIES:  # dependent ones are eliminated
+    if len(equations) * (n + 1) > MOST_ENTRIES:  # dependent equations are left to the elimination
         return None
     place = {column: k for k, column in enumerate(order)} | {n: n}
     table = fmpq_mat(len(equations), n + 1)
@@ -119,7 +126,7 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
 
 
 def _too_many(equations: int, unknowns: int) -> bool:
-    """For lifting and for elimination."""
+    """Whether the equations are too many for lifting and for elimination."""
     return equations > MOST_EQUATIONS and equations * (unknowns + 1) > MOST_ENTRIES
 
 
@@ -128,9 +135,9 @@ def _lifted(
 ) -> list[Rational] | None:
     """x with its first entries, by order, changed so that independent equations hold.
 
-    FLINT lifts large systems p-adically (Dixon): its numbers stay small where those of an
-    elimination grow. None where the columns of these entries are singular, though doubles say that
-    they are not.
+    FLINT lifts large systems p-adically (Dixon), so that numbers stay small that would grow in an
+    elimination. None if the columns of these entries are singular although doubles say that they
+    are not.
     """
     n, r = len(x), len(equations)
     place = {column: k for k, column in enumerate(order[:r])}
@@ -155,9 +162,9 @@ def _lifted(
 
 
 def _pivot_order(equations: Sequence[Combination], near: RealArray) -> tuple[list[int], bool]:
-    """The columns, well-conditioned pivots first: what the equations ask moves them little.
+    """The columns, with well-conditioned pivots first, so that the equations move them little.
 
-    And whether the equations are independent, by a wide margin.
+    The second result says whether the equations are independent, by a wide margin.
     """
     from scipy.linalg import qr
 

@@ -1,4 +1,4 @@
-"""A user's own expressions of CVXPY, evaluated at values that are lent to their variables."""
+"""A user's own CVXPY expressions, evaluated at values that are lent to their variables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ RESERVED = "canonical_dual"
 def named_variables(problem: Any) -> dict[str, Any]:
     """The variables of a problem by name.
 
-    One without a name of its own, or with that of another one, is known by its number too.
+    A variable without a name of its own, or with the name of another one, gets a name with its
+    number.
     """
     found = problem.variables()
     own = [None if one.name() == f"var{one.id}" else one.name() for one in found]
@@ -36,8 +37,8 @@ def named_variables(problem: Any) -> dict[str, Any]:
 def lent_values(problem: Any, values: Mapping[str, Array]) -> Iterator[None]:
     """Values by name for a problem's variables, None for the others.
 
-    Behind it each variable has its own again, and each dual variable too. Within it CVXPY warns of
-    nothing, as of a sparse variable that is read as an array.
+    On leaving the context each variable and dual variable has its own value again. Inside, CVXPY's
+    warnings are silenced, such as the one about a sparse variable that is read as an array.
     """
     primal = named_variables(problem)
     all_of_them = [*primal.values()]
@@ -55,32 +56,34 @@ def lent_values(problem: Any, values: Mapping[str, Array]) -> Iterator[None]:
 
 
 def current(variable: Any) -> Any:
-    """The value of a variable as an array of its own, None where it has none."""
-    with warnings.catch_warnings():  # a sparse variable warns of being read as an array
+    """The value of a variable as a new array; None if it has no value."""
+    with warnings.catch_warnings():  # CVXPY warns about a sparse variable that is read as an array
         warnings.simplefilter("ignore")
         return dense(variable.value)
 
 
 def domains(problem: Any) -> list[Any]:
-    """Constraints that the arguments of atoms lie where these are defined, as in x >= 0 of log x.
+    """Constraints that keep the arguments of atoms where these are defined, such as x >= 0 for log
+    x.
 
-    CVXPY evaluates some atoms elsewhere too, such as a cube.
+    CVXPY evaluates some atoms, such as a cube, elsewhere too.
     """
     parts = [problem.objective.expr, *(two for one in problem.constraints for two in one.args)]
     return [one for part in parts for one in part.domain]
 
 
 def dense(value: Any) -> Any:
-    """An array of its own for a value that may be sparse; None stays None."""
+    """A new array for a value that may be sparse; None stays None."""
     if value is None:
         return None
     return np.array(value.toarray() if hasattr(value, "toarray") else value)
 
 
 def magnitudes(expression: Any) -> RealArray:
-    """What the terms of an expression add up to if none cancels another, entry by entry.
+    """Sum of the sizes of an expression's terms, entry by entry: its value if none cancelled
+    another.
 
-    Within an atom that is not affine cancellation is its own: there it is the magnitude of the
+    Cancellation within an atom that is not affine is not counted: its magnitude is that of its
     value.
     """
     from cvxpy.atoms.affine.affine_atom import AffAtom
@@ -94,9 +97,9 @@ def magnitudes(expression: Any) -> RealArray:
 
 
 def violations(constraint: Any) -> RealArray:
-    """Distances of a constraint's terms from where they belong, relative to 1 + their magnitudes.
+    """Distances by which a constraint is violated, relative to 1 + the magnitudes of its terms.
 
-    Entry by entry, or cone by cone, where the largest magnitude counts.
+    Entry by entry; or cone by cone, with the largest magnitude in the cone.
     """
     kind = type(constraint).__name__
     if kind == "SOC":
@@ -119,7 +122,7 @@ def _second_order(constraint: Any) -> RealArray:
 
 
 def _semidefinite(S: Array, size: RealArray) -> RealArray:
-    """Of matrices (..., n, n), whose Hermitian part is meant."""
+    """Violations for the Hermitian parts of matrices (..., n, n)."""
     if not np.isfinite(S).all():
         return np.array([np.inf])
     least = np.linalg.eigvalsh((S + np.conj(np.swapaxes(S, -2, -1))) / 2)[..., 0]

@@ -1,7 +1,7 @@
 """Linear equations that hold on the face of a cone near which a point lies.
 
-The slack of an approximate point that lies on the edge of a cone leaves it by rounding. Where the
-equations of the face are solved exactly, it does not.
+An approximate point whose slack lies on the edge of a cone leaves the cone by rounding. If the
+equations of the face are solved exactly, it stays inside.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ from workbench.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, triangle
 
 Combination = dict[int, Fraction]
-"""Coefficients of rows of the slack whose sum is zero on the face."""
+"""Coefficients of slack rows whose combination is zero on the face."""
 
 SIMPLE_DENOMINATOR = 1000
-"""Directions of faces are taken as fractions up to this denominator where these are as near."""
+"""Directions of faces are rounded to fractions with denominators up to this, if these are close
+enough.
+"""
 
 
 def face_equations(cone: ConeFactor, s: RealArray, cut: float) -> Iterator[Combination]:
-    """Equations of the face of a cone near which s lies, the cone scaled so that s is near 1.
+    """Equations of the face of a cone near the point s; the cone is scaled so that s is near 1.
 
-    What is smaller than ``cut`` counts as zero.
+    Values smaller than ``cut`` count as zero.
     """
     if cone.kind is ConeKind.NONNEGATIVE:
         yield from ({i: Fraction(1)} for i in np.flatnonzero(s <= cut).tolist())
@@ -43,7 +45,7 @@ def _second_order(s: RealArray, cut: float) -> Iterator[Combination]:
 
 
 def _semidefinite(n: int, s: RealArray, cut: float) -> Iterator[Combination]:
-    """S u = 0 for a basis of the space of small eigenvalues."""
+    """S u = 0 for a basis u of the space of small eigenvalues."""
     S, places = np.zeros((n, n)), {}
     for row, (i, j) in enumerate(triangle(n)):
         S[i, j] = S[j, i] = s[row]
@@ -73,7 +75,8 @@ def _reduced_basis(vectors: RealArray) -> RealArray:
 def rational_direction(u: RealArray, cut: float) -> list[Fraction]:
     """A rational vector of length 1, exactly, near the direction of u (n,).
 
-    The stereographic projection from a pole opposite to the largest entry is rational.
+    Computed by the stereographic projection from a pole opposite to the largest entry, which is
+    rational.
     """
     unit = u / np.linalg.norm(u)
     pole = int(np.argmax(np.abs(unit)))
@@ -87,7 +90,7 @@ def rational_direction(u: RealArray, cut: float) -> list[Fraction]:
 
 
 def _simple(value: float, within: float) -> Fraction:
-    """A simple fraction within a distance of a number, or the double itself."""
+    """A simple fraction within a distance of a number, or the double itself if there is none."""
     own = Fraction(float(value))
     simple = own.limit_denominator(SIMPLE_DENOMINATOR)
     return simple if abs(simple - own) <= within else own

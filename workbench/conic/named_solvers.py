@@ -1,4 +1,4 @@
-"""Further solvers that CVXPY knows, registered by their name."""
+"""Further solvers that CVXPY knows, registered under their names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from workbench.errors import UnknownNameError
 from workbench.solvers import ConicSolver, Options, add_conic_solver, conic_solvers
 
 SHARE = 0.1
-"""Share of the accuracy wanted that a solver is asked for: it stops on residuals of its own."""
+"""A solver is asked for this share of the wanted accuracy, since it stops by residuals of its
+own.
+"""
 
 
 def _tolerances(*names: str, finest: float = 0.0, time: str = "", **more: Any) -> Any:
@@ -30,7 +32,7 @@ def _mosek(options: Options) -> dict[str, Any]:
 
 
 def _own(options: Options) -> dict[str, Any]:
-    """No settings: its own tolerances, whatever accuracy is asked for."""
+    """No settings: the solver keeps its own tolerances, whatever accuracy is asked for."""
     return {}
 
 
@@ -43,14 +45,14 @@ _MODULES = {
     "scip": ("pyscipopt", "pyscipopt"),
     "sdpa": ("sdpap", "sdpa-python"),
 }
-"""Module and distribution of solvers that have other names there."""
+"""Module and distribution of solvers whose names there differ from CVXPY's."""
 _SETTINGS: dict[str, Callable[[Options], dict[str, Any]]] = {
     "copt": _tolerances("RelGap", "FeasTol", "DualTol", finest=1e-9, time="TimeLimit"),
     "ecos": _tolerances("abstol", "reltol", "feastol", max_iters=500),
     "gurobi": _tolerances("BarConvTol", "BarQCPConvTol", finest=1e-10, time="TimeLimit"),
     "highs": _tolerances(
         *("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-        finest=1e-10,  # HiGHS takes no finer one
+        finest=1e-10,  # HiGHS accepts no smaller tolerance
         time="time_limit",
     ),
     "mosek": _mosek,
@@ -60,14 +62,16 @@ _SETTINGS: dict[str, Callable[[Options], dict[str, Any]]] = {
     "qoco": _tolerances("abstol", "reltol", max_iters=500),
     "sdpa": _tolerances("epsilonStar", "epsilonDash", finest=1e-8),
 }
-"""How our accuracy and time limit are told to solvers. Others keep their own tolerances."""
+"""Settings by which accuracy and time limit are passed to solvers. Solvers that are not listed keep
+their own tolerances.
+"""
 
 
 def conic_solver(name: str) -> ConicSolver:
-    """Make a solver that CVXPY knows a method of every Program stated as a conic program.
+    """Make a solver that CVXPY knows a method for every Program stated as a conic program.
 
-    Programs with cones that it does not take are unfit for it. It is told the accuracy and the time
-    limit where this is known of it (`help` of the module); otherwise it keeps its own.
+    Programs with cones that it does not support cannot use it. Accuracy and time limit are passed
+    to it if its settings are known (see `help` of the module); otherwise it keeps its own.
 
     Parameters
     ----------
@@ -77,14 +81,14 @@ def conic_solver(name: str) -> ConicSolver:
     Returns
     -------
     ConicSolver
-        What is registered, once however often it is asked for.
+        The registered method; a repeated call returns the same one.
 
     Raises
     ------
     UnknownNameError
         CVXPY has no such solver.
     InputError
-        It is not installed; the message says what to install.
+        The solver is not installed; the message says what to install.
 
     Examples
     --------

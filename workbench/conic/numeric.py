@@ -12,15 +12,16 @@ from workbench.arrays import RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 
 SCALING_ROUNDS = 10
-"""Rounds of the scaling of rows and columns."""
+"""Number of rounds of the scaling of rows and columns."""
 SEARCH_TOLERANCE = 1e-9
-"""Tolerance asked of the solver; a point well inside the cones needs no finer one."""
+"""Tolerance asked of the solver; a point well inside the cones needs no smaller one."""
 
 
 def minimiser(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
-    """An approximate minimiser (n,) of a form; None where the solver has none, whatever it says.
+    """An approximate minimiser (n,) of a form; None if the solver returns none, whatever its
+    status.
 
-    The solver stops after so many seconds.
+    The solver stops after ``seconds`` [s].
     """
     import clarabel
 
@@ -57,8 +58,8 @@ def minimiser(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
 def inner_point(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
     """A point (n,) whose slack b - A x lies as deep in the cones as it can, up to the size of b.
 
-    Depth and size are measured in the scaled rows of the form. None where no point was found in so
-    many seconds.
+    Depth and size are measured in the scaled rows of the form. None if no point was found within
+    ``seconds`` [s].
     """
     rows, _ = scaling(form)
     unit = units(form) / rows
@@ -77,7 +78,9 @@ def inner_point(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
 
 
 def units(form: ConicForm) -> RealArray:
-    """A point (m,) in the middle of every cone: ones, the axis, the unit matrix; 0 for zero."""
+    """A point (m,) in the middle of every cone: ones, the axis, the unit matrix; 0 for zero
+    cones.
+    """
     parts = []
     for cone in form.cones:
         part = np.zeros(cone.rows)
@@ -100,7 +103,8 @@ def unit_of_points(form: ConicForm, rows: RealArray) -> float:
 def scaling(form: ConicForm) -> tuple[RealArray, RealArray]:
     """Powers of two for the rows (m,) and columns (n,) that bring the entries of A near 1.
 
-    The rows of a second-order or semidefinite cone share one factor, so that it stays the cone.
+    The rows of a second-order or semidefinite cone share one factor, so that it remains the same
+    cone.
     """
     rows, columns = np.ones(form.b.size), np.ones(form.c.size)
     size = abs(form.A)
@@ -113,7 +117,7 @@ def scaling(form: ConicForm) -> tuple[RealArray, RealArray]:
 
 
 def _largest(A: Any, axis: int) -> RealArray:
-    """Largest entries of rows or columns, 1 where there is none."""
+    """Largest entries of rows or columns; 1 where all entries are 0."""
     if 0 in A.shape:
         return np.ones(A.shape[1 - axis])
     found = np.asarray(A.max(axis=axis).todense(), dtype=float).ravel()
@@ -121,7 +125,7 @@ def _largest(A: Any, axis: int) -> RealArray:
 
 
 def _shared(form: ConicForm, sizes: RealArray) -> RealArray:
-    """Sizes of rows, those of a cone that has no other symmetry replaced by the largest one."""
+    """Sizes of rows; rows of a cone that allows only a common factor all get the largest one."""
     sizes = sizes.copy()
     for cone, rows in form.blocks:
         if cone.kind in (ConeKind.SECOND_ORDER, ConeKind.SEMIDEFINITE):
@@ -134,7 +138,7 @@ def _power_of_two(values: RealArray) -> RealArray:
 
 
 def _vectorised(form: ConicForm) -> RealArray:
-    """Factors (m,) of the rows as the solver has matrices: sqrt 2 beside the diagonal."""
+    """Factors (m,) of the rows in the solver's own form of matrices: sqrt 2 off the diagonal."""
     factors = np.ones(form.b.size)
     for cone, rows in form.blocks:
         if cone.kind is ConeKind.SEMIDEFINITE:

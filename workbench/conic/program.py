@@ -36,8 +36,8 @@ class ConicProgram(ConicallyStated):
     form
         c, A, b and the cones.
     constant, maximise
-        What the metric ``value`` adds to c'x, and whether to -c'x: a program to be maximised is
-        minimised with its sign changed.
+        The metric ``value`` is c'x + constant; with ``maximise`` it is -c'x + constant, since a
+        program to be maximised is minimised with its sign changed.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class ConicProgram(ConicallyStated):
     def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
         form, x = self.form, answer["x"].values
         s = form.b - form.A @ x
-        # A row that is large must not excuse another one.
+        # A row of large size must not hide the violation of another one.
         size = 1.0 + np.abs(form.b) + abs(form.A) @ np.abs(x)
         off = [relative_violation(cone, s[rows], size[rows]) for cone, rows in form.blocks]
         value, where = worst(off, lambda place: f"of cone {place[0]}")
@@ -127,7 +127,7 @@ class ConicProgram(ConicallyStated):
 
 
 def relative_violation(cone: ConeFactor, s: RealArray, size: RealArray) -> float:
-    """Largest amount by which doubles s leave a cone, over the size of their row, or rows."""
+    """Largest amount by which doubles s leave a cone, relative to the size of their row or rows."""
     if cone.kind in (ConeKind.ZERO, ConeKind.NONNEGATIVE):
         return violation(cone, s / size)
     return violation(cone, s) / float(size.max())
@@ -148,7 +148,7 @@ def violation(cone: ConeFactor, s: RealArray) -> float:
 
 
 def _widest(program: ConicProgram) -> str:
-    """The widest of its cones, in the words of `workbench.solvers.CONES`."""
+    """The widest class of its cones, in the words of `workbench.solvers.CONES`."""
     kinds = {cone.kind for cone in program.form.cones}
     if ConeKind.SEMIDEFINITE in kinds:
         return "semidefinite"
@@ -174,7 +174,7 @@ def _conic(program: ConicProgram, context: Context, solver: ConicSolver) -> Clai
 
 
 def _inside(cone: ConeFactor, s: Any) -> Any:
-    """The constraint of CVXPY that an expression lies in a cone."""
+    """The CVXPY constraint that an expression lies in a cone."""
     import cvxpy as cp
 
     if cone.kind is ConeKind.ZERO:

@@ -1,7 +1,8 @@
 """Searches for the rays that prove a conic program infeasible or unbounded.
 
-Nothing here is trusted: `workbench.certify.cones` decides what a ray proves. No solver's ray is
-used, so that a claim of any method is judged in the same way, from the data alone.
+Nothing here is trusted: `workbench.certify.cones` decides what a ray proves. Rays returned by
+solvers are not used, so that the claims of all methods are judged in the same way, from the data
+alone.
 """
 
 from __future__ import annotations
@@ -22,19 +23,21 @@ from workbench.conic.numeric import inner_point, minimiser
 from workbench.executor import Context
 
 INNER_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
-"""Shares of an inner point in a dual point, tried until it lies in its cone exactly."""
+"""Shares of an inner point in a dual point, tried in turn until the dual point lies in its cone
+exactly.
+"""
 SPOILT = 1e-9
-"""Residual of a ray, relative to its terms, that the rounding of a form may leave of none."""
+"""Residual of a ray, relative to its terms, that rounding of the form may have caused."""
 SEARCH = "search for a ray"
-"""What is said of a search that the time limit ends."""
+"""Name of the search in the message if the time limit ends it."""
 ONE_ROW = ConeFactor(ConeKind.NONNEGATIVE, 1)
 
 
 def dual_ray(form: ConicForm, context: Context) -> list[Rational] | None:
     """Rational y in the dual of K with b'y < 0 that excludes solutions up to a large radius.
 
-    A'y = 0 exactly where such a y is found; else sum |A'y| is as small as a solver makes it. None
-    where no y excludes anything. Raises TimeLimitError.
+    A'y = 0 exactly if such a y is found; otherwise sum |A'y| is as small as a solver makes it. None
+    if no y excludes anything. Raises TimeLimitError.
     """
     rays = dual_rays(form)
     near = inner_point(rays, context.seconds_left(SEARCH))
@@ -54,7 +57,7 @@ def dual_ray(form: ConicForm, context: Context) -> list[Rational] | None:
 def dual_point(form: ConicForm, *, share: float = 0.0) -> list[Rational] | None:
     """Rational y of the dual cone with A'y = -c and nearly the least b'y; None if none is found.
 
-    It holds at least this share of an inner point, which is its distance from the cone's edge.
+    It contains at least this share of an inner point, which is its distance from the cone's edge.
     """
     points = dual_points(form)
     best = minimiser(points)
@@ -63,7 +66,7 @@ def dual_point(form: ConicForm, *, share: float = 0.0) -> list[Rational] | None:
     if share == 0.0:
         if (y := exact_point(points, best)) is not None:
             return y
-        for excess in INNER_SHARES:  # as deep as it is with nearly the least b'y
+        for excess in INNER_SHARES:  # the deepest point with nearly the least b'y
             near = inner_point(_not_above(points, excess, best))
             if near is not None and (y := exact_point(points, near)) is not None:
                 return y
@@ -88,10 +91,11 @@ def _not_above(points: ConicForm, excess: float, best: RealArray) -> ConicForm:
 
 
 def settled_ray(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
-    """A y that excludes every solution, moved to where A'y = 0 if rounding made the form.
+    """A y that excludes every solution: y is moved to where A'y = 0 if only rounding of the form
+    prevents it.
 
-    The doubles of a form that a Program computes differ in their last bits between processors.
-    What they leave of an exact ray is a residual of rounding; another y is returned as it is.
+    The doubles of a form that a Program computes differ in their last bits between processors, so
+    that an exact ray gets a residual of rounding. A y with a larger residual is returned unchanged.
     """
     if excluded_radius(form, y) == math.inf:
         return y
@@ -99,16 +103,16 @@ def settled_ray(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
     residual, terms = np.abs(form.A.T @ near), abs(form.A).T @ np.abs(near)
     if not residual.sum() <= SPOILT * terms.sum():
         return y
-    return exact_point(dual_rays(form), 2 * near) or y  # twice: off the edge b'y = -1
+    return exact_point(dual_rays(form), 2 * near) or y  # twice: away from the edge b'y = -1
 
 
 def settled_point(form: ConicForm, y: Sequence[Rational]) -> Sequence[Rational]:
-    """A y of `dual_point`, moved to where A'y = -c as in `settled_ray`."""
+    """A y from `dual_point`, moved to where A'y = -c as in `settled_ray`."""
     return exact_point(dual_points(form), _doubles(y)) or y
 
 
 def falling_ray(form: ConicForm, context: Context) -> list[Rational] | None:
-    """Rational d with -A d in K and c'd <= -1; None where none was found. Raises TimeLimitError."""
+    """Rational d with -A d in K and c'd <= -1; None if none was found. Raises TimeLimitError."""
     rays = ConicForm(
         form.c,
         vstack([form.A, csr_array(form.c[None, :])]),
@@ -119,7 +123,7 @@ def falling_ray(form: ConicForm, context: Context) -> list[Rational] | None:
 
 
 def feasible_point(form: ConicForm, context: Context) -> list[Rational] | None:
-    """Rational x with b - A x in K; None where none was found. Raises TimeLimitError."""
+    """Rational x with b - A x in K; None if none was found. Raises TimeLimitError."""
     return _exact_inner(form, context)
 
 
@@ -146,7 +150,7 @@ def dual_points(form: ConicForm) -> ConicForm:
 
 
 def moved_into_dual(form: ConicForm, y: RealArray) -> RealArray:
-    """Doubles y (m,), each part of which outside the dual of its cone is moved in."""
+    """Doubles y (m,); each part outside the dual of its cone is moved into it."""
     found = y.copy()
     for cone, rows in form.blocks:
         part = found[rows]
@@ -200,12 +204,12 @@ def _cone(kind: ConeKind, size: int) -> tuple[ConeFactor, ...]:
 
 
 def _into_dual(form: ConicForm) -> tuple[csr_array, tuple[ConeFactor, ...]]:
-    """The map of y to points of the cones that are their own dual, and these cones."""
+    """The map from y to points of cones that are their own duals, and these cones."""
     factors, kept = np.ones(form.b.size), np.ones(form.b.size, dtype=bool)
     for cone, rows in form.blocks:
         if cone.kind is ConeKind.ZERO:
             kept[rows] = False
-        elif cone.kind is ConeKind.SEMIDEFINITE:  # y'S counts an entry beside the diagonal twice
+        elif cone.kind is ConeKind.SEMIDEFINITE:  # y'S counts an off-diagonal entry twice
             factors[rows] = [1.0 if i == j else 0.5 for i, j in triangle(cone.size)]
     cones = tuple(cone for cone in form.cones if cone.kind is not ConeKind.ZERO)
     return csr_array(csr_array(diags_array(factors))[kept]), cones

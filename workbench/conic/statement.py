@@ -1,4 +1,4 @@
-"""What a problem of CVXPY must be to have a certified answer, and words for what it is not."""
+"""Conditions on a CVXPY problem for a certified answer, and messages that say which one fails."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from workbench.conic.expressions import CONSTRAINTS, dense
 from workbench.errors import InputError
 
 INEXACT = 16 * EPS
-"""Error of an exponent that CVXPY approximates by a fraction: more changes the problem."""
+"""Largest error of an exponent that CVXPY approximates by a fraction; a larger one changes the
+problem.
+"""
 
 
 def need_statement(problem: Any) -> Any:
-    """The problem with numbers for its parameters; its variables are the user's own.
+    """The problem with numbers in place of its parameters; its variables are the user's own.
 
     Raises
     ------
     InputError
-        It is no disciplined convex problem of real numbers; the message says which part is not.
+        The problem is not disciplined convex with real numbers; the message says which part is not.
     """
     if not isinstance(problem, cp.Problem):
         raise InputError(f"a cvxpy.Problem is needed, not {type(problem).__name__}")
@@ -33,7 +35,7 @@ def need_statement(problem: Any) -> Any:
     whole = [one.name() for one in problem.variables() if one.boolean_idx or one.integer_idx]
     if whole:
         raise InputError(
-            f"integer or boolean variables: {', '.join(whole)}; no bound is proven of them: fix "
+            f"integer or boolean variables: {', '.join(whole)}; no bound is proven for them: fix "
             "their values, or solve the problem without the attribute, which bounds it"
         )
     _need_numbers(problem)
@@ -70,7 +72,7 @@ def _need_numbers(problem: Any) -> None:
 
 
 def _need_discipline(problem: Any) -> None:
-    """Raise InputError where CVXPY's rules do not show that a problem is convex."""
+    """Raise InputError if CVXPY's rules do not show that a problem is convex."""
     if problem.is_dcp():
         return
     if problem.is_dgp():
@@ -87,7 +89,7 @@ def _need_discipline(problem: Any) -> None:
 
 
 def _atoms(problem: Any) -> Iterator[Any]:
-    """Every part of the expressions of a problem, each once."""
+    """Every part of a problem's expressions, each listed once."""
     seen: set[int] = set()
     parts = [problem.objective.expr, *problem.constraints]
     while parts:

@@ -24,7 +24,9 @@ from workbench.fitting.rational import Rational
 MIN_STARTING_COEFFICIENT = 1e-9
 """Smallest starting coefficient on a logarithmic scale, relative to the largest of its factor."""
 INFINITE_ROOT = 1e-30
-"""Leading coefficient, relative to the largest of its factor, below which a root is infinite."""
+"""A root counts as infinite if the leading coefficient, relative to the largest coefficient of its
+factor, is below this.
+"""
 MISSING_ZERO_FACTOR = 1e3
 """Start of zeros that the function lacks: this many times the band's highest frequency [rad/s]."""
 
@@ -98,8 +100,8 @@ class FactoredRational:
         band
             Lowest and highest frequency of interest [rad/s], for the scales of the factors.
         stable, minimum_phase
-            Whether the poles, the zeros must stay left of the imaginary axis; those of ``start``
-            on its right are mirrored.
+            Whether the poles (``stable``) and the zeros (``minimum_phase``) must stay left of the
+            imaginary axis; those of ``start`` on its right are mirrored.
         unstable_poles
             Number of poles of ``start`` that stay right of the axis instead.
         """
@@ -152,7 +154,9 @@ class FactoredRational:
 
     @cached_property
     def table(self) -> tuple[RealArray, RealArray, NDArray[np.bool_], NDArray[np.bool_], int]:
-        """The factors as `factored_values` takes them, after the parameters and frequencies."""
+        """The factors as the arguments of `factored_values` that follow the parameters and
+        frequencies.
+        """
         parts = self.parts
         return (
             np.array([part.level for part in parts], dtype=float),
@@ -164,15 +168,17 @@ class FactoredRational:
 
     @cached_property
     def second_order(self) -> tuple[RealArray, NDArray[np.bool_]]:
-        """What second derivatives follow from: factors (P, P), and which parameters are logarithms.
+        """Data for second derivatives: factors (P, P), and which parameters are logarithms.
 
-        That with respect to two parameters is the product of the two first derivatives over the
-        value, times a factor: 1; but where both belong to the same factor of the numerator 0, of
-        the denominator 2. Twice with respect to a logarithm, the first derivative is added.
+        The second derivative with respect to two parameters is the product of the two first
+        derivatives divided by the value, times a factor. The factor is 1; if both parameters belong
+        to the same factor it is 0 for the numerator and 2 for the denominator. If both are the same
+        logarithm, the first derivative is added.
         """
         parts = self.parts
         counts = [len(part.moving) for part in parts]
-        of = np.append(np.repeat(np.arange(len(parts)), counts), -1)  # the gain is a numerator
+        # the gain counts as a numerator
+        of = np.append(np.repeat(np.arange(len(parts)), counts), -1)
         own = np.where(of >= len(self.numerators), 2.0, 0.0)
         factors = np.where(of[:, None] == of, own, 1.0)
         return factors, np.append(np.repeat([part.positive for part in parts], counts) != 0, False)
@@ -216,7 +222,8 @@ def _factors(
 ) -> tuple[list[QuadraticFactor], float]:
     """Factors with ``count`` roots, and the ratio of their product to prod(s - roots).
 
-    Roots beyond those given are infinite, or far away where ``left`` makes coefficients positive.
+    If fewer roots are given, the others are infinite, or far away if ``left`` requires positive
+    coefficients.
     """
     if left:
         roots = -np.abs(roots.real) + 1j * roots.imag

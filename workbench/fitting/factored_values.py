@@ -33,8 +33,9 @@ def factored_values(
     omega
         Frequencies [rad/s] (F,).
     level, coefficients, moving, positive
-        Of each factor (K,): the frequency [rad/s] that scales s, the coefficients (K, 3) of the
-        powers 0 to 2, which of them are parameters (K, 3), and whether by their logarithms.
+        For each factor (K,): the frequency [rad/s] that scales s, the coefficients (K, 3) of the
+        powers 0 to 2, which of them are parameters (K, 3), and whether the parameters are
+        logarithms.
     numerators
         Number of factors of the numerator, which come first.
     """
@@ -63,7 +64,8 @@ def factored_values(
                 size = factor[i].real ** 2 + factor[i].imag ** 2
                 factor[i] = complex(factor[i].real / size, -factor[i].imag / size)
                 bottom *= factor[i]
-        for i in range(numerators):  # a factor may be zero: leave it out instead of dividing by it
+        # a factor may be zero: its derivative uses the product without it, instead of a division
+        for i in range(numerators):
             others[i] = top
             top *= factor[i]
         behind = complex(1.0)

@@ -12,7 +12,8 @@ from workbench.fitting.rational import Rational
 
 
 class FittedSystem(ProgramAnswer, control.StateSpace):
-    """A StateSpace with the certificate of its fit; what is computed from it is a StateSpace.
+    """A StateSpace with the certificate of its fit. Systems computed from it are plain StateSpace
+    objects.
 
     ``value`` is the worst error of the fit.
 

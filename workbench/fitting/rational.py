@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flint import fmpq, fmpq_poly
 
 CONVERSION_ROUNDING = 1e-9
-"""Relative error of a response that is rounding of the roots only."""
+"""Relative error of a response that is explained by rounding of the roots."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,10 +86,10 @@ class Rational(ProgramAnswer):
         return bool(np.all(self.zeros.real < 0))
 
     def __call__(self, s: ArrayLike) -> ComplexArray:
-        """Values at complex frequencies [rad/s], of the same shape."""
+        """Values at complex frequencies s [rad/s], of the same shape as s."""
         s = np.asarray(s, dtype=complex)
         value = np.full(s.shape, self.gain, dtype=complex)
-        for i, pole in enumerate(self.poles):  # interleaved, so that no product overflows
+        for i, pole in enumerate(self.poles):  # factors interleaved, so that no product overflows
             if i < self.zeros.size:
                 value *= s - self.zeros[i]
             value /= s - pole
@@ -104,7 +104,7 @@ class Rational(ProgramAnswer):
         return Rational(self.zeros, self.poles, self.gain * factor)
 
     def inverse(self) -> Rational:
-        """1 / function; it exists only with as many zeros as poles."""
+        """1 / function; it exists only if there are as many zeros as poles."""
         return Rational(self.poles, self.zeros, 1 / self.gain)
 
     @property
@@ -132,7 +132,7 @@ class Rational(ProgramAnswer):
             b = np.vstack([b, b2 @ d])
             c = np.hstack([d2 * c, c2])
             d = d2 * d
-        share = np.sqrt(abs(gain)) or 1.0  # input and output of the same size
+        share = np.sqrt(abs(gain)) or 1.0  # input and output scaled to the same size
         return control.ss(a, b * share, c * (gain / share), d * gain)
 
     def _sections(self) -> list[tuple[RealArray, RealArray]]:
@@ -254,13 +254,15 @@ def _parts(system: StateSpace) -> tuple[RealArray, ...]:
 
 
 def _log_sizes(function: Rational) -> RealArray:
-    """Logarithms of the sizes of roots other than 0; of 1 without any."""
+    """Logarithms of the sizes of roots other than 0; those of 1 if there are none."""
     sizes = np.abs(np.concatenate([function.zeros, function.poles]))
     return np.log(sizes[sizes > 0]) if sizes.any() else np.zeros(1)
 
 
 def _distance(function: Rational, system: StateSpace) -> float:
-    """Largest relative difference of the responses, off the axis, about the sizes of the roots."""
+    """Largest relative difference of the responses at points off the axis, near the sizes of the
+    roots.
+    """
     s = np.exp(np.quantile(_log_sizes(function), np.linspace(0, 1, 9))) * (1.0 + 0.5j)
     values = np.array([complex(system(each)) for each in s])
     with np.errstate(all="ignore"):
@@ -306,7 +308,7 @@ def _grouped(roots: ComplexArray) -> list[ComplexArray]:
 
 
 def _level(roots: ComplexArray) -> float:
-    """Mean logarithm of the sizes of some roots."""
+    """Mean logarithm of the sizes of the roots."""
     return float(np.mean(np.log(np.maximum(np.abs(roots), np.finfo(float).tiny))))
 
 

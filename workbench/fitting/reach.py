@@ -1,4 +1,4 @@
-"""Roots that data place very far away, brought to where a realisation in doubles can have them."""
+"""Roots very far from the data, moved to where doubles can realise them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ MIN_ROOT_DAMPING = 1e-9
 def within_reach(function: Rational, omega: RealArray, reach: float) -> Rational:
     """The function with its roots at most a factor ``reach`` beyond the first or last frequency.
 
-    Data at frequencies omega [rad/s] say of a root so far away only that it is far: moved, it
-    changes the response there by about 1 / reach, relatively. Where it was, a realisation would
-    have to be the small difference of huge numbers.
+    Data at frequencies omega [rad/s] only show that such a root is far away: moving it changes the
+    response there by about 1 / reach, relatively. Left where it was, the realisation would be a
+    small difference of huge numbers.
     """
     low, high = omega[0] / reach, omega[-1] * reach
 

@@ -1,4 +1,4 @@
-"""Damping and frequency of the pairs of roots of a factored function, by its parameters."""
+"""Damping ratios and frequencies of root pairs, as linear functions of a fit's parameters."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from workbench.arrays import RealArray
 from workbench.fitting.factored import FactoredRational
 
 DAMPING, FREQUENCY = np.array([-0.5, 1.0, -0.5]), np.array([0.5, 0.0, -0.5])
-"""Of c0 + c1 x + c2 x^2 with logarithms (3,) of its coefficients: log 2 damping and log frequency
-are these combinations of them."""
+"""Combinations of the logarithms (3,) of the coefficients of c0 + c1 x + c2 x^2 that give log 2
+damping and log frequency.
+"""
 
 
 def pair_logarithms(function: FactoredRational) -> tuple[RealArray, RealArray]:
     """Logarithms of damping ratio and frequency [rad/s] of each pair of roots left of the axis.
 
-    Both are linear in the parameters (P,): the rows (K, P + 1) hold their coefficients, and at the
-    end what is added. A damping ratio above 1 belongs to two real roots.
+    Both are linear in the parameters (P,): the rows (K, P + 1) hold their coefficients, and the
+    constant at the end. A damping ratio above 1 belongs to two real roots.
     """
     damping, frequency, at = [], [], 0
     count = function.start.size

@@ -66,7 +66,7 @@ def _as_array(name: str, given: ArrayLike, kinds: str) -> np.ndarray:
     """An array whose type is one of the given kinds of NumPy, or an `InputError`."""
     try:
         values = np.asarray(given)
-    except Exception as error:  # an object that is no array may say so by any error
+    except Exception as error:  # an object that is not an array may fail with any error
         raise InputError(f"{name} is no array of numbers: {error}") from None
     if values.dtype.kind not in kinds:
         needed = "numbers" if "c" in kinds else "real numbers"

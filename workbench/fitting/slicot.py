@@ -31,6 +31,6 @@ def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: 
             0, int(minimum_phase), omega.size,
             response.real / size, response.imag / size, omega / scale, order, 0.0,
         )  # fmt: skip
-    except Exception as error:  # slycot raises classes of its own
+    except Exception as error:  # slycot raises exception classes of its own
         raise SolverError(f"SB10YD: {' '.join(str(error).split())}") from None
     return from_system(control.ss(a * scale, b * scale, c * size, d * size))

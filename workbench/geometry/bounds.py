@@ -1,7 +1,7 @@
 """Lower bounds on the sizes of circles and stadiums, from the points alone.
 
-The bounds share no code with the methods. A method's answer only tells where to look for a bound:
-every bound holds for the optimum, whatever the answer was.
+The bounds share no code with the methods. A method's answer only decides where the search for a
+bound begins: every bound holds for the optimum, whatever the answer was.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from workbench.arrays import EPS
 LONG_EPS = np.finfo(np.longdouble).eps
 """Relative spacing of extended-precision numbers."""
 MAX_SUPPORT_EXCHANGES = 100
-"""Most points that may enter the support of a circle's bound; three or four are usual.
+"""Largest number of points that may enter the support of a circle's bound; three or four are usual.
+The bound reached by then is returned: it is valid for any support.
 
 The bound reached by then is returned: it holds for any support.
 """
@@ -38,7 +39,7 @@ def circle_radius_bound(points: np.ndarray, center: np.ndarray) -> np.ndarray:
     Returns
     -------
     extended-precision array, shape (...)
-        The bounds, rounded downward; NaN where the centre is not finite.
+        The bounds, rounded downward; NaN if the centre is not finite.
     """
     sets = points.reshape(-1, points.shape[-1]).astype(np.clongdouble)
     bounds = [_dual_bound(set_, c) for set_, c in zip(sets, np.ravel(center), strict=True)]
@@ -68,7 +69,7 @@ def _dual_bound(points: np.ndarray, center: complex) -> np.longdouble:
 
 
 def _heaviest(points: np.ndarray, support: list[int]) -> tuple[list[int], np.ndarray]:
-    """Choose among up to four points the one, two or three with the largest bound.
+    """Choose, among up to four points, the one, two or three points with the largest bound.
 
     Returns the indices of the chosen points and their weights.
     """
@@ -153,7 +154,8 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
         at_split = np.minimum(width(pair_l, split), width(pair_r, split))
         lower = np.minimum(width(pair_l, left), width(pair_r, right))
         lower = np.minimum(lower, np.where(inside, at_split, np.inf))
-        # Without a crossing one pair is wider on the whole interval: its smaller end value bounds.
+        # Without a crossing one pair is wider on the whole interval: its smaller end value is the
+        # bound.
         one = np.maximum(
             np.minimum(width(pair_l, left), width(pair_l, right)),
             np.minimum(width(pair_r, left), width(pair_r, right)),

@@ -95,7 +95,7 @@ def smallest_circle(
     -------
     Circle
         ``center`` (complex) and ``radius``, of shape (...). The radius is rounded upward, so that
-        every point is inside. Its `certificate` is made when somebody asks for it.
+        every point is inside. Its `certificate` is made when it is first asked for.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def smallest_circle(
 
 
 def finite_answer(program: Cover, name: str, options: Options | None) -> Any:
-    """Answer of a method; raises SolverError where it gave none, or a radius is not finite."""
+    """Answer of a method; raises SolverError if there is none, or if a radius is not finite."""
     return answer_of(program, name, options, usable=lambda one: bool(np.isfinite(one.radius).all()))
 
 

@@ -24,7 +24,7 @@ from workbench.program import Program
 from workbench.second_opinion.support import reach_beyond
 
 SUPPORT_TOLERANCE = 1e-8
-"""As `CONTAINMENT_TOLERANCE`, for the second opinion in plain double precision."""
+"""Same as `CONTAINMENT_TOLERANCE`, for the second opinion in plain double precision."""
 CONTAINMENT_TOLERANCE = 1e-9
 """Largest distance of a point beyond its shape, relative to the radius, in a valid certificate."""
 

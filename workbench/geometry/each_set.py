@@ -67,8 +67,8 @@ class SegmentFrame:
     """Data of the program for the half-length of a stadium whose angle and axis are known.
 
     All lengths are in units of the radius. Point i must be within 1 of a point of the segment; that
-    point lies ``s_i`` further along the axis than point i itself. The program is: least half-length
-    l over the middle m and the shifts s (N,) with
+    point of the segment lies ``s_i`` further along the axis than point i. The program is: least
+    half-length l over the middle m and the shifts s (N,) with
 
         s^2 + beside^2 <= 1,  ahead + s - m <= l,  behind - s + m <= l.
 

@@ -24,8 +24,9 @@ from workbench.geometry.points import (
 )
 
 MAX_BASIS_EXCHANGES = 200
-"""Most exchanges of the basis of one set. Only rounding can ask for more, in an endless cycle; the
-best centre found is kept."""
+"""Largest number of exchanges of the basis of one set. Only rounding can cause more, in an endless
+cycle; then the best centre found is kept.
+"""
 
 
 def exact_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -117,9 +118,9 @@ def _exchange(
     """The smallest circle of basis[:size] and the entering point basis[size].
 
     The entering point and one or two others lie on this circle. Among the at most six circles of
-    that kind, it is the one whose centre has the smallest largest distance from the points, a
-    choice that needs no tolerance. The basis is rewritten in place; the centre (x, y) of the circle
-    and the new size of the basis are returned.
+    that kind, the one is chosen whose centre has the least maximal distance from the points; this
+    choice needs no tolerance. The basis is rewritten in place; the centre (x, y) of the circle and
+    the new size of the basis are returned.
     """
     group = basis[: size + 1].copy()
     p = group[size]

@@ -38,7 +38,7 @@ from workbench.geometry.points import (
 WIDTH_TIE = 64.0 * EPS
 """Relative difference up to which widths count as equal; half-length then decides between edges."""
 MAX_POINT_VISITS = 2**22
-"""Most point visits for the comparison of half-lengths of one set."""
+"""Largest number of point visits in the comparison of half-lengths for one set."""
 MIN_EDGES_COMPARED = 4
 """Number of edges of equal width whose half-lengths are compared, however many points they take."""
 
@@ -70,15 +70,15 @@ def _stadiums(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Centre, radius, half-length and angle, each (A,), of A stadiums around the sets (S, N).
 
-    ``which`` (A,) holds the index of the set of each stadium; ``centered`` and ``directed`` tell
-    whether the given centres (A,) and angles (A,) hold.
+    ``which`` (A,) holds the index of the set of each stadium; ``centered`` and ``directed`` say
+    whether the given centres (A,) and angles (A,) are used.
     """
     center = given_center.copy()
     angle = given_angle.copy()
     radius, half_length = np.empty(which.size), np.empty(which.size)
     for i, chosen in enumerate(which):
         points = sets[chosen]
-        # Many directions may be asked for of one set: what they share is computed once.
+        # Several directions may be asked for one set: quantities that they share are computed once.
         if i == 0 or not directed or chosen != which[i - 1] or center[i] != given_center[i - 1]:
             frame = find_frame(points, centered, center[i])
             x, y = to_frame(points, frame)
@@ -116,7 +116,7 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
 def _radius(
     x: np.ndarray, y: np.ndarray, frame: Frame, half_length: float, c: float, s: float
 ) -> float:
-    """As `stadium_radius`, of a set given by its coordinates (N,), (N,) about the centre.
+    """As `stadium_radius`, for a set given by its coordinates (N,), (N,) relative to the centre.
 
     The angle is given by its cosine c and sine s.
     """
@@ -203,7 +203,7 @@ def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The method is rotating calipers (Shamos, "Computational geometry", 1978).
     """
     width = np.empty(x.size)
-    far = np.int64(1)  # a literal 1 would compile all anew
+    far = np.int64(1)  # a literal 1 would make Numba compile everything anew
     for i in range(x.size):
         j = (i + 1) % x.size
         # the opposite vertex advances as long as the next one is farther from the edge

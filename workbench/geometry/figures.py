@@ -22,7 +22,7 @@ def shape_figures(
 ) -> dict[str, Figure]:
     """Figures of all shapes, of the shapes in each window, and of the sizes over the first axis.
 
-    Without numbers along a single leading axis there is only the figure of all shapes.
+    Unless there is a single leading axis with numbers, there is only the figure of all shapes.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | Non
     axes.add_collection(shapes)
     if len(chosen) < FILLED_BELOW:
         axes.add_collection(PolyCollection(corners, linewidths=0, alpha=0.06, **coloured))
-    if axis is not None and len(chosen) == len(values):  # each member's path through the sets
+    if axis is not None and len(chosen) == len(values):  # the path of each point through the sets
         axes.plot(values.real, values.imag, color="0.6", linewidth=0.5, zorder=1)
     axes.scatter(
         values[chosen].real.ravel(),

@@ -41,7 +41,7 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     The first vertex is the lowest of the leftmost points. The points have coordinates (N,), (N,) of
     unit size (see `find_frame`). Coincident points give one vertex.
     """
-    # loops in place of NumPy's indexing, joining and sorting, whose compilation takes longest
+    # loops instead of NumPy's indexing, joining and sorting, which take the longest to compile
     kept = np.empty(x.size, dtype=np.int64)
     size = x.size
     if size > THINNED_ABOVE:
@@ -52,7 +52,7 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     lowest, highest = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     _merge_sort(x, kept, lowest, size)
     # only the lowest and the highest point on a vertical line can be vertices
-    columns = np.int64(0)  # a literal 0 would compile all anew
+    columns = np.int64(0)  # a literal 0 would make Numba compile everything anew
     for k in range(size):
         i = kept[k]
         if columns and x[i] == x[lowest[columns - 1]]:
@@ -103,7 +103,8 @@ def _merge_sort(x: np.ndarray, order: np.ndarray, spare: np.ndarray, size: int) 
 
 @unchecked_kernel
 def _keep_chain(x: np.ndarray, y: np.ndarray, order: np.ndarray, count: int) -> int:
-    """Keep of a sequence, strictly monotone in x, the points of a chain with left turns only.
+    """From a sequence that is strictly monotone in x, keep the points of a chain with left turns
+    only.
 
     The sequence is the first ``count`` of ``order``. Returns how many are kept, in their places.
     """
@@ -153,7 +154,7 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray, kept: np.ndarray) -> int:
         if minus > value[7]:
             value[7], corner[7] = minus, i
     corner[8] = corner[0]
-    # inside: normal . p < offset for all edges, less a margin for rounding (|p| <= sqrt 2)
+    # inside: normal . p < offset for all edges, minus a margin for rounding (|p| <= sqrt 2)
     for k in range(8):
         i, j = corner[k], corner[k + 1]
         if i != j:
@@ -189,7 +190,7 @@ def cross(x: np.ndarray, y: np.ndarray, a: int, b: int, c: int, d: int) -> float
 
 @unchecked_kernel
 def _difference_error(a: float, b: float) -> float:
-    """Rounding error of a - b: the exact difference less the rounded one (Knuth)."""
+    """Rounding error of a - b: the exact difference minus the rounded one (Knuth)."""
     difference = a - b
     part = a - difference
     return (a - (difference + part)) + (part - b)

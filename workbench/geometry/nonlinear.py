@@ -18,7 +18,7 @@ from workbench.solvers import Outcome, ipopt, ipopt_outcome
 STARTING_ANGLES = 12
 """Number of starting angles; the width of twelve points has about as many local minima."""
 MIN_STRIP_UNIT = 1e-12
-"""Smallest unit of length, relative to the set's size, of the program that refines a strip."""
+"""Smallest unit of length, relative to the set's size, in the program that refines a strip."""
 
 
 @method(SmallestCircle, "ipopt", optimal=True)
@@ -85,7 +85,9 @@ def _stadium(program: NarrowestStadium, context: Context) -> Claim:
 
 
 def _strip(count: int, context: Context) -> Any:
-    """Solver for the strip of least radius; variables turn, axis, radius, in units of a width."""
+    """Solver for the strip of least radius; its variables are turn, axis and radius, in units of a
+    width.
+    """
     import casadi as ca
 
     along, across, width = ca.SX.sym("t", count), ca.SX.sym("h", count), ca.SX.sym("w")

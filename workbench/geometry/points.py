@@ -94,7 +94,7 @@ def _numeric(name: str, given: ArrayLike) -> np.ndarray:
     """The given numbers as an array, or an `InputError` that names them."""
     try:
         values = np.asarray(given)
-    except Exception as error:  # an object that is no array may say so by any error
+    except Exception as error:  # an object that is not an array may fail with any error
         raise InputError(f"{name} are no array of numbers: {error}") from None
     if values.dtype.kind not in "iufc":
         raise InputError(f"{name} of type {values.dtype} are no numbers; needed is complex or real")
@@ -102,7 +102,7 @@ def _numeric(name: str, given: ArrayLike) -> np.ndarray:
 
 
 def _finite(name: str, values: np.ndarray) -> np.ndarray:
-    """The same values, or an `InputError` that tells where one is not finite."""
+    """The same values, or an `InputError` that says which one is not finite."""
     bad = ~np.isfinite(values)
     if bad.any():
         first = tuple(int(axis[0]) for axis in np.nonzero(np.atleast_1d(bad)))

@@ -53,7 +53,7 @@ class NarrowestStadium(EnclosingStadium):
     def radius_bound(self, answer: Stadium) -> np.ndarray:
         """Lower bound (...) on the radius of every stadium with the given centre and angle.
 
-        The answer's centre only serves as a place to compute from where no centre is given.
+        If no centre is given, the answer's centre only serves as the origin of the computation.
         """
         about = np.asarray(answer.center) if self.center is None else self.center
         if self.angle is not None:
@@ -74,8 +74,8 @@ class NarrowestStadium(EnclosingStadium):
         It is relative to the radius, and 0 where the half-length is 0. A point beyond the end of
         the segment touches when its distance from the end is the radius, a point beside the segment
         when it is level with the end; the shortfall of either counts. Both ends must touch a point
-        if the centre is free, one of them if it is given. Where the touching point also lies on the
-        side, the slack grows with the square of the excess length, because the length is just as
+        if the centre is free, one of them if it is given. If the touching point also lies on a
+        straight side, the slack grows with the square of the excess length: the length itself is
         ill-conditioned there.
         """
         radius, length = np.asarray(answer.radius), np.asarray(answer.half_length)

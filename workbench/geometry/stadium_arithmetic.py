@@ -1,7 +1,7 @@
 """Arithmetic with stadiums in the complex plane: products with numbers, distances of points.
 
-A circle times a complex number is a circle, and a stadium a stadium, turned by the number's
-argument. So sets of plants become sets of loops.
+A circle times a complex number is a circle, and a stadium times a complex number is a stadium,
+turned by the number's argument. In this way sets of plants become sets of loops.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from workbench.geometry.enclosing import Stadium
 from workbench.geometry.stadium import NarrowestStadium
 
 SEGMENT_POINTS = 721
-"""Points of a segment, and half planes, that bound a distance; refined once around the best."""
+"""Number of points of a segment, and of half planes, that bound a distance; refined once around the
+best.
+"""
 
 
 def multiplied(factor: ArrayLike, sets: Stadium) -> Stadium:
@@ -70,8 +72,8 @@ def signed_distance(point: complex, sets: Stadium) -> RealArray:
 def signed_distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, RealArray]:
     """Lower and upper bounds (F,) of `signed_distance`, by other formulas.
 
-    A half plane with the segment inside bounds the distance from below, a point of the segment
-    from above. Both are refined once around the best.
+    A half plane that contains the segment gives a lower bound of the distance, a point of the
+    segment an upper bound. Both are refined once around the best.
 
     Examples
     --------
@@ -98,7 +100,9 @@ def signed_distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, Re
 
 
 def _refined(value: Callable[[RealArray], RealArray], grid: RealArray) -> RealArray:
-    """Largest value (F,) on a grid (F, N), and between the neighbours of where it is."""
+    """Largest value (F,) on a grid (F, N) and on a finer one between the neighbours of the
+    maximum.
+    """
     best = grid[np.arange(len(grid)), value(grid).argmax(axis=1)][:, None]
     step = grid[:, 1:2] - grid[:, :1]
     finer = np.clip(best + step * np.linspace(-1, 1, SEGMENT_POINTS), -1, 1)

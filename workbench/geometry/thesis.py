@@ -1,13 +1,14 @@
 """The procedures of the thesis for circles and stadiums, as printed (sections 5.3.1, 5.4.1, 5.4.2).
 
-They are here to be compared with the exact answers. Where the text is ambiguous, it is read so:
+They serve for comparison with the exact answers. Where the text is ambiguous, it is read as
+follows:
 
 * 5.3.1 "geometric center": the mean of the points. An angle is acute if it is less than a right
-  angle; of two angles that are not, the one at P_1 is looked at first.
+  angle; if two angles are not, the one at P_1 is treated first.
 * 5.4.2, first candidate: a side of the polygon and its mirror image in the given centre; valid if
   all vertices lie between the two.
 * 5.4.2, second candidate: "all the median points of the polygon" are the midpoints of its sides,
-  or those of all pairs of its vertices, for which the optimum asks. In figure 5.9, a triangle, they
+  or those of all pairs of its vertices, which the optimum requires. In figure 5.9, a triangle, they
   are the same.
 * A set of coincident points has no sides, so the stadium's procedures have no candidate.
 
@@ -37,14 +38,17 @@ from workbench.geometry.points import (
 )
 
 Medians = Literal["sides", "pairs"]
-"""Whose midpoints the median points of a polygon are."""
+"""Which midpoints are the median points of a polygon: those of its sides or of all pairs of
+vertices.
+"""
 BETWEEN_SLACK = 64.0 * EPS
-"""Distance, in units of the set's size, by which a vertex may lie outside the strip of a candidate:
-rounding only."""
+"""Largest distance, in units of the set's size, of a vertex outside the strip of a candidate; it
+allows for rounding only.
+"""
 
 
 def thesis_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (...) and radius (...) of the circles of 5.3.1; NaN where the loop does not end."""
+    """Centre (...) and radius (...) of the circles of 5.3.1; NaN if the loop does not end."""
     batch = as_batch(points)
     center = np.empty(len(batch.sets), dtype=np.complex128)
     radius = np.empty(len(batch.sets))
@@ -67,7 +71,7 @@ def thesis_stadium(
     """Centre, radius, half-length and angle, each (...), of the stadiums of 5.4.1 and 5.4.2.
 
     Without a valid candidate radius, half-length and angle are NaN, and so is a free centre.
-    medians: whose midpoints 5.4.2 tries with a given centre, those of sides or of all pairs of
+    medians: the midpoints that 5.4.2 tries with a given centre, those of sides or of all pairs of
     vertices.
     """
     if angle is not None:

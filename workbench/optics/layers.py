@@ -25,10 +25,10 @@ class TrackLayer:
 
     pitch        distance of the tracks;
     period       distance from pit to pit along a track;
-    length       of a pit, at most the period: a groove where they are the same;
-    width        of a pit, at most the pitch;
-    phase        by which a pit delays the light, both ways [rad];
-    reflection   amplitude that a pit reflects, where the land reflects 1;
+    length       length of a pit, at most the period; if equal, the pits form a groove;
+    width        width of a pit, at most the pitch;
+    phase        phase by which a pit delays the light, both ways [rad];
+    reflection   amplitude that a pit reflects, relative to that of the land;
     stagger      shift of the pits from one track to the next, as a share of the period.
 
     Raises InputError for lengths outside these ranges.
@@ -96,8 +96,8 @@ class Reading(NamedTuple):
 def read_layer(layer: TrackLayer, pupil: Pupil, place: RealArray, detectors: RealArray) -> Reading:
     """Reading of a layer at distances (Y,) from the middle of a track, by D detectors in the pupil.
 
-    detectors (D, n, n): share of the light that each takes of every cell of the pupil. Raises
-    InputError for detectors of another shape.
+    detectors (D, n, n): share of the light in each cell of the pupil that each detector receives.
+    Raises InputError for detectors of another shape.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def _shifted(pupil: Pupil, right: float, up: float) -> RealArray:
 
 
 def quadrants(pupil: Pupil, shift: float = 0.0) -> RealArray:
-    """Four detectors (4, n, n), in turn about the centre, with the split across moved by a shift.
+    """Four quadrant detectors (4, n, n); their dividing line along x is moved by a shift.
 
     The first lies at x > 0 and y > shift, the second at x < 0 and y > shift.
 

@@ -46,7 +46,7 @@ class Pupil:
 
 
 def round_pupil(samples: int) -> Pupil:
-    """Pupil of so many cells along its diameter. Raises InputError for fewer than 8 cells.
+    """Pupil with this many cells along its diameter. Raises InputError for fewer than 8 cells.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def round_pupil(samples: int) -> Pupil:
 
 
 def defocus(pupil: Pupil, NA: float) -> RealArray:
-    """Path (n, n) that a point source adds at the pupil when it moves by 1 away from it.
+    """Change of the path length (n, n) at the pupil when a point source moves away from it by 1.
 
     The pupil obeys the sine condition with the numerical aperture NA, between 0 and 1. A mirror
     that moves by 1 adds twice as much. Raises InputError for another aperture.
@@ -124,7 +124,7 @@ def far_field(pupil: Pupil, field: ComplexArray, place: RealArray) -> ComplexArr
 
 
 def share_within(place: RealArray, low: ArrayLike, high: ArrayLike) -> RealArray:
-    """Share (..., N) of each cell about even places (N,) that lies between low and high (...).
+    """Share (..., N) of each cell around equally spaced places (N,) between low and high (...).
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""What the states of a system are worth: Gramians, Hankel values, parts, minimal ones; proven.
+"""How much the states of a system matter: Gramians, Hankel values, parts, minimal realisations.
 
 Takes: linear systems, continuous or sampled, integrators included.
 Gives: smaller systems and parts, with proven bounds of the difference.
-Rests on: Lyapunov equations, and the H-infinity norm of what was left out.
+Rests on: Lyapunov equations, and the H-infinity norm of the difference.
 """
 
 from typing import TYPE_CHECKING

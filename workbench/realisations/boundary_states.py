@@ -1,4 +1,4 @@
-"""The least realisation of a part with poles on the boundary of stability, in fractions."""
+"""A minimal realisation of the part with poles on the boundary of stability, in exact fractions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from workbench.systems.realisation import Matrices, matrices_of
 
 
 def least_boundary_part(system: StateSpace) -> Matrices:
-    """A, B, C and D = 0 of the exact part on the boundary with the fewest states, rounded.
+    """A, B, C and D = 0 of the exact part on the boundary, with the fewest states, rounded to
+    doubles.
 
-    The matrix H of its Markov parameters is the product of the rows C A^i and the columns A^j B of
-    the part. Rows and columns that H's rank stands on give a basis (B. L. Ho, R. E. Kalman,
-    Effective construction of linear state-variable models from input/output functions,
-    Regelungstechnik 14 (1966) 545-548).
+    The matrix H of its Markov parameters is the product of the rows C A^i and the columns A^j B.
+    Rows and columns that determine the rank of H give a basis (B. L. Ho, R. E. Kalman, Effective
+    construction of linear state-variable models from input/output functions, Regelungstechnik 14
+    (1966) 545-548).
     """
     A, B, C, D = matrices_of(system)
     projector = boundary_projector(A, bool(system.dt))
@@ -60,7 +61,7 @@ def _picked(matrix: fmpq_mat, rows: Sequence[int]) -> fmpq_mat:
 
 
 def _pivots(matrix: fmpq_mat) -> list[int]:
-    """Columns of a matrix that are a basis of its range: the first that are independent."""
+    """Indices of the first independent columns of a matrix, which are a basis of its range."""
     reduced, rank = matrix.rref()
     width = reduced.ncols()
     return [next(j for j in range(width) if reduced[i, j] != 0) for i in range(rank)]

@@ -1,4 +1,4 @@
-"""Descriptor systems E x' = A x + B u, y = C x + D u, as systems of states, not approximated."""
+"""Descriptor systems E x' = A x + B u, y = C x + D u, converted exactly to state space."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from workbench.systems.realisation import Matrices, realisation
 RANK_ROUNDING = 100.0
 """Singular values below this multiple of rounding, in balanced units, count as zero."""
 KEPT_DIGITS = 1e-6
-"""Largest relative difference between responses of the descriptor form and of the states."""
+"""Largest relative difference between responses of the descriptor form and of the state space."""
 TEST_POINTS = (0.3 + 0.9j, 1.0 + 0.2j, 4.0 + 3.0j)
-"""Points at which they are compared, over the speed of the system."""
+"""Points at which they are compared, relative to the speed of the system."""
 
 Descriptor = tuple[RealArray, RealArray, RealArray, RealArray, RealArray]
 """E, A, B, C and D."""
@@ -26,10 +26,10 @@ Descriptor = tuple[RealArray, RealArray, RealArray, RealArray, RealArray]
 def from_descriptor(
     A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, E: ArrayLike, *, dt: float = 0.0
 ) -> StateSpace:
-    """The system of states that has the response of a descriptor system.
+    """The state-space system with the response of a descriptor system.
 
-    Equations without a derivative are solved, and constraints on the states are removed with the
-    states that they tie, until E is invertible. Nothing is approximated.
+    Equations without a derivative are solved, and constraints on the states are removed together
+    with the states that they determine, until E is invertible. Nothing is approximated.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def from_descriptor(
 
 
 def _checked(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, E: ArrayLike) -> Descriptor:
-    """E, A, B, C and D as finite matrices that fit."""
+    """E, A, B, C and D as finite matrices whose shapes agree."""
     found = {"A": A, "B": B, "C": C, "D": D, "E": E}
     parts = {name: np.atleast_2d(as_array(value, name)) for name, value in found.items()}
     n, m, p = len(parts["A"]), parts["B"].shape[-1], len(parts["C"])
@@ -93,13 +93,13 @@ def _checked(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, E: ArrayLik
 
 
 def _speed(E: RealArray, A: RealArray) -> float:
-    """A frequency [rad/s] at which E and A count alike."""
+    """A frequency [rad/s] at which E and A have equal weight."""
     sizes = float(np.abs(A).max(initial=0.0)), float(np.abs(E).max(initial=0.0))
     return sizes[0] / sizes[1] if all(sizes) else 1.0
 
 
 def _balanced(parts: Descriptor) -> Descriptor:
-    """The same system with equations and states of similar size."""
+    """The same system with equations and states scaled to similar size."""
     E, A, B, C, D = parts
     rows, columns = balancing(np.abs(E) + np.abs(A), 0)
     left, right = rows[:, None], columns[None, :]
@@ -107,7 +107,7 @@ def _balanced(parts: Descriptor) -> Descriptor:
 
 
 def _regular(parts: Descriptor) -> Descriptor:
-    """The parts; raises InputError where s E - A is singular for every s."""
+    """The matrices, unchanged; raises InputError if s E - A is singular for every s."""
     E, A = parts[:2]
     sizes = [np.linalg.svd(s * E - A, compute_uv=False) for s in TEST_POINTS]
     if max(float(size[-1]) for size in sizes) <= RANK_ROUNDING * EPS * len(A):
@@ -119,10 +119,11 @@ def _regular(parts: Descriptor) -> Descriptor:
 
 
 def _without_algebraic_states(parts: Descriptor) -> Matrices:
-    """A, B, C and D of states: constraints are removed, algebraic equations are solved.
+    """A, B, C and D of a state-space system: constraints are removed, algebraic equations are
+    solved.
 
-    A constraint of states that inputs move at once is none of the transposed system, if no output
-    shows the derivative of the input.
+    The transposed system is used too: it has no constraint where this one has a constraint on
+    states that inputs move at once, if no output shows the derivative of the input.
     """
     turned = stuck = False
     while True:
@@ -160,7 +161,7 @@ def _with_identity_first(parts: Descriptor) -> tuple[Descriptor, int]:
 
 
 def _without_last_states(parts: Descriptor, rank: int) -> Matrices:
-    """The system without the states that its last equations give."""
+    """The system without the states that its last equations determine."""
     _, A, B, C, D = parts
     last = np.linalg.solve(A[rank:, rank:], np.hstack([A[rank:, :rank], B[rank:]]))
     x, u = last[:, :rank], last[:, rank:]
@@ -169,7 +170,9 @@ def _without_last_states(parts: Descriptor, rank: int) -> Matrices:
 
 
 def _without_constraints(parts: Descriptor, rank: int, rows: RealArray, count: int) -> Descriptor:
-    """The system on the states that its last `count` equations allow, after a turn of the last."""
+    """The system on those states that its last `count` equations allow, after a rotation of the
+    last states.
+    """
     E, A, B, C, D = parts
     n = len(A)
     turned = np.eye(n)
@@ -188,7 +191,7 @@ def _transposed(parts: Descriptor) -> Descriptor:
 
 
 def _least(M: RealArray) -> float:
-    """What counts as zero among the singular values of a matrix."""
+    """Bound below which a singular value of a matrix counts as zero."""
     return RANK_ROUNDING * EPS * float(np.abs(M).max(initial=0.0)) * max(M.shape)
 
 

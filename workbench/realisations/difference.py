@@ -1,4 +1,4 @@
-"""The largest gain of the difference of two systems, proven, with weights on both sides."""
+"""Proven bound of the largest gain of the difference of two systems, with weights on both sides."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, in_series, matrices_of, realisation
 
 SAME_BOUNDARY = 1e-9
-"""Share by which parts on the boundary of stability may differ and still be rounding of one."""
+"""Parts on the boundary of stability may differ by this share and still count as equal up to
+rounding.
+"""
 
 
 def difference_bound(
@@ -32,9 +34,9 @@ def difference_bound(
 ) -> float:
     """A bound of the largest gain of W_o (G - H) W_i over all frequencies.
 
-    Beside the parts with poles on the boundary of stability, which must agree up to rounding.
-    Infinite where nothing proves one. Weights are stable; None is 1. What both have as their first
-    states, apart from the rest, is left out.
+    The parts with poles on the boundary of stability are left out; they must agree up to rounding.
+    The bound is infinite if none is proven. Weights are stable; None is 1. First states that both
+    systems share, decoupled from the rest, are left out.
     """
     system, other = _without_shared_states(system, other)
     if not system.dt:  # gains are the same in another unit of time, a power of two
@@ -59,22 +61,24 @@ def difference_bound(
     if leaving is not None:
         factor *= certified_norm(leaving)
         between = in_series(between, matrices_of(leaving))
-    # The products of direct terms, and the sums of states of a series, are rounded.
+    # The products of direct terms, and the sums in a series connection, are rounded.
     rounding = 1.0 + 1e-12
     gain = certified_norm(realisation(between, dt))
-    if not math.isfinite(gain):  # poles of both that rounding hardly tells from each other
+    if not math.isfinite(gain):  # poles of both that rounding can hardly separate
         gain = factor * gain_by_modes(*stable, bool(dt))
     return (gain + factor * beside) * rounding
 
 
 def _timed(system: StateSpace, rate: float) -> StateSpace:
-    """The system with its time measured by a rate."""
+    """The system with time measured in units of 1 / rate."""
     A, B, C, D = matrices_of(system)
     return realisation((A / rate, B / rate, C, D), 0.0)
 
 
 def _without_shared_states(one: StateSpace, other: StateSpace) -> tuple[StateSpace, StateSpace]:
-    """The systems without the first states that they share, decoupled from the others."""
+    """The systems without the first states that they share and that are decoupled from the
+    others.
+    """
     parts = matrices_of(one), matrices_of(other)
     k = min(len(A) for A, _, _, _ in parts)
     while k and not (_shared(*parts, k) and all(_decoupled(A, k) for A, _, _, _ in parts)):

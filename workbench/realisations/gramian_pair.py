@@ -23,10 +23,11 @@ from workbench.systems.balancing import balancing
 from workbench.systems.realisation import matrices_of
 
 BITS = (128, 256, 512, 1024)
-"""Bits of the numbers, one after the other until the error is that of rounding to doubles."""
-CLAIMED = 2.0
-"""Errors that are claimed are this multiple of what is proven, which differs in its last bits from
-one processor to another, and of the rounding of an entry at least."""
+"""Bits of the numbers, tried in turn until the error is that of rounding to doubles."""
+CLAIMED_FACTOR = 2.0
+"""Claimed errors are this multiple of the proven errors, which differ in their last bits between
+processors, and at least this multiple of an entry's rounding.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,21 +62,21 @@ class Gramians(Answer):
 def gramians(system: Any) -> Gramians:
     """The controllability and the observability Gramian of a stable system, with proven errors.
 
-    P solves A P + P A' + B B' = 0 and Q solves A'Q + Q A + C'C = 0; in sampled time A P A' - P +
-    B B' = 0 and A'Q A - Q + C'C = 0. They belong to the states of a StateSpace as given; those of a
-    transfer function are the states of ``system`` of the answer.
+    P solves A P + P A' + B B' = 0 and Q solves A'Q + Q A + C'C = 0; in sampled time A P A' - P + B
+    B' = 0 and A'Q A - Q + C'C = 0. They belong to the states of a StateSpace as given; for a
+    transfer function they belong to the states of the answer's ``system``.
 
     Parameters
     ----------
     system
-        A StateSpace, TransferFunction or what else has states, of any number of inputs and outputs,
-        in continuous or sampled time.
+        A StateSpace, TransferFunction or other system with states, with any number of inputs and
+        outputs, in continuous or sampled time.
 
     Raises
     ------
     InputError
-        It is improper or not stable, a pole is too near to the boundary of stability, or entries
-        overflow doubles.
+        The system is improper or not stable, a pole is too near the boundary of stability, or
+        entries overflow doubles.
 
     Examples
     --------
@@ -96,7 +97,7 @@ def gramians(system: Any) -> Gramians:
     parts: list[RealArray] = []
     for near, error in _enclosed(found):
         root = np.sqrt(np.abs(np.diagonal(near)))
-        claimed = np.maximum(CLAIMED * error, EPS * np.outer(root, root))
+        claimed = np.maximum(CLAIMED_FACTOR * error, EPS * np.outer(root, root))
         parts += [near, np.nextafter(claimed, np.inf) if near.any() else claimed]
     P, P_error, Q, Q_error = parts
     return Gramians(found, P, Q, P_error, Q_error).checked_by(GramiansChecker(found))
@@ -126,7 +127,7 @@ def _enclosed(system: StateSpace) -> list[tuple[RealArray, RealArray]]:
 
 
 def _of_one(A: RealArray, B: RealArray, dt: float) -> tuple[RealArray, RealArray]:
-    """The controllability Gramian and its errors, as sharp as doubles hold it."""
+    """The controllability Gramian and its error bounds, to full double precision."""
     if not len(A):
         return np.zeros((0, 0)), np.zeros((0, 0))
     best = None
@@ -148,7 +149,7 @@ def _of_one(A: RealArray, B: RealArray, dt: float) -> tuple[RealArray, RealArray
 
 
 def _relative(near: RealArray, error: RealArray) -> float:
-    """The largest error of an entry, as a share of the sizes of its states."""
+    """The largest error of an entry, relative to the sizes of its states."""
     root = np.sqrt(np.abs(np.diagonal(near)))
     size = np.outer(root, root)
     return float((error[size > 0.0] / size[size > 0.0]).max(initial=0.0))

@@ -36,9 +36,10 @@ class HankelValues(Answer):
 
     @property
     def error_bounds(self) -> RealArray:
-        """Twice the sum of the values after the first k, of k = 0, 1, ... n (n + 1,).
+        """Twice the sum of the values after the first k, for k = 0, 1, ... n (n + 1,).
 
-        That is above the largest gain of the difference to balanced truncation to k states.
+        This is an upper bound of the largest gain of the difference to balanced truncation to k
+        states.
         """
         sums = np.cumsum(np.append(0.0, self.upper[::-1]))[::-1]
         found: RealArray = 2.0 * sums * (1.0 + len(sums) * np.finfo(float).eps)
@@ -48,9 +49,10 @@ class HankelValues(Answer):
 def hankel_values(system: Any) -> HankelValues:
     """The Hankel singular values of a stable system, each between proven bounds.
 
-    They are the roots of the eigenvalues of P Q, the Gramians: what each state of a balanced
-    realisation is worth between input and output, in any coordinates. The bounds are some 1e-9 of a
-    value apart, or 1e-16 of the largest value where that is more.
+    They are the square roots of the eigenvalues of P Q, the product of the Gramians. They measure
+    how much each state of a balanced realisation matters between input and output, and do not
+    depend on coordinates. The bounds differ by about 1e-9 of a value, or by 1e-16 of the largest
+    value if that is more.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def hankel_values(system: Any) -> HankelValues:
     Raises
     ------
     InputError
-        As `gramians`. Of an unstable system ask the values of its stable part.
+        As `gramians`. For an unstable system, ask for the values of its stable part.
 
     Examples
     --------
@@ -78,7 +80,7 @@ def hankel_values(system: Any) -> HankelValues:
     """
     found = stable_states(system, "Hankel singular values")
     lower, upper = _bounds(found)
-    # What is claimed is wider than what is proven, whose last bits differ between processors.
+    # The claimed bounds are wider than the proven ones, whose last bits differ between processors.
     slack = (upper - lower) + SHARP * upper
     least = NEGLIGIBLE * upper.max(initial=0.0)
     slack = np.where(upper > least, slack, slack + least)

@@ -1,4 +1,4 @@
-"""Minimal realisations: states that count for nothing between input and output left out, proven."""
+"""Minimal realisations, proven: states without effect from input to output are left out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.realisations.boundary_states import least_boundary_part
 from workbench.realisations.system_parts import (
-    CLAIMED,
+    CLAIMED_FACTOR,
     RESPONSE_ROUNDING,
     SystemParts,
     SystemPartsChecker,
@@ -32,17 +32,19 @@ from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 
 MINIMAL_TOLERANCE = 1e-9
-"""Largest change of the gain that states may be left out for, relative to the system's gain."""
+"""Largest change of the gain that is allowed when states are left out, relative to the system's
+gain.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MinimalRealisation(Answer):
-    """A ``system`` of fewest states, and the poles (k,) that were ``removed``.
+    """A ``system`` with the fewest states, and the poles (k,) that were ``removed``.
 
-    The largest gain of the difference over all frequencies, beside the part with poles on the
-    boundary of stability, is at most ``error``. There the first Markov parameters err by at most
-    the share ``boundary_error``. The answer also stands where a system is wanted. ``sizes`` are the
-    numbers of its states on the boundary, beyond it and within it, in this order.
+    The largest gain of the difference over all frequencies is at most ``error``, not counting the
+    part with poles on the boundary of stability. For that part, the first Markov parameters have
+    relative errors of at most ``boundary_error``. The answer can be used as a system. ``sizes`` are
+    the numbers of its states on the boundary, beyond it and inside it, in this order.
 
     Examples
     --------
@@ -79,19 +81,20 @@ class MinimalRealisation(Answer):
 
 
 def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalRealisation:
-    """A realisation without the states that count for nothing between input and output.
+    """A realisation without the states that have no effect between input and output.
 
     Those are states that no input reaches or no output shows, and pairs of poles and zeros that
-    cancel, exactly or nearly. Poles on the boundary of stability go only where they cancel exactly,
-    in fractions of the entries: else the difference would have no bound. Antistable states of a
-    sampled system are kept. A system that is minimal is returned as it is.
+    cancel, exactly or nearly. Poles on the boundary of stability are left out only if they cancel
+    exactly, decided in fractions: otherwise the difference would have no bound. Antistable states
+    of a sampled system are kept. A system that is minimal already is returned unchanged.
 
     Parameters
     ----------
     system
         As of `gramians`; it need not be stable.
     tolerance
-        Largest change of the gain, relative to the gain of the system about the poles left out.
+        Largest change of the gain, relative to the gain of the system near the poles that are left
+        out.
 
     Raises
     ------
@@ -128,7 +131,7 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
         for new, old in zip((boundary, antistable, stable), of, strict=True)
     ]
     errors = _errors(found, parts, kept)
-    if not math.isfinite(errors[0]):  # an antistable part whose difference nothing proves
+    if not math.isfinite(errors[0]):  # an antistable part for which no difference can be proven
         kept[1] = of[1]
         errors = _errors(found, parts, kept)
     if sum(len(part[0]) for part in kept) == found.nstates:
@@ -139,12 +142,14 @@ def minimal(system: Any, *, tolerance: float = MINIMAL_TOLERANCE) -> MinimalReal
     small = realisation(in_parallel(*kept), dt, **labels)
     removed = _unmatched(found.poles(), small.poles())
     sizes = len(kept[0][0]), len(kept[1][0]), len(kept[2][0])
-    error, relative = CLAIMED * errors[0], CLAIMED * errors[1]
+    error, relative = CLAIMED_FACTOR * errors[0], CLAIMED_FACTOR * errors[1]
     return MinimalRealisation(small, removed, error, relative, parts, sizes).checked_by(checker)
 
 
 def _errors(system: StateSpace, parts: SystemParts, kept: list[Matrices]) -> tuple[float, float]:
-    """The bound of the gain of the difference, and the share by which the boundary part errs."""
+    """The bound of the gain of the difference, and the relative error of the part on the
+    boundary.
+    """
     dt = float(system.dt or 0.0)
     gain = parts.error
     gain += gain_apart(matrices_of(parts.stable), kept[2], dt, False)
@@ -180,7 +185,7 @@ def _reduced(part: Matrices, system: StateSpace, tolerance: float) -> Matrices:
 
 
 def _size_about(system: StateSpace, poles: ComplexArray) -> float:
-    """The largest gain of a system at points of the plane about poles, off the boundary."""
+    """The largest gain of a system at points of the plane around poles, off the boundary."""
     turned = np.exp(1.2j)
     points = 1.0 + np.abs(poles - 1.0) * turned if system.dt else np.abs(poles) * turned
     A, B, C, D = matrices_of(system)
@@ -191,13 +196,13 @@ def _size_about(system: StateSpace, poles: ComplexArray) -> float:
 
 
 def _mirrored(part: Matrices) -> Matrices:
-    """G(-s) of an antistable part, which is stable; and back."""
+    """G(-s), which is stable for an antistable part; applied twice, the part itself."""
     A, B, C, D = part
     return -A, -B, C, D
 
 
 def _boundary_reduced(system: StateSpace, part: Matrices) -> Matrices:
-    """The part on the boundary without what is not reached or seen, exactly so."""
+    """The part on the boundary without states that are exactly unreachable or unobservable."""
     if not len(part[0]):
         return part
     A, B, C, D = least_boundary_part(system)
@@ -210,7 +215,7 @@ def _boundary_reduced(system: StateSpace, part: Matrices) -> Matrices:
 
 
 def _unmatched(poles: ComplexArray, kept: ComplexArray) -> ComplexArray:
-    """Poles that are left when each kept one has taken the nearest."""
+    """The poles that remain after each kept pole has been paired with the nearest one."""
     left = list(poles)
     for pole in kept:
         left.pop(int(np.argmin(np.abs(np.array(left) - pole))))
@@ -252,7 +257,7 @@ class MinimalChecker(Checker):
 
 
 def _blocks(answer: MinimalRealisation) -> tuple[list[Matrices], float]:
-    """The parts of a realisation, and the largest entry of A that belongs to none."""
+    """The parts of a realisation, and the largest entry of A outside their blocks."""
     A, B, C, D = matrices_of(answer.system)
     ends = np.cumsum([0, *answer.sizes])
     rest, found = A.copy(), []

@@ -1,4 +1,4 @@
-"""What is asked of stable systems alone, and in which words others are refused."""
+"""Checks for functions that need a stable system, with the message for any other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.systems.realisation import worst_pole
 
 
 def stable_states(system: Any, what: str) -> StateSpace:
-    """A system as states, proven to be stable; ``what`` belongs to such systems.
+    """A system in state space, proven to be stable; ``what`` is named in the message otherwise.
 
     Raises
     ------

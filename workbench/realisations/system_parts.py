@@ -30,25 +30,28 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import in_parallel, matrices_of, realisation
 
 NEAR = 1e-3
-"""Distance from the unit circle below which a pole may be on it; rounding moves repeated ones."""
+"""A pole may be on the unit circle if its distance from it is below this; rounding moves repeated
+poles.
+"""
 RESPONSE_ROUNDING = 1e-6
-"""Difference of responses in doubles that rounding explains."""
+"""Largest difference of responses in doubles that rounding explains."""
 VANISHING = 2.0**-150
-"""Share of the entries of a system below which an entry of its part on the boundary is 0."""
-CLAIMED = 2.0
-"""Errors that are claimed are this multiple of what is proven, which differs a little from one
-processor to another."""
+"""An entry of the part on the boundary counts as 0 below this share of the system's entries."""
+CLAIMED_FACTOR = 2.0
+"""Claimed errors are this multiple of the proven errors, which differ a little between
+processors.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SystemParts(Answer):
-    """Parts of a system, whose sum it is: ``stable``, on the ``boundary``, and ``antistable``.
+    """A system as a sum of three parts: ``stable``, on the ``boundary``, and ``antistable``.
 
     The largest gain, over all frequencies, of the difference of the stable and the antistable part
     to the exact ones is at most ``error``. The first 2 k Markov parameters of the k states on the
-    boundary err by at most the share ``boundary_error``. The states of the system are
+    boundary have relative errors of at most ``boundary_error``. The states of the system are
     ``coordinates`` times those on the boundary, the antistable and the stable ones. The direct term
-    belongs to the stable part, for which the answer also stands where a system is wanted.
+    belongs to the stable part. Where a system is needed, the answer stands for its stable part.
 
     Examples
     --------
@@ -84,10 +87,10 @@ class SystemParts(Answer):
 
 
 def stable_part(system: Any) -> SystemParts:
-    """The stable part of a system, beside its part on the boundary and its antistable part.
+    """The stable part of a system, together with its part on the boundary and its antistable part.
 
     Poles on the imaginary axis (sampled: on the unit circle) are split off first, and kept exactly
-    where they are 0 (sampled: 1). Their sum is the system, up to errors that are proven.
+    where they are 0 (sampled: 1). The sum of the three parts is the system, up to proven errors.
 
     Parameters
     ----------
@@ -97,8 +100,8 @@ def stable_part(system: Any) -> SystemParts:
     Raises
     ------
     InputError
-        It is improper, or it has poles that rounding cannot tell from the boundary and that are not
-        exactly on it.
+        The system is improper, or it has poles that are not exactly on the boundary but that
+        rounding cannot tell from it.
 
     Examples
     --------
@@ -154,12 +157,14 @@ def parts_of(system: StateSpace) -> SystemParts:
         raise _undecided()
     labels = {"inputs": system.input_labels, "outputs": system.output_labels}
     boundary, antistable_part, stable = (realisation(part, dt, **labels) for part in blocks)
-    errors = CLAIMED * error, CLAIMED * relative
+    errors = CLAIMED_FACTOR * error, CLAIMED_FACTOR * relative
     return SystemParts(stable, boundary, antistable_part, coordinates, *errors)
 
 
 def _units(A: RealArray, B: RealArray, C: RealArray, sampled: bool) -> RealArray:
-    """Factors of the states that balance a realisation, its time measured by its own speed."""
+    """Scaling factors that balance the states, with time measured in units of the system's own
+    speed.
+    """
     rate = 1.0 if sampled else unit_of_time(A, B, C)
     return state_units(A / rate, B / rate, C)
 
@@ -179,9 +184,10 @@ def _undecided() -> InputError:
 def exact_integrators(
     A: RealArray, negligible: float, sampled: bool
 ) -> tuple[RealArray, RealArray]:
-    """An orthogonal Q and Q'AQ of the part on the boundary, its poles at 0 (sampled: 1) exact.
+    """An orthogonal Q, and Q'AQ of the part on the boundary with its poles at 0 (sampled: 1) made
+    exact.
 
-    Entries up to ``negligible`` (sampled: of their distance from 1) are rounding of 0.
+    Entries up to ``negligible`` count as rounding of 0 (sampled: their distance from 1 does).
     """
     shift = np.eye(len(A)) if sampled else np.zeros((len(A), len(A)))
     moved = A - shift
@@ -195,8 +201,8 @@ def _coordinates(
 ) -> tuple[RealArray, tuple[int, int], fmpq_mat | None]:
     """V that makes V^-1 A V block diagonal, sizes of its first two blocks, and a projector.
 
-    The blocks have the poles on the boundary, beyond it, and within it; the projector is that on
-    the states of the first.
+    The blocks have the poles on the boundary, beyond it, and inside it; the projector maps to the
+    states of the first block.
     """
     n = len(A)
     units = _units(A, B, C, sampled)
@@ -233,7 +239,9 @@ def may_touch(A: RealArray, sampled: bool) -> bool:
 
 
 def _bases(projector: RealArray) -> tuple[RealArray, int]:
-    """Bases of the range of a projector and of that of the rest, side by side; the first's size."""
+    """Bases of the range of a projector and of its complement, side by side; and the size of the
+    first.
+    """
     k = round(float(np.trace(projector)))
     own = np.linalg.svd(projector)[0][:, :k]
     rest = np.linalg.svd(np.eye(len(projector)) - projector)[0][:, : len(projector) - k]
@@ -275,7 +283,7 @@ class SystemPartsChecker(Checker):
 
 
 def _mirrored(system: StateSpace) -> StateSpace:
-    """A system whose poles are stable where those of the antistable one are so, mirrored."""
+    """The mirrored system, whose poles are stable where those of the antistable system are not."""
     A = np.asarray(system.A, dtype=float)
     n = len(A)
     mirrored = np.linalg.inv(A) if system.dt and n else -A

@@ -1,4 +1,4 @@
-"""Proofs of conic programs tried in plain fractions, and on members of the cones that are drawn."""
+"""Proofs of conic programs, checked in plain fractions and on random members of the cones."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 
 MEMBERS = 20
-"""Members of the product of cones that are drawn."""
+"""Number of random members of the product of cones."""
 SAMPLED_ROUNDING = 1e-9
-"""Share of its terms that a product of doubles may lie below 0, or a slack outside of its cone."""
+"""Largest amount by which a product in doubles may be below 0, or a slack outside its cone, as a
+share of the terms.
+"""
 ROWS_ALONE = ("ZERO", "NONNEGATIVE")
-"""Cones whose rows are judged each by its own size."""
+"""Cones in which each row is judged relative to its own size."""
 STEPS = (1.0, 1e3, 1e6)
 """Steps along a ray."""
 
 
 def supports(form: Any, y: Sequence[Any]) -> Check:
-    """Check that no member drawn from the cones has a negative product with y."""
+    """Check that no random member of the cones has a negative product with y."""
     values = np.array([float(Fraction(str(value))) for value in y])
     rng, worst = np.random.default_rng(SEED), 0.0
     for _ in range(tries(MEMBERS)):
@@ -78,9 +80,10 @@ def dual_equations(form: Any, y: Sequence[Any]) -> Check:
 def inside(form: Any, x: RealArray, claimed: float) -> Check:
     """Check that b - A x, in fractions, leaves the cones by no more than claimed.
 
-    Members of the dual cones, which are these cones themselves but for those of equations, have
-    products with it that are not negative but for what is claimed, relative to 1 + |b| + |A| |x| of
-    the rows, or of the largest row of a cone. All but the first, which is the worst, are drawn.
+    Products of b - A x with members of the dual cones must be nonnegative, up to the claim; the
+    dual cones are the cones themselves, except for equations. The claim is relative to 1 + |b| +
+    |A| |x| of the rows, or of the largest row of a cone. The first member tried is the worst one,
+    and the others are random.
     """
     rng, worst = np.random.default_rng(SEED), 0.0
     exact = [Fraction(b) for b in form.b.tolist()]
@@ -107,7 +110,7 @@ def inside(form: Any, x: RealArray, claimed: float) -> Check:
 
 
 def _worst_member(cone: Any, s: RealArray) -> RealArray:
-    """The member of a cone whose product with s is least, of its size."""
+    """The member of a cone, of a size like that of s, whose product with s is least."""
     if cone.kind.name == "NONNEGATIVE":
         return np.asarray(s < 0.0, dtype=float)
     if cone.kind.name == "SECOND_ORDER":
@@ -117,14 +120,16 @@ def _worst_member(cone: Any, s: RealArray) -> RealArray:
 
 
 def _with_doubled_off_diagonal(cone: Any, member: RealArray) -> RealArray:
-    """A member with its entries off the diagonal doubled, as products of matrices count them."""
+    """A member with its off-diagonal entries doubled, as products of matrices count them twice."""
     if cone.kind.name != "SEMIDEFINITE":
         return member
     return member * np.array([1.0 if i == j else 2.0 for i, j in _triangle(cone.size)])
 
 
 def _weight(cone: Any, member: RealArray) -> RealArray:
-    """What a product with a member may fall below 0 by, for each unit that the slack is outside."""
+    """Amount by which a product with a member may be below 0, per unit by which the slack is
+    outside.
+    """
     if cone.kind.name == "SECOND_ORDER":
         return member[:1]
     if cone.kind.name == "SEMIDEFINITE":
@@ -134,7 +139,7 @@ def _weight(cone: Any, member: RealArray) -> RealArray:
 
 
 def falls(form: Any, x: Sequence[Any], ray: Sequence[Any]) -> Check:
-    """Check that points along a ray stay in the cones and that the objective falls there."""
+    """Check that points along a ray stay in the cones and that the objective decreases there."""
     start, way = (np.array([float(Fraction(str(v))) for v in one]) for one in (x, ray))
     worst = float(form.c @ way >= 0)
     for step in STEPS:
@@ -149,7 +154,7 @@ def falls(form: Any, x: Sequence[Any], ray: Sequence[Any]) -> Check:
 
 
 def _entries(form: Any) -> list[tuple[int, int, Fraction]]:
-    """Places and values of A that are not 0."""
+    """Row and column indices and values of the nonzero entries of A."""
     A = form.A.tocoo()
     places = zip(A.row.tolist(), A.col.tolist(), A.data.tolist(), strict=True)
     return [(i, j, Fraction(value)) for i, j, value in places]
@@ -164,7 +169,7 @@ def _columns(form: Any, y: list[Fraction]) -> list[Fraction]:
 
 
 def _member(cone: Any, rng: np.random.Generator) -> RealArray:
-    """A member on the border of a cone: its rows of b - A x."""
+    """A random member on the border of a cone: its rows of b - A x."""
     kind, count = cone.kind.name, cone.rows
     if kind == "ZERO":
         return np.zeros(count)
@@ -178,7 +183,7 @@ def _member(cone: Any, rng: np.random.Generator) -> RealArray:
 
 
 def _distance_outside(cone: Any, s: RealArray) -> float:
-    """How far s lies outside of a cone."""
+    """Distance of s from a cone; 0 inside."""
     kind = cone.kind.name
     if kind == "ZERO":
         return float(np.abs(s).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Distances of plants as feedback sees them, by the formulas of their responses."""
+"""Distances between plants in closed loop, by formulas for their responses."""
 
 from __future__ import annotations
 

@@ -10,13 +10,17 @@ from workbench.arrays import RealArray
 from workbench.executor.effort import tries
 
 DOUBLINGS = 60
-"""Doublings of the horizon at most."""
+"""Largest number of doublings of the horizon."""
 CONVERGED = 1e-10
-"""Relative change of the energies in the last doubling up to which they count as those for ever."""
+"""The energies count as those of the infinite horizon once the last doubling changes them by less
+than this, relative.
+"""
 SAMPLES, LARGEST = 120, 1200
-"""Samples of graphs in time, and most rows of their matrices."""
+"""Number of samples of the graphs in time, and largest number of rows of their matrices."""
 UNIT = (1.0 + 5.0**0.5) / 2.0
-"""Rates of transformations are this multiple of a system's own, to keep off its poles and zeros."""
+"""Ratio of the rate of transformations to a system's own rates, chosen to keep off its poles and
+zeros.
+"""
 
 Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D."""
@@ -25,8 +29,8 @@ Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
 def in_samples(system: Any, rate: float) -> Realisation:
     """A sampled system whose signals have the energies of the continuous ones.
 
-    The coefficients of signals in Laguerre functions of a rate [rad/s] are sequences; from an
-    initial state x(0) the sampled system starts with the same x.
+    The sequences are the coefficients of the signals in Laguerre functions of a rate [rad/s]. The
+    initial state x(0) is the same for both systems.
     """
     A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
     back = np.linalg.inv(rate * np.eye(len(A)) - A)
@@ -37,13 +41,13 @@ def in_samples(system: Any, rate: float) -> Realisation:
 def least_energy(matrices: Realisation) -> RealArray | None:
     """X with x'X x the least energy of the outputs C x + D u from a state x, over all inputs u.
 
-    Dynamic programming over horizons of 1, 2, 4, ... samples; None where it does not converge.
+    Dynamic programming over horizons of 1, 2, 4, ... samples; None if it does not converge.
     """
     A, B, C, D = matrices
     n, R = len(A), D.T @ D
     if np.linalg.matrix_rank(R) < len(R):
         return None
-    gain = np.linalg.solve(R, D.T @ C)  # of the input that makes the first output least
+    gain = np.linalg.solve(R, D.T @ C)  # for the input that minimises the first output
     A, rest = A - B @ gain, C - D @ gain
     G, H = B @ np.linalg.solve(R, B.T), rest.T @ rest
     with np.errstate(all="ignore"):
@@ -59,11 +63,11 @@ def least_energy(matrices: Realisation) -> RealArray | None:
 
 
 def graph_distance(first: Realisation, second: Realisation) -> float:
-    """A number that the directed gap from one sampled plant's graph to another's is not below.
+    """A lower bound of the directed gap from one sampled plant's graph to another's.
 
-    The graph holds all pairs of an input and its output of finite energy. A pair of the first plant
-    that is driven for some samples is compared in these with all pairs of the second; 0 where a
-    plant has no such pairs, numerically.
+    The graph contains all pairs of an input and an output with finite energy. A pair of the first
+    plant, driven for some samples, is compared over these samples with all pairs of the second
+    plant; 0 if a plant numerically has no such pairs.
     """
     samples = min(tries(SAMPLES), LARGEST // (first[3].shape[0] + first[3].shape[1]))
     pairs = [_pairs(plant, samples) for plant in (first, second)]
@@ -75,10 +79,12 @@ def graph_distance(first: Realisation, second: Realisation) -> float:
 
 
 def _pairs(plant: Realisation, samples: int) -> RealArray | None:
-    """First samples of inputs and outputs, for orthonormal drives: columns of energy 1 for ever.
+    """First samples of inputs and outputs for orthonormal drives, as columns with energy 1 over all
+    time.
 
-    The input is u = v - F x, F the feedback of least energy, so that without v all energy ends as
-    soon as it can: the energy of both is then v'(I + D'D + B'X B) v, summed over the samples.
+    The input is u = v - F x, where F is the feedback of least energy, so that after v ends the
+    signals decay with the least energy. The energy of both signals is v'(I + D'D + B'X B) v, summed
+    over the samples.
     """
     A, B, C, D = plant
     n, m = B.shape

@@ -1,4 +1,4 @@
-"""Switchings drawn at random, their products as exact fractions, and the roots proven inside 1."""
+"""Random switchings: exact products of transitions, with roots proven inside the unit circle."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from workbench.second_opinion import SEED
 from workbench.second_opinion.switchings import switchings
 
 PERIODS, LONGEST = 20, 400
-"""Switchings of every plant, and the samples of the longest period: exact products grow with it."""
+"""Number of switchings of every plant, and the longest period [samples], since exact products grow
+with it.
+"""
 ROOT_BITS = 256
-"""Bits in which roots are enclosed."""
+"""Precision [bits] at which roots are enclosed."""
 
 
 def exact_products(
     transitions: Sequence[RealArray], shortest: Sequence[int], longest: Sequence[int | None]
 ) -> list[Check]:
-    """Check that no plant grows in a period of the switchings; none where all are too long.
+    """Check that no plant grows over a period of the switchings; an empty list if all are too long.
 
     The transition over a period is a product of doubles as exact fractions, and the roots of its
     characteristic polynomial lie in proven discs. Arguments as of `fastest_growth`.

@@ -1,4 +1,4 @@
-"""Fitted functions, tried by their realisations: no pole, zero or root is computed."""
+"""Fitted functions, checked by their realisations: no pole, zero or root is computed."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from workbench.executor.effort import tries
 from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response
 
-BETWEEN = 8
-"""Frequencies tried from one datum to the next."""
+POINTS_BETWEEN = 8
+"""Number of frequencies tried between neighbouring data."""
 SIGN_ROUNDING = 0.1
-"""Largest distance of the trace of a sign function from a whole number that counts as rounding."""
+"""Largest distance of the trace of a sign function from an integer that counts as rounding."""
 RESPONSE_ROUNDING = 1e-6
-"""Largest difference of the responses of a realisation and of the roots, relative to the data."""
+"""Largest difference, relative to the data, between the responses of a realisation and of the
+roots.
+"""
 
 
 def realisation_agrees(
     system: Any, omega: RealArray, fitted: ComplexArray, size: RealArray
 ) -> Check:
-    """Check that a realisation has the response that the roots of a fit have.
+    """Check that a realisation has the same response as the roots of a fit.
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ def realisation_agrees(
 def within(
     system: Any, omega: RealArray, data: ComplexArray, weight: RealArray, error: float
 ) -> Check:
-    """Check that a realisation is no further from data (F,) than a weighted error."""
+    """Check that the distance of a realisation from data (F,) is at most a weighted error."""
     value, where = worst(
         weight * np.abs(plain_response(system, omega)[:, 0, 0] - data),
         lambda i: f"at {omega[i]:.6g} rad/s",
@@ -61,8 +63,8 @@ def within(
 
 
 def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
-    """Check that a realisation lies above data (F,), which are linear in log-log scale between."""
-    count = tries(BETWEEN) * (omega.size - 1) + 1
+    """Check that a realisation lies above data (F,), interpolated linearly on log-log scales."""
+    count = tries(POINTS_BETWEEN) * (omega.size - 1) + 1
     place, index = np.linspace(0, omega.size - 1, count), np.arange(omega.size)
     grid = np.exp(np.interp(place, index, np.log(omega)))
     data = np.exp(np.interp(place, index, np.log(magnitude)))
@@ -81,7 +83,9 @@ def decays(system: Any, name: str) -> Check:
 
 
 def growing_modes(system: Any, count: int, name: str) -> Check:
-    """Check that so many modes of a realisation grow, by the trace of the matrix sign function."""
+    """Check that this many modes of a realisation grow, by the trace of the matrix sign
+    function.
+    """
     from scipy.linalg import signm
 
     A = np.asarray(system.A)
@@ -91,6 +95,6 @@ def growing_modes(system: Any, count: int, name: str) -> Check:
 
 
 def inverse_decays(fit: Any, name: str) -> Check:
-    """As `decays`, of a realisation of the inverse of a fit (a `Rational`)."""
+    """As `decays`, for a realisation of the inverse of a fit (a `Rational`)."""
     statement = "logarithmic growth of the inverse per sample, less rounding"
     return replace(decays(fit.inverse().state_space(), name), statement=statement)

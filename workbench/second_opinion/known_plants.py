@@ -12,11 +12,11 @@ from workbench.certificate import THIS_SYSTEM, Check
 from workbench.executor.effort import tries
 
 CIRCLES = (1e-5, 1e-4, 1e-3)
-"""Radii of the circles about a known pole within which eigenvalues are counted."""
+"""Radii of the circles around a known pole within which eigenvalues are counted."""
 POINTS = 64
-"""Points of a circle."""
+"""Number of points on a circle."""
 COUNT_ROUNDING = 0.1
-"""Largest lack of a count that is rounding."""
+"""Largest deviation of a count that is rounding."""
 GAIN_ROUNDING = 1e-5
 """Largest relative error of a gain by determinants."""
 
@@ -28,9 +28,10 @@ def has_known(
     size: RealArray,
     name: str,
 ) -> Iterator[Check]:
-    """Checks that a system has poles as often as told, and static gains (ny, nu) unless NaN.
+    """Checks that a system has the known poles, with multiplicity, and static gains (ny, nu) unless
+    NaN.
 
-    ``size`` (ny, nu) are the sizes at which errors of gains are measured, where gains are smaller.
+    Errors of gains are relative to ``size`` (ny, nu) where the gains are smaller than that.
     """
     A, B, C, D = (np.asarray(getattr(system, matrix), dtype=float) for matrix in "ABCD")
     if poles:
@@ -52,7 +53,7 @@ def has_known(
 
 
 def _counted(A: RealArray, pole: complex, radius: float) -> float:
-    """Number of eigenvalues within a circle about a pole, by the argument principle."""
+    """Number of eigenvalues within a circle around a pole, by the argument principle."""
     points = tries(POINTS)
     turns = np.exp(2j * np.pi * (np.arange(points) + 0.5) / points)
     resolvents = np.linalg.inv((pole + radius * turns)[:, None, None] * np.eye(len(A)) - A)

@@ -1,4 +1,4 @@
-"""The Lagrangian of a user's problem at points that are drawn: no value of it is below a bound."""
+"""The Lagrangian of a user's problem at random points: none of its values may be below a bound."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
 
 POINTS = 40
-"""Points that are drawn."""
+"""Number of random points."""
 SPREADS = (0.0, 1e-3, 0.1, 1.0, 10.0)
-"""Standard deviations of the points from the answer, relative to 1 + its size, taken in turn."""
+"""Standard deviations of the points from the answer, relative to 1 + its size, used in turn."""
 CONES = ("PSD", "SOC", "ExpCone")
-"""Classes of constraints that say of their arguments that they lie in a cone."""
+"""Classes of constraints that say that their arguments lie in a cone."""
 ROUNDING = 1e-9
-"""Share of its terms that a Lagrangian in doubles may lie below a bound."""
+"""Amount by which a Lagrangian in doubles may be below a bound, as a share of its terms."""
 
 
 def lagrangian_above(
     problem: Any, duals: Mapping[int, Any], bound: float, sign: float, domain: Sequence[Any]
 ) -> Check:
-    """Check that f + sum of the products of dual values and constraints is a bound or more.
+    """Check that f + sum of dual values times constraints is at least a bound.
 
-    Where dual values prove that no feasible f is below the bound, the Lagrangian is not below it at
-    any point at all, feasible or not. The points are drawn around the values of the problem's
-    variables, which are changed, as are those of its dual variables.
+    If dual values prove that no feasible f is below the bound, the Lagrangian is not below it at
+    any point, feasible or not. The points are drawn around the values of the problem's variables.
+    The values of the variables and of the dual variables are changed.
 
     Parameters
     ----------
     problem
-        One of CVXPY, whose variables have values.
+        A CVXPY problem whose variables have values.
     duals
-        Dual values by the id of their constraint, in the signs of CVXPY.
+        Dual values by the id of their constraint, with CVXPY's signs.
     bound
-        Of sign * objective.
+        Bound of sign * objective.
     sign
         1, or -1 where the objective is to be maximised.
     domain
-        Constraints of CVXPY outside of which nothing is tried.
+        CVXPY constraints; points outside them are not tried.
     """
     rng, worst, within = np.random.default_rng(SEED), -math.inf, 0
     priced = [one for one in problem.constraints if one.id in duals]
@@ -68,7 +68,9 @@ def lagrangian_above(
 
 
 def _drawn(variable: Any, value: Array, spread: float, rng: np.random.Generator) -> Array:
-    """A value near one, with the attributes of the variable; of several attributes, the value."""
+    """A random value near the given one, with the attributes of the variable; with several
+    attributes, the given value.
+    """
     if spread == 0.0 or variable.num_attributes > 1:
         return value
     moved = value + spread * (1.0 + np.abs(value)) * rng.standard_normal(value.shape)
@@ -81,7 +83,7 @@ def _drawn(variable: Any, value: Array, spread: float, rng: np.random.Generator)
 
 
 def _product(constraint: Any) -> float:
-    """What a constraint adds to the Lagrangian: 0 or less where it holds."""
+    """The constraint's term in the Lagrangian: at most 0 where the constraint holds."""
     kind, duals = type(constraint).__name__, constraint.dual_variables
     if kind in CONES:
         parts = zip(constraint.args, duals, strict=True)

@@ -23,18 +23,25 @@ from workbench.second_opinion.simulation import energy_ratio
 from workbench.structure import Structure
 
 PERTURBATIONS = 12
-"""Perturbations tried at every frequency, besides none at all."""
+"""Number of perturbations tried at every frequency, in addition to the nominal."""
 REFINEMENTS, REFINED = 3, 17
-"""Refinements about the frequency of the largest gain found, and the frequencies of each."""
+"""Number of refinements around the frequency of the largest gain found, and of frequencies in
+each.
+"""
 LOOPS_IN_TIME = 4
-"""Perturbed loops whose poles are found and which are simulated, besides the nominal one."""
+"""Number of perturbed loops, in addition to the nominal one, whose poles are computed and which are
+simulated.
+"""
 SAMPLED_ROUNDING = 1e-6
-"""Share by which rounding may lift a gain above the claimed peak; responses computed in two ways
-differ by less, unless the loop is too badly conditioned for either."""
+"""Relative error by which rounding may lift a gain above the claimed peak. Responses computed in
+two ways differ by less, unless the loop is too badly conditioned for either.
+"""
 SINGULAR = 1e14
-"""Condition number from which a matrix counts as singular."""
-INSIDE = 1.0 - 1e-9
-"""Size of perturbations relative to the ball's: rounding must not push one out of it."""
+"""Condition number above which a matrix counts as singular."""
+BALL_SHARE = 1.0 - 1e-9
+"""Size of perturbations relative to the radius of the ball: rounding must not push them out of
+it.
+"""
 
 
 def powers_fall(A: Any, dt: float | None) -> Check:
@@ -82,7 +89,7 @@ def gain(
     ends = np.array([end for end in band if end < math.inf or not plant.dt])
     grid = np.unique(np.concatenate([grid[(grid >= band[0]) & (grid <= band[1])], ends]))
     if K is not None and (_integrates(plant) or _integrates(K)):
-        grid = grid[grid > 0.0]  # an open loop has no response at the frequency of its integrator
+        grid = grid[grid > 0.0]  # an open loop with an integrator has no response at frequency 0
     worst, where = worst_gain(plant, K, structure, claimed, grid)
     for _ in range(REFINEMENTS):
         place = int(np.searchsorted(grid, where))
@@ -104,7 +111,7 @@ def gain(
 def worst_gain(
     plant: Any, K: Any, structure: Structure | None, claimed: float, omega: RealArray
 ) -> tuple[float, float]:
-    """The largest gain of the plants drawn at `omega` [rad/s] (F,), and its frequency."""
+    """The largest gain over the drawn plants at `omega` [rad/s] (F,), and its frequency."""
     M = plain_response(plant, omega)
     error = np.zeros(len(omega))
     if K is not None:
@@ -179,12 +186,12 @@ def perturbed(loop: Any, Delta: RealArray) -> tuple[RealArray, RealArray, RealAr
 
 
 def _radius(claimed: float) -> float:
-    """Size of perturbations smaller than 1 / claimed; of a claim of 0 any size would do."""
-    return INSIDE / claimed if claimed > 0.0 else 1.0
+    """Size of perturbations smaller than 1 / claimed; any size is allowed for a claim of 0."""
+    return BALL_SHARE / claimed if claimed > 0.0 else 1.0
 
 
 def _integrates(system: Any) -> bool:
-    """Whether the system has a pole at frequency 0, or one that rounds to it."""
+    """Whether the system has a pole at frequency 0, or one that is 0 up to rounding."""
     at_zero = system.A - np.eye(len(system.A)) if system.dt else system.A
     return bool(len(at_zero) and np.linalg.cond(at_zero) > SINGULAR)
 

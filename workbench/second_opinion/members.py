@@ -1,4 +1,4 @@
-"""Members of a set, drawn by the distributions of their parameters, and how many are good."""
+"""Random members of a set, by the distributions of their parameters, and how many are good."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from workbench.second_opinion.powers import growth
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 
 MEMBERS = 300
-"""Members that are drawn."""
+"""Number of members that are drawn."""
 LEVEL = 1e-9
 """Probability of a contradiction by chance."""
-CLOSE = 1e-3
-"""Relative distance from the level up to which a sampled gain leaves a member undecided."""
+CLOSE_SHARE = 1e-3
+"""A member is left undecided if its sampled gain is this close to the level, relative."""
 BISECTIONS = 60
-"""Halvings of a range in which a value is sought: more than doubles tell apart."""
+"""Number of bisections of a range in the search for a value: more than doubles can resolve."""
 TRIES = 10_000
-"""Draws after which a distribution counts as having nothing in its range."""
+"""A distribution counts as having no probability in its range after this many draws outside."""
 
 
 def drawn_values(
@@ -32,7 +32,7 @@ def drawn_values(
 ) -> dict[str, RealArray]:
     """Values (N,) of each parameter in its closed range, uniform where it has no law.
 
-    N is at least `MEMBERS`. A law that cannot draw (``rvs``) is inverted.
+    N is at least `MEMBERS`. A law without ``rvs`` is inverted by its ``cdf``.
     """
     rng, members = np.random.default_rng(SEED), tries(MEMBERS)
     found = {}
@@ -55,7 +55,9 @@ def drawn_values(
 
 
 def _quantile(cdf: Callable[[float], Any], low: float, high: float, level: float) -> float:
-    """The least value of the closed range below which a share of its probability lies."""
+    """The least value of the closed range at or below which the given share of its probability
+    lies.
+    """
     beneath, whole = float(cdf(np.nextafter(low, -np.inf))), float(cdf(high))
     sought = beneath + level * (whole - beneath)
     if float(cdf(low)) >= sought:
@@ -69,10 +71,11 @@ def _quantile(cdf: Callable[[float], Any], low: float, high: float, level: float
 def good_share(
     member: Callable[..., Any], values: Mapping[str, RealArray], gain: float | None
 ) -> tuple[int, int, int]:
-    """Fewest and most good members, and of how many: some are too close to the border to tell.
+    """Fewest and most good members, and the number of members: some are too close to the limit to
+    decide.
 
-    ``member`` gives the StateSpace of values by name. Good ones are stable, and with a gain have no
-    larger singular value.
+    ``member`` gives the StateSpace for values by name. A good member is stable and, if a gain is
+    given, has no larger singular value.
     """
     fewest, most, count = 0, 0, min(len(one) for one in values.values())
     for k in range(count):
@@ -82,13 +85,16 @@ def good_share(
         if possible and gain is not None:
             omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
             size = float(np.linalg.norm(plain_response(system, omega), 2, axis=(-2, -1)).max())
-            sure, possible = sure and size < (1 - CLOSE) * gain, size < (1 + CLOSE) * gain
+            sure, possible = (
+                sure and size < (1 - CLOSE_SHARE) * gain,
+                size < (1 + CLOSE_SHARE) * gain,
+            )
         fewest, most = fewest + sure, most + possible
     return fewest, most, count
 
 
 def probability_agrees(counts: tuple[int, int, int], lower: float, upper: float) -> Check:
-    """Check by an exact binomial test that drawn members do not contradict a probability."""
+    """Check by an exact binomial test that random members do not contradict a probability."""
     fewest, most, count = counts
     too_many = float(stats.binom.sf(fewest - 1, count, upper))
     too_few = float(stats.binom.cdf(most, count, lower))

@@ -1,4 +1,4 @@
-"""The inequality of the multipliers of mu, put together again in ball arithmetic."""
+"""The inequality of the multipliers of mu, recomputed in ball arithmetic."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import ComplexArray
 
 BITS = 300
-"""Precision of the balls: entries of doubles, however graded, leave a sign beyond doubt."""
+"""Precision [bits] of the balls: enough to make the sign certain for doubles of any grading."""
 
 
 def inequality_holds(
@@ -17,8 +17,9 @@ def inequality_holds(
 ) -> bool:
     """Whether bound^2 D_r - M^H D_l M - j (G M - M^H G^H) and D_r are proven positive definite.
 
-    One matrix M (c, r) with its multipliers (c, c), (r, r) and (r, c). The pivots of a Cholesky
-    factor decide, in balls that hold every rounding error. A bound of 0 is not decided: True.
+    For one matrix M (c, r) with its multipliers (c, c), (r, r) and (r, c). The pivots of a Cholesky
+    factorisation decide, in balls that contain every rounding error. A bound of 0 is not checked:
+    the result is True.
     """
     from flint import ctx
 

@@ -1,4 +1,4 @@
-"""Claimed bounds of a peak of mu, tried by drawn perturbations and by plain responses."""
+"""Claimed bounds of a peak of mu, tried by random perturbations and by plain responses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM, Check, excess, these
 from workbench.executor.effort import tries
-from workbench.second_opinion.loops import INSIDE, SAMPLED_ROUNDING
+from workbench.second_opinion.loops import BALL_SHARE, SAMPLED_ROUNDING
 from workbench.second_opinion.perturbations import (
     constant_perturbations,
     loop_eigenvalues,
@@ -29,22 +29,25 @@ from workbench.second_opinion.responses import (
 from workbench.structure import Real, Structure
 
 DRAWN, LOOPS = 16, 6
-"""Perturbations drawn for responses, and for loops."""
+"""Number of random perturbations for responses, and for loops."""
 CURVES, CURVE_POINTS, MATRICES = 32, 128, 8
-"""Closed curves of perturbations, points of each, and matrices of a batch that are tried."""
+"""Number of closed curves of perturbations, of points on each, and of matrices of a batch that are
+tried.
+"""
 NEARLY_SINGULAR = 1e-6
 """Largest distance of I - M Delta from a singular matrix, relative to M Delta."""
 FREQUENCY_ROUNDING = 4 * float(np.finfo(float).eps)
-"""Relative rounding of a frequency that went through the bilinear plane and back."""
+"""Relative rounding of a frequency that was mapped to the bilinear plane and back."""
 ENLARGED, BORDER = 1.0 + 1e-4, 1e-12
-"""Factor that moves a destabilising perturbation beyond the border, and the growth per sample that
-counts as none there."""
+"""Factor that moves a destabilising perturbation beyond the stability border, and the growth per
+sample that counts as being on it.
+"""
 BORDER_DECAY = 1e-5
-"""Decay per sample up to which a system counts as one on the border of stability."""
+"""A system whose decay per sample is below this counts as being on the border of stability."""
 
 
 def upper_tried(system: Any, structure: Structure, claimed: float) -> list[Check]:
-    """Checks of a claimed peak of mu of a stable StateSpace by perturbations that are drawn."""
+    """Checks of a claimed peak of mu of a stable StateSpace by random perturbations."""
     found = [sampled_loops(system, structure, claimed)]
     if not any(isinstance(block, Real) for block in structure):
         found.append(sampled_gain(system, structure, claimed))
@@ -52,14 +55,14 @@ def upper_tried(system: Any, structure: Structure, claimed: float) -> list[Check
 
 
 def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
-    """Check that no eigenvalue of M(j omega) Delta exceeds the claimed peak, |Delta| at most 1.
+    """Check that no eigenvalue of M(j omega) Delta exceeds the claimed peak, for |Delta| at most 1.
 
-    The phase of all blocks turns any eigenvalue to a real one, so no block may be real.
+    A common phase of all blocks makes any eigenvalue real, so no block may be real.
     """
     omega = tried_frequencies(np.linalg.eigvals(system.A), dt=system.dt)
     drawn = vertex_perturbations(structure, tries(DRAWN))
     size = np.abs(loop_eigenvalues(plain_response(system, omega)[:, None], drawn))
-    for k in np.argsort(-size.max(axis=(1, 2))):  # what rounding may have lifted above the claim
+    for k in np.argsort(-size.max(axis=(1, 2))):  # rounding may have lifted these above the claim
         if size[k].max() <= claimed * (1 + SAMPLED_ROUNDING) or not math.isfinite(omega[k]):
             break
         size[k] = np.abs(loop_eigenvalues(precise_response(system, omega[k])[None, None], drawn))[0]
@@ -76,7 +79,7 @@ def sampled_gain(system: Any, structure: Structure, claimed: float) -> Check:
 
 def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
     """Check that loops of constant perturbations smaller than 1 / claimed are stable."""
-    radius = INSIDE / claimed if claimed > 0 else 1.0
+    radius = BALL_SHARE / claimed if claimed > 0 else 1.0
     fastest = -math.inf
     drawn = radius * constant_perturbations(structure, tries(LOOPS))
     for Delta in drawn:
@@ -92,11 +95,13 @@ def sampled_loops(system: Any, structure: Structure, claimed: float) -> Check:
 
 
 def not_encircled(matrices: Array, structure: Structure) -> Check:
-    """Check that det(I - M Delta) winds round 0 on no closed curve of perturbations smaller than 1.
+    """Check that det(I - M Delta) does not wind around 0 on closed curves of perturbations smaller
+    than 1.
 
-    It does on none where mu of the matrices M (k, c, r) is at most 1, as an upper bound says.
+    If mu of the matrices M (k, c, r) is at most 1, as an upper bound claims, it does so on no such
+    curve.
     """
-    curves = INSIDE * turned_perturbations(structure, tries(CURVES), CURVE_POINTS)
+    curves = BALL_SHARE * turned_perturbations(structure, tries(CURVES), CURVE_POINTS)
     turns = [windings(M, curves) for M in matrices[: tries(MATRICES)]]
     told = [one[~np.isnan(one)].max(initial=0.0) for one in turns]
     return Check(
@@ -109,7 +114,9 @@ def not_encircled(matrices: Array, structure: Structure) -> Check:
 
 
 def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
-    """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if enlarged."""
+    """Check that Delta makes I - M(j omega) Delta singular, or the loop unstable if slightly
+    enlarged.
+    """
     M = plain_response(system, np.array([omega]))[0]
     distance = regularity(M @ Delta)
     if distance > NEARLY_SINGULAR and math.isfinite(omega):
@@ -128,9 +135,9 @@ def nearly_singular(system: Any, Delta: ComplexArray, omega: float) -> Check:
 
 
 def precise_distance(system: Any, Delta: ComplexArray, omega: float) -> float:
-    """The distance of I - M Delta from a singular matrix in exact responses of M.
+    """The distance of I - M Delta from a singular matrix, by exact responses of M.
 
-    The frequency itself is rounded: what this moves is no distance.
+    The effect of rounding the frequency itself is subtracted.
     """
     loop = precise_response(system, omega) @ Delta
     step = FREQUENCY_ROUNDING * omega
@@ -149,7 +156,7 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
         return excess(claimed, float(np.linalg.norm(upper_closed(M, Delta), 2)))
 
     missed = short(plain_response(system, np.array([omega]))[0])
-    if not missed <= SAMPLED_ROUNDING and math.isfinite(omega):  # doubles may lose what is small
+    if not missed <= SAMPLED_ROUNDING and math.isfinite(omega):  # doubles may lose a small gain
         missed = short(precise_response(system, omega))
     return Check(
         "attained gain",
@@ -163,8 +170,8 @@ def attains(system: Any, Delta: ComplexArray, omega: float, claimed: float) -> C
 def axis_gain(system: Any, lower: float, upper: float, omega: float) -> Check:
     """Check bounds of the largest gain of a StateSpace, claimed at `omega` [rad/s], by responses.
 
-    No response at a frequency that is tried may exceed the upper bound, and that at `omega` must
-    reach the lower one. The system need not be stable.
+    No response at a frequency that is tried may exceed the upper bound, and the response at `omega`
+    must reach the lower one. The system need not be stable.
     """
     tried = tried_frequencies(np.linalg.eigvals(system.A), omega, dt=system.dt)
     gain = np.linalg.norm(plain_response(system, tried), 2, axis=(-2, -1))
@@ -185,9 +192,10 @@ def axis_gain(system: Any, lower: float, upper: float, omega: float) -> Check:
 
 
 def one_unstable(members: Sequence[Any], nominal: Sequence[Any] | None = None) -> Check:
-    """Check that one of some systems is unstable, or on the border of stability.
+    """Check that at least one of the systems is unstable, or on the border of stability.
 
-    Each is as slow as it looks beside its nominal, of which it may have the slow poles only.
+    Decay is measured at the speed of the nominal, since a system may have only the slow poles of
+    its nominal.
     """
     decay = math.inf
     for one, other in zip(members, nominal or members, strict=True):
@@ -199,7 +207,7 @@ def one_unstable(members: Sequence[Any], nominal: Sequence[Any] | None = None) -
 
 
 def all_decay(members: Sequence[Any], name: str) -> Check:
-    """Check that powers of the transition matrices of some systems fall, all of them."""
+    """Check that powers of the transition matrices of all systems decay."""
     rates = [sum(growth(one.A, one.dt)) for one in members]
     statement = "largest logarithmic growth per sample of systems that must be stable, and rounding"
     return Check(name, statement, max(rates), 0.0, over=these(len(rates), "system", "systems"))

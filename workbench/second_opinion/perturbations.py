@@ -1,4 +1,4 @@
-"""Perturbations of a structure's unit ball, drawn from a fixed seed."""
+"""Random perturbations of a structure's unit ball, from a fixed seed."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from workbench.structure import Complex, Full, Real, Structure
 
 
 def vertex_perturbations(structure: Structure, count: int) -> ComplexArray:
-    """Perturbations (count, rows, columns) of largest singular value 1 at most.
+    """Perturbations (count, rows, columns) with a largest singular value of at most 1.
 
-    A complex scalar has modulus 1 and a full block is of rank one and size 1, since the worst ones
-    are (maximum modulus). A real scalar is 1 or -1, and in every third perturbation any between.
+    A complex scalar has modulus 1, and a full block has rank one and size 1, since the worst ones
+    do (maximum modulus). A real scalar is 1 or -1, but in every third perturbation any number
+    between.
     """
     rng = np.random.default_rng(SEED)
     found = np.zeros((count, structure.rows, structure.columns), dtype=complex)
@@ -36,15 +37,15 @@ def vertex_perturbations(structure: Structure, count: int) -> ComplexArray:
 
 
 def constant_perturbations(structure: Structure, count: int) -> RealArray:
-    """Real perturbations (count, rows, columns) of size 1: they are members at every frequency."""
+    """Real perturbations (count, rows, columns) of size 1: the same member at every frequency."""
     return np.array([_real(one, structure) for one in vertex_perturbations(structure, count)])
 
 
 def turned_perturbations(structure: Structure, count: int, points: int) -> ComplexArray:
-    """Closed curves (count, points, rows, columns) of perturbations of largest size 1 at most.
+    """Closed curves (count, points, rows, columns) of perturbations of size at most 1.
 
-    All blocks go round at once: a complex one by its phase, once or not at all, and a real scalar
-    there and back between -1 and 1, or not.
+    All blocks move at once: a complex block by its phase, once around or not at all; a real scalar
+    from -1 to 1 and back, or not at all.
     """
     rng = np.random.default_rng(SEED)
     start = vertex_perturbations(structure, count)
@@ -56,7 +57,7 @@ def turned_perturbations(structure: Structure, count: int, points: int) -> Compl
         turns = rng.integers(-1, 2, size=(count, 1))
         phase = rng.uniform(0.0, 2 * np.pi, size=(count, 1))
         factor = np.exp(1j * turns * angle)
-        if isinstance(block, Real):  # beyond the ends, so that corners are reached
+        if isinstance(block, Real):  # slightly beyond the ends, so that corners are reached
             moving = np.clip(np.sqrt(2.0) * np.cos(angle + phase), -1.0, 1.0)
             factor = np.where(turns == 0, 1.0, moving)
         found[:, :, row, column] = factor[..., None, None] * start[:, None, row, column]
@@ -64,13 +65,13 @@ def turned_perturbations(structure: Structure, count: int, points: int) -> Compl
 
 
 def windings(M: Array, Delta: ComplexArray) -> RealArray:
-    """How often det(I - M Delta) goes round 0 along curves (k, points, rows, columns) (k,).
+    """Number of turns (k,) of det(I - M Delta) around 0 along curves (k, points, rows, columns).
 
-    NaN where steps are too long to tell. From Delta_1 to Delta_2 the determinant is multiplied by
+    NaN if steps are too long to decide. From Delta_1 to Delta_2 the determinant is multiplied by
     det(I - X), X = (I - M Delta_1)^-1 M (Delta_2 - Delta_1): with all eigenvalues x of X smaller
     than 1 no perturbation between them makes it 0, and it turns by the sum of the angles of 1 - x.
-    The curve is drawn together to Delta = 0 within a ball of perturbations; where the number is not
-    0, some perturbation on the way makes I - M Delta singular (the argument principle).
+    The curve can be contracted to Delta = 0 within a ball of perturbations. If the number of turns
+    is not 0, some perturbation on the way makes I - M Delta singular (argument principle).
     """
     loops = np.eye(len(M)) - M @ Delta
     regular = (np.linalg.slogdet(loops)[0] != 0).all(axis=1)
@@ -85,7 +86,9 @@ def windings(M: Array, Delta: ComplexArray) -> RealArray:
 
 
 def loop_eigenvalues(M: ComplexArray, Delta: ComplexArray) -> Any:
-    """Eigenvalues of M Delta, M scaled by a power of two: some LAPACKs fail on entries of 1e100."""
+    """Eigenvalues of M Delta, with M scaled by a power of two: some LAPACKs fail on entries of
+    1e100.
+    """
     _, exponent = np.frexp(np.abs(M).max(initial=0.0))
     size = 2.0 ** (int(exponent) - 1)
     found: Any = np.linalg.eigvals(M / size @ Delta) * size

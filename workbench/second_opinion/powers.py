@@ -12,19 +12,21 @@ from scipy.linalg import matrix_balance
 from workbench.arrays import RealArray
 
 SQUARINGS = 60
-"""Squarings of the transition matrix: its power is then 2^60, the age of a loop in samples."""
+"""Number of squarings of the transition matrix; the loop is then 2^60 samples old."""
 BITS = 512
-"""Bits of the powers that are taken again where doubles show growth."""
+"""Bits of the powers that are recomputed if doubles show growth."""
 PRECISE_ROUNDING = 1e-15
-"""What the growth over 2^SQUARINGS samples may then show: a factor of e^1000 on the way."""
+"""Rounding in the growth over 2^SQUARINGS samples with these bits: a factor of e^1000 over the
+whole time.
+"""
 MANY_STATES, FALLEN = 100, 1e-9
-"""States from which squarings end where the power of a loop is below this size."""
+"""From this many states on, squaring ends early once the power of a loop is below this size."""
 SPARED_ROUNDING = 100.0
-"""Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
+"""Rounding errors per squaring, in units of n eps, that the growth of a stable loop may show."""
 
 
 def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
-    """Logarithm of the growth of x[k + 1] = A x[k] per sample, and what rounding may add to it.
+    """Logarithmic growth of x[k + 1] = A x[k] per sample, and how much rounding may add to it.
 
     In continuous time (dt is 0 or None) A is replaced by its Cayley transform (a + A) / (a - A),
     which is stable where A is. The growth is the limit of |S^k|^(1/k) (Gelfand), at k = 2^60: below
@@ -51,23 +53,25 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
     norm = np.linalg.norm(S, axis=(-2, -1))
     for _ in range(SQUARINGS):
         known = (norm > 0.0) & (norm < math.inf)
-        with np.errstate(all="ignore"):  # 0 counts as -inf, and what overflows as inf, for good
+        with np.errstate(all="ignore"):  # 0 counts as -inf, and an overflow as inf, from then on
             size = size + share * np.log(norm)
             S = S / np.where(norm > 0.0, norm, 1.0)[..., None, None]
             S = S @ S
         share /= 2
         norm = np.linalg.norm(S, axis=(-2, -1))
-        # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
+        # The part of the square that cancels, because |S^2| is far below |S|^2, is lost to
+        # rounding.
         rounding = rounding + np.where(known, share * unit / np.maximum(norm, tiny), 0.0)
     size = np.where(np.isnan(size), np.inf, size)
     return size[()], rounding[()]
 
 
-@lru_cache(maxsize=4)  # two checks ask for that of one loop
+@lru_cache(maxsize=4)  # two checks ask for the growth of the same loop
 def _growth_of_one(entries: bytes, n: int, dt: float | None) -> tuple[float, float]:
-    """As `growth` of a real matrix; of many states at the first power that has fallen clearly.
+    """As `growth`, for one real matrix; with many states it ends at the first power that has
+    clearly decayed.
 
-    The norm of none falls below the limit.
+    The norm of no power falls below the limit.
     """
     A = np.frombuffer(entries).reshape(n, n)
     S = A if dt else cayley(A)
@@ -85,7 +89,8 @@ def _growth_of_one(entries: bytes, n: int, dt: float | None) -> tuple[float, flo
         S = S @ S
         share /= 2
         norm = float(np.linalg.norm(S))
-        # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
+        # The part of the square that cancels, because |S^2| is far below |S|^2, is lost to
+        # rounding.
         rounding += share * unit / max(norm, tiny)
     if rounding < size:
         A, a = (A, 0.0) if dt else _balanced(A)
@@ -94,9 +99,9 @@ def _growth_of_one(entries: bytes, n: int, dt: float | None) -> tuple[float, flo
 
 
 def growth_in_digits(A: Any, a: float) -> float:
-    """As `growth`, for the same samples in BITS bits: rounding of doubles may look like growth.
+    """As `growth`, over the same samples in BITS bits: rounding of doubles may look like growth.
 
-    A (n, n) is an array, or a matrix of `flint`; ``a`` is that of `cayley`, 0 in discrete time.
+    A (n, n) is an array or a `flint` matrix; ``a`` is the number of `cayley`, 0 in discrete time.
     """
     import flint
 
@@ -109,7 +114,7 @@ def growth_in_digits(A: Any, a: float) -> float:
 
 
 def in_digits(matrix: RealArray) -> Any:
-    """A matrix of doubles as one of `flint`."""
+    """A matrix of doubles as a `flint` matrix."""
     import flint
 
     rows, columns = matrix.shape
@@ -117,7 +122,7 @@ def in_digits(matrix: RealArray) -> Any:
 
 
 def precise_growth(S: Any) -> float:
-    """Logarithmic growth per sample under a transition matrix of `flint`, in BITS bits."""
+    """Logarithmic growth per sample under a `flint` transition matrix, in BITS bits."""
     import flint
 
     size, share = 0.0, 1.0
@@ -134,9 +139,11 @@ def precise_growth(S: Any) -> float:
 
 
 def closed_growth(loop: Any, Delta: RealArray) -> tuple[float, float]:
-    """`growth` of a StateSpace whose first inputs and outputs a constant perturbation closes.
+    """`growth` of a StateSpace whose first inputs and outputs are closed by a constant
+    perturbation.
 
-    Where it grows it is closed again in BITS bits, whose rounding does not look like growth.
+    If it grows in doubles, it is computed again in BITS bits, whose rounding does not look like
+    growth.
     """
     import flint
 
@@ -155,16 +162,18 @@ def closed_growth(loop: Any, Delta: RealArray) -> tuple[float, float]:
 
 
 def slowness(A: Any, other: Any) -> float:
-    """Factor from a decay per sample of A to one per sample of another system, if that is shorter.
+    """Ratio of another system's sampling time to that of A; at most 1.
 
-    Samples of a system in continuous time are as short as its fastest pole asks for.
+    The sampling time for a system in continuous time follows from its fastest pole.
     """
     own, its = (_balanced(np.asarray(one))[1] if np.size(one) else 0.0 for one in (A, other))
     return min(own / its, 1.0) if its else 1.0
 
 
 def cayley(A: Any) -> RealArray:
-    """(a + A) / (a - A) with balanced states; `a` is above every pole, so that a - A is regular."""
+    """(a + A) / (a - A) with balanced states; `a` is larger than every pole, so that a - A is
+    regular.
+    """
     A = np.asarray(A)
     if not A.size:
         return A
@@ -174,7 +183,7 @@ def cayley(A: Any) -> RealArray:
 
 
 def _balanced(A: RealArray) -> tuple[RealArray, float]:
-    """A with balanced states, by powers of two, and a number above the size of every pole."""
+    """A with balanced states, by powers of two, and a number larger than every pole's size."""
     from scipy.linalg import matrix_balance
 
     A = matrix_balance(A, permute=False)[0]
@@ -182,13 +191,13 @@ def _balanced(A: RealArray) -> tuple[RealArray, float]:
 
 
 DOUBLINGS = 64
-"""Doublings of the time that is summed; what then still moves never ends."""
+"""Number of doublings of the time that is summed; a sum that still changes then never ends."""
 
 
 def root_energy(A: Any, B: Any, C: Any, D: Any, dt: float) -> float:
-    """The H2 norm of a stable system, D being 0 in continuous time.
+    """The H2 norm of a stable system; D must be 0 in continuous time.
 
-    Q is the sum of (A^k)' C'C A^k, in blocks of twice as many samples each (R. A. Smith, Matrix
+    Q is the sum of (A^k)' C'C A^k, taken in blocks that double in length (R. A. Smith, Matrix
     equation XA + BX = C, SIAM J. Appl. Math. 16 (1968) 198-201). A continuous system is sampled by
     the Cayley transform (a + A) / (a - A), with the output sqrt(2 a) C / (a - A).
     """
@@ -212,16 +221,16 @@ def root_energy(A: Any, B: Any, C: Any, D: Any, dt: float) -> float:
 
 
 SUM_ROUNDING = 1e-6
-"""Share of its size by which an entry of a sum may differ from what it is compared with."""
+"""Largest relative difference between an entry of a sum and the value it is compared with."""
 FEW_STATES, SUM_BITS = 40, 192
-"""Most states of which a sum is taken in so many bits; of more, in doubles."""
+"""Up to this many states, a sum is computed in this many bits; with more states, in doubles."""
 
 
 def summed_gramians(A: Any, B: Any, C: Any, dt: float) -> tuple[RealArray, RealArray]:
     """The controllability and the observability Gramian of a stable system, as sums over samples.
 
-    As in `root_energy`; sampling by the Cayley transform with sqrt(2 a) B / (a - A) keeps the one,
-    with sqrt(2 a) C / (a - A) the other.
+    As in `root_energy`: sampling by the Cayley transform with sqrt(2 a) B / (a - A) preserves the
+    first Gramian, and with sqrt(2 a) C / (a - A) the second one.
     """
     A, B, C = (np.asarray(part, dtype=float) for part in (A, B, C))
     n = len(A)
@@ -257,7 +266,9 @@ def _summed(A: RealArray, B: RealArray, dt: float) -> RealArray:
 
 
 def _summed_in_digits(A: RealArray, B: RealArray, a: float) -> RealArray:
-    """As `_summed`, in SUM_BITS bits; where a > 0, of a continuous system sampled by it."""
+    """As `_summed`, in SUM_BITS bits; if a > 0, for a continuous system sampled by the Cayley
+    transform.
+    """
     import flint
 
     n, m = B.shape
@@ -279,7 +290,9 @@ def _summed_in_digits(A: RealArray, B: RealArray, a: float) -> RealArray:
 
 
 def summed_hankel_values(A: Any, B: Any, C: Any, dt: float) -> tuple[RealArray, float]:
-    """Hankel singular values from sums over samples, and what rounding does to the largest."""
+    """Hankel singular values from sums over samples, and the effect of rounding on the largest
+    one.
+    """
     P, Q = summed_gramians(A, B, C, dt)
     units = np.sqrt(np.sqrt(np.diagonal(Q).clip(1e-300) / np.diagonal(P).clip(1e-300)))
     P, Q = units[:, None] * P * units, Q / units / units[:, None]

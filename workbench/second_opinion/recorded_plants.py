@@ -1,4 +1,4 @@
-"""Plants drawn from the set that records allow, and their loops: does one break the claim?"""
+"""Plants drawn from the set that records allow, and their loops: does one contradict the claim?"""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import growth
 
 PLANTS = 200
-"""Plants drawn, all of them on the edge of the set."""
+"""Number of plants drawn, all of them on the edge of the set."""
 ANGLES = 400
-"""Points of the unit circle at which responses are looked at."""
+"""Number of points of the unit circle at which responses are evaluated."""
 REFINEMENTS, REFINED = 3, 21
-"""Refinements about the worst point, and the points of each."""
+"""Number of refinements around the worst point, and of points in each."""
 ITERATIONS = 60
-"""Doublings of the time over which costs are summed."""
-INSIDE = 1.0 - 1e-9
-"""Size of Delta relative to the edge of the set, from which rounding must not push a plant."""
+"""Number of doublings of the time over which costs are summed."""
+EDGE_SHARE = 1.0 - 1e-9
+"""Size of Delta relative to the edge of the set: rounding must not push a plant out of it."""
 
 
 def edge_plants(
     regressors: RealArray, after: RealArray, weight: RealArray | None, energy: RealArray
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """Centre (n, n + m), and the roots L (n, n) and R (n + m, n + m) of the set.
+    """Centre (n, n + m) and square roots L (n, n) and R (n + m, n + m) of the set.
 
-    Its plants are centre + L Delta R' with |Delta| <= 1. The records are transformed by QR; no
-    normal equations are formed.
+    The plants of the set are centre + L Delta R' with |Delta| <= 1. The records are transformed by
+    QR; no normal equations are formed.
 
     Parameters
     ----------
     regressors, after
-        Z (n + m, T) and the states that follow (n, T), known noise taken off.
+        Z (n + m, T) and the next states (n, T), with the known noise subtracted.
     weight, energy
-        Of the noise; weight None: the identity.
+        Weight and largest energy of the noise; weight None: the identity.
     """
     root = None if weight is None else np.linalg.cholesky(weight)
     if root is not None:
@@ -52,14 +52,18 @@ def edge_plants(
 
 
 def drawn_changes(left: RealArray, right: RealArray) -> RealArray:
-    """Changes L Delta R' (plants, n, n + m) to the edge: half of them dyads, half of full rank."""
+    """Changes L Delta R' (plants, n, n + m) to the edge of the set: half of them dyads, half of
+    full rank.
+    """
     rng, plants = np.random.default_rng(SEED), tries(PLANTS)
     n, total = len(left), len(right)
     Delta = rng.standard_normal((plants, n, total))
     u, _, vh = np.linalg.svd(Delta, full_matrices=False)
     dyads = u[:, :, :1] @ vh[:, :1]
     full = u @ vh
-    found: RealArray = INSIDE * left @ np.where(np.arange(plants)[:, None, None] % 2, full, dyads)
+    found: RealArray = (
+        EDGE_SHARE * left @ np.where(np.arange(plants)[:, None, None] % 2, full, dyads)
+    )
     return found @ right.T
 
 
@@ -70,7 +74,9 @@ def excess_energy(
     weight: RealArray | None,
     energy: RealArray,
 ) -> float:
-    """Largest share by which plants (k, n, n + m) need more noise energy than is allowed."""
+    """Largest relative excess of the noise energy that plants (k, n, n + m) need over the allowed
+    one.
+    """
     noise = after - theta @ regressors
     spent = noise @ noise.mT if weight is None else noise @ weight @ noise.mT
     root = np.linalg.inv(np.linalg.cholesky(energy))
@@ -78,16 +84,18 @@ def excess_energy(
 
 
 def fastest_loop(loops: RealArray, rate: float) -> float:
-    """Largest logarithmic growth of loops (k, n, n) per sample above a rate, less its rounding."""
+    """Largest logarithmic growth per sample of loops (k, n, n) above a rate, less its rounding."""
     found, rounding = growth(loops / rate, 1.0)
     return float((found - rounding).max())
 
 
 def largest_h2(loops: RealArray, entering: RealArray, seen: RealArray) -> float:
-    """Largest H2 norm from v, x+ = loop x + entering v, to seen x, summed over 2^60 samples."""
+    """Largest H2 norm from v to ``seen`` x for x+ = loop x + entering v, summed over 2^60
+    samples.
+    """
     cost = np.broadcast_to(seen.T @ seen, loops.shape).copy()
     power = loops.copy()
-    with np.errstate(all="ignore"):  # what an unstable loop makes infinite, or no number
+    with np.errstate(all="ignore"):  # an unstable loop gives infinity, or NaN
         for _ in range(ITERATIONS):
             cost = cost + power.mT @ cost @ power
             power = power @ power
@@ -98,9 +106,10 @@ def largest_h2(loops: RealArray, entering: RealArray, seen: RealArray) -> float:
 def largest_response(
     A: RealArray, B: RealArray, C: RealArray, radius: float = 1.0
 ) -> tuple[float, float]:
-    """Largest gain of C (z - A)^-1 B over |z| = radius, and the angle of z [rad] where it is.
+    """Largest gain of C (z - A)^-1 B over |z| = radius, and the angle of z [rad] at which it
+    occurs.
 
-    A has shape (k, n, n); the gain is the largest of all of them.
+    A has shape (k, n, n); the gain is the largest over all k.
     """
     angles = np.linspace(0.0, np.pi, tries(ANGLES))
     best, where = 0.0, 0.0
@@ -124,7 +133,7 @@ def gains(A: RealArray, B: RealArray, C: RealArray, z: ComplexArray) -> RealArra
 def least_cost(
     A: RealArray, V: RealArray, C: RealArray, rounds: int = 100_000, settled: float = 1e-12
 ) -> RealArray | None:
-    """The least P with P = C'C + A' (P^-1 - V V')^-1 A, by iteration from 0; None where it grows.
+    """The least P with P = C'C + A' (P^-1 - V V')^-1 A, by iteration from 0; None if it diverges.
 
     It is the cost of x+ = A x + V v with an opponent v who pays |v|^2 for it.
     """

@@ -1,4 +1,4 @@
-"""Models of records, tried by convolution and by plain powers."""
+"""Models of records, checked by convolution and by plain powers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from workbench.arrays import RealArray
 
 
 def convolved(matrices: Any, u: RealArray, y: RealArray, washout: int) -> RealArray:
-    """Output (N, ny) of a sampled system by convolution, its initial state fitted to y.
+    """Output (N, ny) of a sampled system by convolution, with its initial state fitted to y.
 
-    ``matrices`` are A, B, C, D. u (N, nu) drives; the first `washout` samples of y (N, ny) decide
-    the initial state, as far as they were measured.
+    ``matrices`` are A, B, C, D, and u (N, nu) is the input. The measured values among the first
+    `washout` samples of y (N, ny) determine the initial state.
     """
     A, B, C, D = matrices
     markov, free = np.empty((len(u), *D.shape)), np.empty((len(u), *C.shape))

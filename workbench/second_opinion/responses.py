@@ -14,30 +14,33 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 
 NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Distances from a lightly damped pole's frequency that are looked at, in units of its damping."""
+"""Distances from a lightly damped pole's frequency at which responses are tried, in units of its
+damping.
+"""
 NEAR_A_PEAK = tuple(np.linspace(-0.05, 0.05, 21))
-"""Distances from the frequency of a peak that are looked at, as shares of it."""
+"""Distances from the frequency of a peak at which responses are tried, as shares of it."""
 LIGHT_DAMPING = 0.2
 """A pole is lightly damped if its real part is below this share of its size."""
 SPREAD_FREQUENCIES = 60
-"""Frequencies spread evenly, on a logarithmic scale, over the band of the poles."""
+"""Number of frequencies spread evenly, on a logarithmic scale, over the band of the poles."""
 CLOSING_ROUNDING = 1e-12
-"""Rounding of the responses of plant and controller, as a share of them."""
-SPARED = 10.0
-"""What rounding may do to a response, in units of the difference of two ways to compute it."""
+"""Rounding of the responses of plant and controller, relative."""
+ROUNDING_FACTOR = 10.0
+"""Largest error of a response, in units of the difference between two ways to compute it."""
 FREQUENCIES_AT_ONCE = 256
-"""Frequencies whose matrices are held in memory together."""
+"""Number of frequencies whose matrices are held in memory together."""
 ROWS_AT_ONCE = 16
-"""Rows of a triangular form whose common part is computed in one product."""
+"""Number of rows of a triangular form whose common part is computed in one product."""
 TINY = float(np.finfo(float).tiny)
 """Smallest normal number."""
 BITS = 512
-"""Bits of a response that doubles do not tell."""
+"""Bits of a response that doubles cannot resolve."""
 FEWEST_STATES = 60
-"""Fewest states of which responses are found by substitution in a triangular form."""
+"""Least number of states for which responses are computed by substitution in a triangular form."""
 TRIANGLE_ROUNDING = 1e-6
-"""Largest rounding of a triangular form, as a share of a pole's damping. This is a worst case, from
-which the difference of two forms tells what is lost."""
+"""Largest rounding of a triangular form, as a share of a pole's damping. This is a worst case; the
+difference of two forms tells how much is really lost.
+"""
 
 
 def plain_response(system: Any, omega: RealArray) -> ComplexArray:
@@ -68,10 +71,10 @@ def plain_response(system: Any, omega: RealArray) -> ComplexArray:
             found[part] += C @ _substituted(T, B, s)
             continue
         time = 2.0 ** -np.round(np.log2(np.maximum(np.abs(s), fastest)))[:, None, None]
-        moved = (s[:, None, None] * unit - A) * time  # large pivots may be lost in an elimination
+        moved = (s[:, None, None] * unit - A) * time  # an elimination may lose large pivots
         try:
             found[part] += C @ np.linalg.solve(moved, B * time + 0j)
-        except np.linalg.LinAlgError:  # one of them cannot be told from a pole in doubles
+        except np.linalg.LinAlgError:  # at one frequency doubles cannot tell the point from a pole
             found[part] = [precise_response(system, one) for one in omega[part].tolist()]
     return found
 
@@ -98,10 +101,11 @@ def precise_response(system: Any, omega: float) -> ComplexArray:
 
 @lru_cache(maxsize=4)
 def _triangle(entries: bytes, n: int, sampled: bool) -> tuple[ComplexArray, ComplexArray] | None:
-    """The triangular form T of A = Q T Q^H; None where it may hide a lightly damped pole.
+    """The triangular form T of A = Q T Q^H; None if rounding may hide a lightly damped pole.
 
-    It errs by rounding of the largest entry, and the response by that over the poles' distance from
-    the boundary of stability. The one of the transposed matrix is rounded in another way.
+    The form has rounding errors of the size of the largest entry, and the response has them divided
+    by the poles' distance from the boundary of stability. The form of the transposed matrix is
+    rounded differently.
     """
     A = np.frombuffer(entries).reshape(n, n)
     T, Q = schur(A.astype(complex), output="complex")
@@ -112,10 +116,10 @@ def _triangle(entries: bytes, n: int, sampled: bool) -> tuple[ComplexArray, Comp
 
 
 def _substituted(T: ComplexArray, B: Any, s: Any) -> ComplexArray:
-    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
+    """(s I - T)^-1 B (F, n, r) for an upper triangular T (n, n), at s (F,)."""
     (n, r), F = B.shape, len(s)
     X = np.empty((n, F, r), complex)
-    for low in reversed(range(0, n, ROWS_AT_ONCE)):  # what all rows of a block share comes first
+    for low in reversed(range(0, n, ROWS_AT_ONCE)):  # first the part that all rows of a block share
         high = min(low + ROWS_AT_ONCE, n)
         shared = (T[low:high, high:] @ X[high:].reshape(n - high, F * r)).reshape(-1, F, r)
         for i in reversed(range(low, high)):
@@ -133,15 +137,15 @@ def lower_closed(P: ComplexArray, K: ComplexArray) -> ComplexArray:
 
 
 def closing_error(plant: Any, P: ComplexArray, K: Any, C: ComplexArray, omega: Any) -> RealArray:
-    """What rounding may do to `lower_closed` at each frequency (F,).
+    """Bound of the effect of rounding on `lower_closed` at each frequency (F,).
 
-    P and C are the responses of plant and controller K. Each is computed again from the other side,
-    by the transposed system; the difference tells what rounding does to it. In the loop it is
-    multiplied, and parts of the loop may cancel.
+    P and C are the responses of plant and controller K. Each is computed a second time, by the
+    transposed system; the difference shows the effect of rounding. The loop amplifies it, and parts
+    of the loop may cancel.
     """
     errors = [
         CLOSING_ROUNDING
-        + SPARED * _size(found - _transposed(system, omega)) / _nonzero(_size(found))
+        + ROUNDING_FACTOR * _size(found - _transposed(system, omega)) / _nonzero(_size(found))
         for system, found in ((plant, P), (K, C))
     ]
     controls, measurements = C.shape[-2:]
@@ -155,7 +159,7 @@ def closing_error(plant: Any, P: ComplexArray, K: Any, C: ComplexArray, omega: A
 
 
 def _transposed(system: Any, omega: RealArray) -> ComplexArray:
-    """The response by the transposed system: rounded in another way."""
+    """The response by the transposed system, which is rounded differently."""
     import control
 
     A, B, C, D = (np.asarray(getattr(system, part)).T for part in "ACBD")
@@ -185,10 +189,10 @@ def upper_closed(M: ComplexArray, Delta: ComplexArray) -> ComplexArray:
 def tried_frequencies(
     poles: ComplexArray, omega: float = math.nan, dt: float | None = None
 ) -> RealArray:
-    """Frequencies [rad/s] (F,) at which a claim of a loop is tried.
+    """Frequencies [rad/s] (F,) at which a claim about a loop is tried.
 
-    They lie densely about the peak at `omega` and about every lightly damped pole, and evenly in
-    between; 0 and the highest frequency (infinity, or pi / dt) are among them.
+    They are dense around the peak at `omega` and around every lightly damped pole, and evenly
+    spread elsewhere; 0 and the highest frequency (infinity, or pi / dt) are among them.
     """
     top = math.inf
     if dt:
@@ -209,11 +213,11 @@ def tried_frequencies(
 
 
 POINTS = 12
-"""Points of the plane at which a sum is compared with its parts."""
+"""Number of points of the plane at which a sum is compared with its parts."""
 
 
 def farthest_sum(system: Any, parts: Sequence[Any]) -> float:
-    """Largest difference of a system and the sum of its parts at points about the poles.
+    """Largest difference between a system and the sum of its parts, at points around the poles.
 
     It is relative to the sum of the sizes of the parts. The points lie off the axis and the unit
     circle, between sizes of the poles, where responses in doubles are good.
@@ -232,10 +236,11 @@ def farthest_sum(system: Any, parts: Sequence[Any]) -> float:
 
 
 def change_of_matrices(system: Any, other: Any) -> float:
-    """By which share the matrices of a system must change to have the responses of another.
+    """Relative change of a system's matrices that is needed to get the responses of another system.
 
-    From responses between the sizes of the other's poles that are not 0, off the axis: a change dA
-    moves them by C (s - A)^-1 dA (s - A)^-1 B. Norms are those of balanced states.
+    Computed from responses at points off the axis whose sizes lie between those of the other
+    system's nonzero poles: a change dA moves the response by C (s - A)^-1 dA (s - A)^-1 B. Norms
+    are those of balanced states.
     """
     A, B, C, D = (np.asarray(getattr(system, part), dtype=float) for part in "ABCD")
     if not len(A):
@@ -261,7 +266,7 @@ def change_of_matrices(system: Any, other: Any) -> float:
 
 
 UNIT_TURN = 2.399963
-"""Angle [rad] from one point to the next, by which they never meet (the golden angle)."""
+"""Angle [rad] from one point to the next, with which points never coincide (the golden angle)."""
 
 
 def _at(system: Any, s: complex) -> ComplexArray:
@@ -278,11 +283,13 @@ def _at(system: Any, s: complex) -> ComplexArray:
 def farthest_apart(
     system: Any, other: Any, error: float, leaving: Any = None, entering: Any = None
 ) -> float:
-    """By how much two systems differ beyond an error on the boundary of stability, relative.
+    """Relative excess, over an error, of the difference of two systems on the boundary of
+    stability.
 
     The difference is multiplied by weights of the outputs and of the inputs; None is 1.
 
-    At points between the sizes of the poles of the first, or spread over the unit circle.
+    The points tried lie on the axis between the sizes of the first system's poles, or are spread
+    over the unit circle.
     """
     if system.dt:
         points = np.exp(1j * np.linspace(0.01, 3.13, tries(POINTS)))

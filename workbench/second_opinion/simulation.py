@@ -16,24 +16,24 @@ Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D."""
 
 SAMPLES = 3000
-"""Samples simulated."""
+"""Number of samples simulated."""
 SAMPLES_PER_PERIOD = 16
-"""Samples in a period of the sinusoid that drives a continuous loop."""
+"""Number of samples per period of the sinusoid that drives a continuous loop."""
 BLOCK = 32
-"""Samples of a block, a power of two; those within a block are simulated together."""
+"""Number of samples in a block, a power of two; the samples of a block are simulated together."""
 NEIGHBOURS = 3
-"""Loops that are simulated to see what rounding does."""
+"""Number of slightly changed loops that are simulated to see the effect of rounding."""
 SPREAD = 4.0
-"""Rounding error of an output over the largest difference from those loops."""
+"""Rounding error of an output, in units of the largest difference between those loops."""
 PASSES = 3
-"""Times that the loop is driven: each time by what came out before, run backwards."""
+"""Number of times that the loop is driven, each time by its last output reversed in time."""
 
 
 def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float = 0.0) -> float:
     """Largest root of the ratio of output and input energy that simulations of a loop show.
 
-    Where it is above `claimed`, the same input is simulated by loops that rounding cannot tell from
-    the given one, and the output counts less a multiple of the largest difference.
+    If it is above `claimed`, the same input is simulated with loops that differ from the given one
+    only by rounding, and the output is reduced by a multiple of the largest difference.
 
     A continuous loop is simulated after the bilinear transformation, which keeps its norm. The
     first input is a sinusoid; each next one is the adjoint's response to the last output, so that
@@ -46,7 +46,7 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
     dt
         Its sampling time [s]; 0 or None in continuous time.
     omega
-        Frequency of the first input [rad/s]; where it is not finite and positive, noise is taken.
+        Frequency of the first input [rad/s]; if it is not finite and positive, the input is noise.
     claimed
         Claimed bound of the ratio.
     """
@@ -87,9 +87,9 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
 
 
 class _Blocks:
-    """A sampled loop by blocks of samples: each is one step of a larger system.
+    """A sampled loop in blocks of samples: each block is one step of a larger system.
 
-    Its input is all that enters in the block, its output all that leaves.
+    Its input collects all inputs of the block, and its output all outputs.
     """
 
     def __init__(self, A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> None:
@@ -98,7 +98,7 @@ class _Blocks:
         for _ in range(BLOCK - 1):
             reached.append(A @ reached[-1])
             seen.append(seen[-1] @ A)
-        through = np.zeros((BLOCK, c, BLOCK, r))  # the outputs of a block for its own inputs
+        through = np.zeros((BLOCK, c, BLOCK, r))  # the outputs of a block caused by its own inputs
         for k in range(BLOCK):
             response = D if k == 0 else C @ reached[k - 1]
             for i in range(BLOCK - k):
@@ -107,7 +107,7 @@ class _Blocks:
         self.into, self.out, self.through = np.hstack(reached[::-1]), np.vstack(seen), through
 
     def adjoint(self) -> _Blocks:
-        """That of A^T, C^T, B^T and D^T: the same products, in the other order."""
+        """The blocks of A^T, C^T, B^T and D^T: the same products, in the other order."""
         found = object.__new__(_Blocks)
         found.power = self.power.T
         c, r = self.through.shape[1::2]
@@ -133,8 +133,8 @@ class _Blocks:
 def _neighbours(given: Realisation) -> list[Realisation]:
     """The loop with its states in other orders and every entry one rounding larger or smaller.
 
-    Another order alone leaves many roundings what they are: of 29 ill-conditioned loops that
-    rounding raised above their norm, it explained 20, these explained all.
+    Another order alone leaves many roundings unchanged: of 29 ill-conditioned loops that rounding
+    raised above their norm, it explained 20, and these changes explained all.
     """
     A, B, C, D = given
     rng, found = np.random.default_rng(SEED), []
@@ -147,7 +147,9 @@ def _neighbours(given: Realisation) -> list[Realisation]:
 
 
 def _bilinear(given: Realisation, omega: float | None) -> Realisation:
-    """The sampled loop with s = a (z - 1) / (z + 1), `omega` at 16 samples in a period."""
+    """The sampled loop with s = a (z - 1) / (z + 1), such that `omega` has 16 samples per
+    period.
+    """
     A, B, C, D = given
     if len(A):
         A, (scale, _) = matrix_balance(A, permute=False, separate=True)

@@ -8,7 +8,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor.effort import tries
 
 DIRECTIONS = 180
-"""Directions in which points and shapes are compared, over the whole turn."""
+"""Number of directions, over the whole turn, in which points and shapes are compared."""
 
 
 def reach_beyond(
@@ -18,17 +18,19 @@ def reach_beyond(
     half_length: RealArray,
     angle: RealArray,
 ) -> RealArray:
-    """By how much each of the points (..., N) reaches beyond its shape in the worst direction.
+    """Distance by which each of the points (..., N) reaches beyond its shape in the worst
+    direction.
 
-    A point lies in a convex set exactly if it reaches no further than the set in any direction. A
-    stadium reaches radius + half_length |cos t| from its centre in direction angle + t; a circle
+    A point lies in a convex set if and only if it reaches no further than the set in any direction.
+    A stadium reaches radius + half_length |cos t| from its centre in direction angle + t; a circle
     has half-length 0. The shapes are arrays (...).
     """
     found = np.full(points.shape, -np.inf)
-    # Differences first: the size of a point far from 0 must not hide its distance.
+    # Subtract first: a point far from 0 must not hide its distance by rounding.
     away = (points - np.asarray(center)[..., None]) * np.exp(-1j * np.asarray(angle))[..., None]
     directions = tries(DIRECTIONS)
-    for t in 2 * np.pi * np.arange(directions) / directions:  # from the direction of the stadium
+    # angle from the direction of the stadium
+    for t in 2 * np.pi * np.arange(directions) / directions:
         reach = radius + half_length * np.abs(np.cos(t))
         found = np.maximum(found, (away * np.exp(-1j * t)).real - np.asarray(reach)[..., None])
     return found

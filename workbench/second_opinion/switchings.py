@@ -1,4 +1,4 @@
-"""Switchings drawn at random, each repeated for ever: is it stable?"""
+"""Random switchings, each repeated for ever: is the system stable?"""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from workbench.second_opinion import SEED
 from workbench.second_opinion.powers import BITS, PRECISE_ROUNDING, growth, precise_growth
 
 SWITCHINGS = 40
-"""Periodic switchings that are tried, for every plant."""
+"""Number of periodic switchings tried for every plant."""
 SHORT_STAYS = 8
-"""Stays from the shortest on that are tried of every two modes."""
+"""Number of stays, from the shortest on, that are tried for every two modes."""
 ENTRIES = (2, 7)
-"""Fewest and most entries of a mode in one period."""
-CLOSE = 1e-3
-"""Growth below 0 by less than this is computed again, in many bits."""
-LONGER = 3.0
-"""Stays without a longest one are drawn up to so many times the shortest."""
+"""Fewest and most visits to modes in one period."""
+CLOSE_GROWTH = 1e-3
+"""Growth that is below 0 by less than this is computed again in many bits."""
+LONGEST_RATIO = 3.0
+"""Stays without a longest one are drawn up to this multiple of the shortest."""
 
 
 def fastest_growth(
@@ -41,7 +41,7 @@ def fastest_growth(
 
     Returns
     -------
-    Logarithm of the growth in one period: below 0 where every switching tried is stable.
+    Logarithm of the growth in one period: below 0 if every switching tried is stable.
     """
     rng = np.random.default_rng(SEED)
     best, words = -math.inf, ""
@@ -64,9 +64,9 @@ def _period(transitions: Sequence[RealArray], modes: Sequence[int], stays: Seque
 
 
 def _growth(period: Any) -> float:
-    """Logarithm of the growth in one period, less what rounding may add to it."""
+    """Logarithm of the growth in one period, less the possible effect of rounding."""
     rate, rounding = growth(np.array(period.tolist(), dtype=float), 1.0)
-    if rate < -max(rounding, CLOSE):
+    if rate < -max(rounding, CLOSE_GROWTH):
         return float(rate + rounding)
     return precise_growth(period) - PRECISE_ROUNDING
 
@@ -74,7 +74,7 @@ def _growth(period: Any) -> float:
 def switchings(
     rng: np.random.Generator, shortest: Sequence[int], longest: Sequence[int | None]
 ) -> Iterator[tuple[list[int], list[int]]]:
-    """Modes and stays of every period: all short stays of every pair of modes, then some drawn."""
+    """Modes and stays of every period: all short stays of every pair of modes, then random ones."""
     last = [math.inf if end is None else end for end in longest]
     for i, j in combinations(range(len(shortest)), 2):
         for n, m in product(range(SHORT_STAYS), repeat=2):
@@ -86,7 +86,9 @@ def switchings(
 
 
 def _sequence(rng: np.random.Generator, modes: int, number: int) -> list[int]:
-    """A closed sequence of modes without one twice in a row; the first ones are pairs."""
+    """A closed sequence of modes in which none occurs twice in a row; the first sequences are
+    pairs.
+    """
     if number < modes * (modes - 1) // 2 or modes == 2:
         pairs = [(i, j) for i in range(modes) for j in range(i + 1, modes)]
         return list(pairs[number % len(pairs)]) * (1 if number < len(pairs) else number % 3 + 1)
@@ -98,8 +100,10 @@ def _sequence(rng: np.random.Generator, modes: int, number: int) -> list[int]:
 
 
 def _stay(rng: np.random.Generator, shortest: int, longest: int | None, number: int) -> int:
-    """An allowed stay; in the first half of the switchings the shortest, the most often worst."""
+    """An allowed stay; in the first half of the switchings the shortest one, which is most often
+    the worst.
+    """
     if number < tries(SWITCHINGS) // 2:
         return shortest
-    last = longest if longest is not None else int(LONGER * shortest) + 1
+    last = longest if longest is not None else int(LONGEST_RATIO * shortest) + 1
     return int(rng.integers(shortest, max(last, shortest) + 1))

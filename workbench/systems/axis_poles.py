@@ -1,9 +1,9 @@
 """Poles on the stability boundary, split off from the stable ones of a realisation.
 
 Rounding moves a repeated pole at 0 by the root of the rounding error, to either side of the axis.
-Whether 0 is a pole is therefore asked of ranks, and of another point of the axis by how near the
-matrix is to one with a pole there: both answers are right for entries that differ by rounding from
-the given ones.
+Poles at 0 are therefore decided by ranks, and poles elsewhere on the axis by the distance of the
+matrix from one with a pole there: both answers hold for all entries that differ from the given ones
+by rounding.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from workbench.systems.balancing import axis_rounding, integrators_first
 from workbench.systems.frequency_response import driven_states
 
 EIGENVECTOR_MARGIN = 10.0
-"""Factor for the rounding of eigenvalues, eigenvectors and their condition."""
+"""Factor that allows for rounding of eigenvalues, eigenvectors and their condition number."""
 POLE_ROUNDINGS = 4
-"""Multiple of the relative rounding error of every entry of a matrix that may move its poles."""
+"""Multiple of the relative rounding error of every entry of a matrix, within which its poles may
+move.
+"""
 
 
 def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = None) -> bool:
-    """Whether changes of A by rounding, entry by entry, give it a pole at a point.
+    """Whether changes of A by rounding, entry by entry, may give it a pole at a point.
 
-    ``entries``, where A is a sum: the sum of sizes, which are rounded. The units of the states do
-    not matter.
+    ``entries``: if A is a sum, the sum of the sizes of its terms, which are rounded. The units of
+    the states do not matter.
     """
     try:
         near = np.abs(driven_states(A, np.eye(len(A)), np.array([point]))[0])
@@ -37,10 +39,11 @@ def pole_may_be_at(point: complex, A: RealArray, entries: RealArray | None = Non
 
 
 def stable_last(A: RealArray) -> tuple[RealArray, RealArray, int, int]:
-    """An orthogonal Q and the block triangular Q^T A Q, with k poles that are not stable first.
+    """An orthogonal Q and the block triangular Q^T A Q, in which the k poles that are not stable
+    come first.
 
-    A (n, n) has balanced states. Poles at 0 are exactly 0, and so are the real parts of simple ones
-    elsewhere on the axis. The last result is the number of those at 0.
+    A (n, n) has balanced states. Poles at 0 are set to exactly 0, and so are the real parts of
+    simple poles elsewhere on the axis. The last result is the number of poles at 0.
     """
     small = axis_rounding(A)
     Q, T, k = integrators_first(A, small)
@@ -73,10 +76,11 @@ def _poles(T: RealArray) -> list[complex]:
 
 
 def _clear_of_axis(T: RealArray, poles: ComplexArray, small: float) -> BoolArray:
-    """Marks of poles left of the axis, which no change of T by rounding brings to their frequency.
+    """Marks poles left of the axis that no change of T by rounding moves to the axis.
 
-    By Bauer and Fike: a change moves eigenvalues by its size times the condition of eigenvectors. A
-    pole without this mark may be as far from the axis, which costs a singular value to see.
+    By Bauer and Fike: a change moves eigenvalues by at most its size times the condition number of
+    the eigenvectors. A pole without the mark may be clear of the axis too; this is decided by a
+    singular value.
     """
     if not len(T):
         return np.zeros(0, bool)
@@ -88,7 +92,7 @@ def _clear_of_axis(T: RealArray, poles: ComplexArray, small: float) -> BoolArray
 
 
 def _not_stable(T: RealArray, pole: complex, small: float) -> bool:
-    """Whether a pole lies right of the axis, or a change of T by rounding puts one beside it."""
+    """Whether a pole lies right of the axis, or a change of T by rounding puts one on it."""
     if pole.real >= 0.0:
         return True
     near = 1j * pole.imag * np.eye(len(T)) - T
@@ -96,7 +100,7 @@ def _not_stable(T: RealArray, pole: complex, small: float) -> bool:
 
 
 def _put_on_axis(T: RealArray, small: float) -> None:
-    """Make real parts of pairs that are rounding 0."""
+    """Set the real parts of pairs of poles to 0 where they are only rounding."""
     for i in range(len(T) - 1):
         if T[i + 1, i] != 0.0 and abs(T[i, i]) <= small:
             T[i, i] = T[i + 1, i + 1] = 0.0

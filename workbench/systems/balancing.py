@@ -17,7 +17,7 @@ def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealA
 def with_state_units(
     A: RealArray, B: RealArray, C: RealArray, D: RealArray
 ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """A, B, C and D with the states scaled by powers of two, so that D's entries count too."""
+    """A, B, C and D with states scaled by powers of two that regard D's entries too."""
     n = len(A)
     scale = balancing(np.block([[A, B], [C, D]]), n)[0][:n]
     return A * scale[:, None] / scale, B * scale[:, None], C / scale, D
@@ -30,22 +30,23 @@ def state_units(A: RealArray, B: RealArray, C: RealArray) -> RealArray:
 
 
 ZERO = 100.0
-"""Multiple of the rounding error of a product of matrices up to which it counts as zero."""
+"""A product of matrices counts as zero up to this multiple of its rounding error."""
 
 
 def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
-    """A frequency [rad/s] to measure time by, a power of two; 1 for a system without any.
+    """A frequency [rad/s], a power of two, that serves as the unit of time; 1 if there is none.
 
-    It is the median size of the poles other than integrators. Where all poles are integrators their
-    eigenvalues are rounding, and the gain tells it: the response is nearly h / s^k at high
-    frequencies.
+    It is the median size of the poles other than integrators. If all poles are integrators, their
+    computed eigenvalues are rounding, and the frequency comes from the gain: the response is nearly
+    h / s^k at high frequencies.
     """
     n = len(A)
     if not n:
         return 1.0
     size = np.sort(np.abs(np.linalg.eigvals(A)))
     by_gain = _speed_of_integrators(A, B, C)
-    # A large gain is a unit of time in which no pole is seen, and units of states hide some.
+    # In a unit of time that is far off, as for a large gain, poles may look like 0, and the units
+    # of the states may hide some.
     alone = _integrators(A) == n and _integrators(_in_units(A, B, C, by_gain)) == n
     if alone or not size[-1] or _nilpotent(A):
         return by_gain
@@ -54,12 +55,12 @@ def speed(A: RealArray, B: RealArray, C: RealArray) -> float:
 
 
 def _in_units(A: RealArray, B: RealArray, C: RealArray, rate: float) -> RealArray:
-    """A with its time measured by a rate, its states balanced."""
+    """A with time measured in units of 1 / rate, and with its states balanced."""
     return balanced(A / rate, B / rate, C)[0]
 
 
 def _integrators(A: RealArray) -> int:
-    """How many poles are 0 up to rounding of the matrix."""
+    """Number of poles that are 0 up to rounding of the matrix."""
     return integrators_first(A, axis_rounding(A))[2]
 
 
@@ -69,12 +70,14 @@ a pole lies on the axis."""
 
 
 def axis_rounding(A: RealArray) -> float:
-    """Size of changes of A (n, n), its states balanced, that count as rounding of its poles."""
+    """Largest change of A (n, n), with balanced states, that counts as rounding of its poles."""
     return AXIS_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
 
 
 def integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray, int]:
-    """Q, Q^T A Q and the number k of poles at 0: its first k columns have entries above only."""
+    """Q, Q^T A Q and the number k of poles at 0: its first k columns have nonzero entries only
+    above the diagonal.
+    """
     n = len(A)
     Q, T, k = np.eye(n), A.copy(), 0
     while k < n:
@@ -90,10 +93,11 @@ def integrators_first(A: RealArray, small: float) -> tuple[RealArray, RealArray,
 
 
 def poles_at_zero(poles: Array) -> int:
-    """How many poles (n,) are 0 up to rounding, in a unit of time in which others are not small.
+    """Number of poles (n,) that are 0 up to rounding, in a unit of time in which the others are not
+    small.
 
-    Of a repeated one rounding makes poles of the size of its root, which together are the roots of
-    a polynomial whose lower coefficients are rounding.
+    Rounding splits a repeated pole at 0 into poles of the size of a root of the rounding error.
+    Together they are the roots of a polynomial whose lower coefficients are rounding errors.
     """
     rising = poles[np.argsort(np.abs(poles))]
     for k in range(len(rising), 0, -1):
@@ -113,7 +117,7 @@ def _nilpotent(A: RealArray) -> bool:
 
 
 def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
-    """h^(1/k) of the largest entry h of the first C A^(k-1) B that is not 0."""
+    """h^(1/k), where h is the largest entry of the first C A^(k-1) B that is not 0."""
     units = [float(np.frexp(np.abs(part).max(initial=0.0))[1]) for part in (A, B, C)]
     A, B, C = (np.ldexp(part, -int(unit)) for part, unit in zip((A, B, C), units, strict=True))
     rows, bound, taken = C, np.abs(C), units[1] + units[2]
@@ -128,9 +132,9 @@ def _speed_of_integrators(A: RealArray, B: RealArray, C: RealArray) -> float:
 
 
 def _within_doubles(product: RealArray, bound: RealArray) -> tuple[RealArray, RealArray, float]:
-    """Both over a power of two about the largest bound, and its exponent.
+    """Both matrices divided by a power of two near the largest bound, and its exponent.
 
-    The powers of a matrix of many states would else leave the range of doubles.
+    Without this, the powers of a matrix of many states would leave the range of doubles.
     """
     largest = float(bound.max(initial=0.0))
     exponent = float(np.floor(np.log2(largest))) if largest > 0.0 else 0.0
@@ -142,25 +146,27 @@ def _power_of_two(size: float) -> float:
 
 
 FAR = 2.0**200
-"""Entries beyond this size, or its reciprocal, have squares whose quotients may overflow."""
+"""Entries beyond this size, or below its reciprocal, have squares whose quotients may overflow."""
 FARTHEST = 1000.0
-"""Largest exponent of two of a factor; those of matrices in blocks grow without end."""
+"""Largest exponent of two of a factor; factors of block triangular matrices would grow without
+end.
+"""
 
 
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     """Factors of the rows and of the columns of M that bring its entries to similar sizes.
 
     The factor of each of the first `channels` columns is the reciprocal of the factor of the same
-    row, as in a change of coordinates; the other factors are free. All are powers of two, so that
-    scaling causes no rounding (Osborne 1960).
+    row, as in a change of coordinates; the other factors are free. All factors are powers of two,
+    so that scaling causes no rounding (Osborne 1960).
     """
     size: RealArray = np.abs(M)
     known = size[size > 0.0]
     if known.size and not (known.min() > 1 / FAR and known.max() < FAR):
-        # The factors of roots of the entries are roots of factors.
+        # The factors for square roots of the entries are the square roots of the factors.
         roots = _balancing(size**0.125, channels)
         rows, columns = (np.exp2(np.clip(8 * np.log2(part), -FARTHEST, FARTHEST)) for part in roots)
-        # Entries of the diagonal are as far as before.
+        # Entries on the diagonal do not change.
         inner, outer = _balancing(np.minimum(_scaled(size, rows, columns), FAR), channels)
         rows, columns = (
             np.exp2(np.clip(np.log2(one) + np.log2(other), -FARTHEST, FARTHEST))
@@ -171,7 +177,9 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
 
 
 def _scaled(size: RealArray, rows: RealArray, columns: RealArray) -> RealArray:
-    """Entries times the factors of their row and column, which alone may overflow."""
+    """Entries times the factors of their row and column; the factors' product alone may
+    overflow.
+    """
     with np.errstate(divide="ignore"):
         exponent = np.log2(size) + np.log2(rows)[:, None] + np.log2(columns)
     found: RealArray = np.where(size > 0.0, np.exp2(np.clip(exponent, -FARTHEST, FARTHEST)), 0.0)
@@ -179,8 +187,9 @@ def _scaled(size: RealArray, rows: RealArray, columns: RealArray) -> RealArray:
 
 
 def _balancing(size: RealArray, channels: int) -> tuple[Array, Array]:
-    """As `balancing`, of the sizes of entries whose squares neither over- nor underflow."""
-    # In squares, of which norms of rows and columns are sums: a step is two products with vectors.
+    """As `balancing`, for the sizes of entries whose squares neither overflow nor underflow."""
+    # Computed with squares, which norms of rows and columns are sums of: a step is two products
+    # with vectors.
     square = size**2
     rows, columns = np.ones(size.shape[0]), np.ones(size.shape[1])
     for _ in range(50):

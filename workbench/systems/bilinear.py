@@ -56,7 +56,7 @@ def to_sampled(K: Matrices) -> Matrices:
 
 
 def bilinear_continuous(system: StateSpace) -> StateSpace:
-    """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), T its period [s].
+    """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), sampling time T [s].
 
     Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s]. Raises
     InputError for a pole at z = -1.
@@ -67,7 +67,7 @@ def bilinear_continuous(system: StateSpace) -> StateSpace:
 
 
 def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
-    """The sampled system, period [s], that `bilinear_continuous` makes this continuous one of.
+    """Inverse of `bilinear_continuous`: the system sampled every ``period`` [s].
 
     Raises LinAlgError for a pole at s = 2 / period.
     """
@@ -77,10 +77,10 @@ def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
 
 
 def in_continuous_plane(K: StateSpace) -> StateSpace:
-    """A controller in continuous time: a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
+    """A controller in continuous time; a sampled one by s = (2 / T) (z - 1) / (z + 1)."""
     return bilinear_continuous(K) if K.dt else K
 
 
 def from_continuous_plane(K: StateSpace, dt: float) -> StateSpace:
-    """A controller of `in_continuous_plane` in a plant's time; dt: sampling time [s], or 0."""
+    """Undo `in_continuous_plane`: the controller in a plant's time; dt: sampling time [s], or 0."""
     return bilinear_sampled(K, dt) if dt else K

@@ -1,4 +1,4 @@
-"""Connect systems by the names of their signals into a generalised plant."""
+"""Connect systems by the names of their signals to form a generalised plant."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ def generalised_plant(
 ) -> GeneralisedPlant:
     """Connect systems by the names of their signals and leave Delta and K out.
 
-    A signal is driven in one place, a block's output, a sum or an input of the whole, and read in
-    any number of places.
+    Each signal has one source: an output of a block, a sum or an input of the plant. Any number of
+    blocks, sums and outputs may read it.
 
     Parameters
     ----------
     blocks
         Systems with named signals: StateSpace, TransferFunction, `ParametricModel`,
         `UncertaintyModel`, an answer, Solution or Run with one of these; or (one of these or a
-        gain, input names, output names). Perturbations of the uncertain ones are joined behind
-        those of `perturbation`.
+        gain, input names, output names). The perturbations of uncertain ones come after those of
+        `perturbation`.
     sums
         Summing junctions such as {"e": "w_p + w_u - x"}.
     perturbation
@@ -57,10 +57,10 @@ def generalised_plant(
     Raises
     ------
     UnknownNameError
-        A signal that is read but driven by nothing.
+        A signal is read that has no source.
     InputError
-        A signal driven twice, an input that nothing reads, a block of Delta that does not fit its
-        signals, improper or sampled differently, or a singular loop without dynamics.
+        A signal has two sources; nothing reads an input; a block of Delta does not fit its signals;
+        a block is improper or has another sampling time; or a loop without dynamics is singular.
 
     Examples
     --------

@@ -16,10 +16,10 @@ from workbench.systems.realisation import with_all_poles
 
 
 def as_system(system: Any, name: str) -> StateSpace:
-    """Convert whatever `system_of` takes to a new StateSpace, with the names of its signals.
+    """Convert anything that `system_of` takes to a new StateSpace with the names of its signals.
 
-    Raises InputError as it does, for an improper system, a system without inputs or outputs, and a
-    system with entries that are not finite. `name` is what its message calls the system.
+    Raises InputError as `system_of` does, and for an improper system, a system without inputs or
+    outputs, or entries that are not finite. `name` is the name of the system in messages.
     """
 
     system = system_of(system, name)
@@ -36,12 +36,12 @@ def as_system(system: Any, name: str) -> StateSpace:
 
 
 def as_states(system: Any, name: str) -> StateSpace:
-    """As `with_all_poles`; InputError names the system where there is no realisation."""
+    """As `with_all_poles`; if there is no realisation, InputError names the system."""
     try:
         return with_all_poles(system)
     except InputError as error:
         raise InputError(f"{name} has no realisation: {error}") from None
-    except ValueError as error:  # python-control's, of several inputs or outputs
+    except ValueError as error:  # python-control's realisation, for several inputs or outputs
         raise InputError(
             f"{name} has no realisation: {error}; an improper one needs fast poles"
         ) from None

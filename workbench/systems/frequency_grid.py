@@ -32,13 +32,13 @@ RESONANCE_OFFSETS = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
 """Distances of these additional frequencies from the resonance, in half-widths, on either side."""
 
 AT_ZERO = 1e-15
-"""Size of a pole, over the largest one, up to which it counts as 0."""
+"""A pole counts as 0 up to this size, relative to the largest one."""
 
 
 def starting_grid(poles: Array) -> RealArray:
     """Grid of frequencies [rad/s] chosen from a system's poles (n,), with 0 and infinity.
 
-    Poles at 0, up to rounding, ask for no frequencies.
+    Poles at 0, up to rounding, add no frequencies.
     """
     size = np.abs(poles)
     poles = poles[size > AT_ZERO * size.max(initial=0.0)]

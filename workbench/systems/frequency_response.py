@@ -13,17 +13,21 @@ from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 
 CHUNK_ENTRIES = 4_000_000
-"""Total entries of the matrices that are solved in one call: 64 MB."""
+"""Total number of entries of the matrices solved in one call: 64 MB."""
 
 MANY_STATES, MANY_POINTS = 60, 4
-"""Fewest states, and points, for which responses are computed in Schur's coordinates."""
+"""Least number of states, and of points, for which responses are computed in Schur coordinates."""
 LARGEST_SPREAD = 1e5
-"""Largest entry of A over its smallest pole there."""
+"""Schur coordinates are not used if the largest entry of A exceeds its smallest pole by this
+factor.
+"""
 
 
 @lru_cache(maxsize=64)
 def _scale(size: bytes, shape: tuple[int, int], states: int) -> RealArray:
-    """Factors of the states; kept, for searches ask one system for one frequency at a time."""
+    """Scaling factors of the states; kept, since searches ask for one frequency of a system at a
+    time.
+    """
     rows, _ = balancing(np.frombuffer(size).reshape(shape), states)
     return rows[:states]
 
@@ -32,13 +36,13 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     """Response D + C (s I - A)^-1 B at points s (F,), shape (..., F, m, p).
 
     M is [A B; C D], shape (..., n + m, n + p), with n = `states`. The states are scaled first.
-    Raises InputError where s is a pole.
+    Raises InputError if s is a pole.
     """
     return response_of_scaled(with_scaled_states(M, states), states, s)
 
 
 def with_scaled_states(M: Array, states: int) -> Array:
-    """[A B; C D] with its states scaled by powers of two; of several, by the same ones."""
+    """[A B; C D] with states scaled by powers of two, the same for several realisations."""
     size = np.ascontiguousarray(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), dtype=float)
     scale = _scale(size.tobytes(), size.shape, states)
     scaled = np.array(M)
@@ -74,9 +78,9 @@ def response_of_scaled(M: Array, states: int, s: ArrayLike) -> Array:
 def driven_states(A: Array, B: Array, s: Array) -> Array:
     """(s I - A)^-1 B at points s (F,), shape (..., F, n, m), for A (..., n, n) and B (..., n, m).
 
-    Each is computed in the unit of time in which its largest entry is near 1, a power of two: some
-    libraries lose what single precision does not hold where a pivot is imaginary, as j omega is.
-    Raises LinAlgError where s is a pole.
+    Each is computed with time in units of a power of two in which its largest entry is near 1: for
+    an imaginary pivot such as j omega, some libraries fail on numbers beyond single precision.
+    Raises LinAlgError if s is a pole.
     """
     n = A.shape[-1]
     size = np.maximum(np.abs(s), np.abs(A).max(initial=0.0))
@@ -88,14 +92,14 @@ def driven_states(A: Array, B: Array, s: Array) -> Array:
 
 
 Triangular = tuple[Array, Array, Array]
-"""An upper triangular A (n, n), with its B (n, p) and C (m, n)."""
+"""An upper triangular A (n, n), with B (n, p) and C (m, n) in its coordinates."""
 
 
 def triangular_form(A: Array, B: Array, C: Array, poles: Array | None = None) -> Triangular | None:
-    """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
+    """A, B and C in Schur coordinates; None for few states, or for states of very different size.
 
-    There an elimination keeps digits of small states that an orthogonal basis would lose. Poles
-    that are known tell that before.
+    For states of very different size, an elimination keeps digits of small states that an
+    orthogonal basis would lose. The given poles decide this beforehand.
     """
     if len(A) < MANY_STATES or (poles is not None and _differ_widely(poles, A)):
         return None
@@ -109,13 +113,13 @@ def _differ_widely(poles: Array, A: Array) -> bool:
 
 @lru_cache(maxsize=8)
 def _kept_form(data: bytes, shape: tuple[int, int], states: int) -> Triangular | None:
-    """The `triangular_form` of [A B; C D]; kept, as `_scale` is."""
+    """The `triangular_form` of [A B; C D]; kept, like `_scale`."""
     M = np.frombuffer(data).reshape(shape)
     return triangular_form(M[:states, :states], M[:states, states:], M[states:, :states])
 
 
 def triangular_response(form: Triangular, s: Array) -> Array:
-    """C (s I - T)^-1 B (F, m, p) at points s (F,), by substitution at all of them at once."""
+    """C (s I - T)^-1 B (F, m, p) at points s (F,), by substitution at all points at once."""
     T, B, C = form
     (n, p), F = B.shape, len(s)
     X = np.empty((n, F, p), complex)
@@ -127,7 +131,7 @@ def triangular_response(form: Triangular, s: Array) -> Array:
 
 
 def _need_no_pole(poles: Array, points: Array) -> None:
-    """Raise InputError where a point is a pole."""
+    """Raise InputError if a point is a pole."""
     for start in range(0, len(points), CHUNK_ENTRIES // len(poles)):
         part = points[start : start + CHUNK_ENTRIES // len(poles)]
         if (part[:, None] == poles).any():

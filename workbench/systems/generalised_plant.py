@@ -31,7 +31,7 @@ from workbench.systems.joints import system_of
 from workbench.systems.range_hints import warn_far_frequencies
 
 Signals = str | int | Sequence[str | int] | None
-"""A choice from a list of signals: one or several names or numbers; None for all."""
+"""A choice of signals from a list: one or several names or indices; None for all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,9 @@ class GeneralisedPlant:
 
     The first inputs and outputs belong to Delta, as many as `structure` has rows and columns. The
     last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
-    exogenous, and the outputs between are performance. ``tested`` says what was tested of the
-    records that its parts were identified from. Raises InputError where the system has too few
-    inputs or outputs, and for a wrong type of system, structure or number.
+    exogenous, and the outputs between are performance. ``tested`` lists the tests of the records
+    from which its parts were identified. Raises InputError if the system has too few inputs or
+    outputs, and for a wrong type of system, structure or number.
 
     Examples
     --------
@@ -103,7 +103,7 @@ class GeneralisedPlant:
 
     @property
     def performance_structure(self) -> Structure:
-        """Delta and the full block that closes the performance channels: robust performance's.
+        """Structure for robust performance: Delta, and a full block on the performance channels.
 
         Raises InputError for a plant without performance outputs or exogenous inputs.
         """
@@ -119,9 +119,9 @@ class GeneralisedPlant:
     def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
         """The plant with only some performance outputs and exogenous inputs, in that order.
 
-        Signals are chosen by name, or by number among the plant's performance outputs and exogenous
-        inputs; None for all. Raises UnknownNameError for a name, and InputError for a number, that
-        the plant does not have.
+        Signals are chosen by name, or by index among the plant's performance outputs and exogenous
+        inputs; None for all. Raises UnknownNameError for a name that the plant does not have, and
+        InputError for such an index.
         """
         rows, columns = self._delta
         system = self.system
@@ -140,7 +140,7 @@ class GeneralisedPlant:
         return self._part(list(outputs), list(inputs), None)
 
     def perturbation(self) -> GeneralisedPlant:
-        """The plant with its perturbation channels alone, as exogenous and performance ones."""
+        """The plant with only its perturbation channels, as exogenous and performance channels."""
         rows, columns = self._delta
         outputs = [*range(rows), *range(rows + self.performance, self.system.noutputs)]
         inputs = [*range(columns), *range(columns + self.exogenous, self.system.ninputs)]
@@ -153,13 +153,13 @@ class GeneralisedPlant:
         return self._part(list(outputs), list(inputs), None).system
 
     def unstructured(self) -> GeneralisedPlant:
-        """The plant with the perturbation channels counted as exogenous and performance."""
+        """The plant with perturbation channels counted as exogenous and performance channels."""
         return replace(self, structure=None)
 
     def weighted(
         self, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
     ) -> GeneralisedPlant:
-        """The plant with its first performance outputs and exogenous inputs behind weights.
+        """The plant with weights on its first performance outputs and exogenous inputs.
 
         Each weight is a number or a StateSpace of one input and output; a channel without one stays
         as it is. Raises InputError for more weights than channels.
@@ -191,7 +191,7 @@ class GeneralisedPlant:
     def _part(
         self, outputs: Sequence[int], inputs: Sequence[int], structure: Structure | None
     ) -> GeneralisedPlant:
-        """Some outputs and inputs of the system, by number, with every state."""
+        """Some outputs and inputs of the system, by index, with all states."""
         import control
 
         system = self.system
@@ -210,9 +210,9 @@ class GeneralisedPlant:
     def close(self, K: Any) -> StateSpace:
         """The closed loop N = F_l(P, K) with u = K y.
 
-        N keeps every state of P and K, so its poles decide internal stability. K is whatever
-        `system_of` takes. Raises InputError where its size or sampling time does not fit, or where
-        the loop through the direct terms of P and K is singular.
+        N keeps every state of P and K, so its poles decide internal stability. K is anything that
+        `system_of` takes. Raises InputError if its size or sampling time does not fit, or if the
+        loop through the direct terms of P and K is singular.
         """
         plant = named_realisation(self.system)
         controller = named_realisation(system_of(K, "K"), "K")
@@ -237,7 +237,7 @@ class GeneralisedPlant:
         )
 
     def named(self, K: StateSpace) -> StateSpace:
-        """K with the plant's measurements as names of its inputs, and the controls as outputs."""
+        """K with inputs named after the plant's measurements and outputs after its controls."""
         import control
 
         inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]
@@ -288,7 +288,7 @@ def response(system: StateSpace, omega: ArrayLike) -> Array:
 
 
 def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
-    """Numbers among `names` of the chosen signals; `kind` is what messages call them."""
+    """Indices of the chosen signals among `names`; `kind` is their name in messages."""
     if signals is None:
         return list(range(len(names)))
     try:

@@ -17,20 +17,24 @@ from workbench.systems.realisation import realisation
 from workbench.systems.standard_plant import standard_plant
 
 STAIRCASE_TOLERANCES = (1e-7, 1e-9, 1e-11, 1e-13)
-"""Tolerances of the staircase reduction; the first that keeps the response is used."""
+"""Tolerances of the staircase reduction; the first one that keeps the response is used."""
 
 RESPONSE_TOLERANCE = 1e-9
 """Largest change of a response that a reduction may cause, relative to its largest entry."""
 
 COPY_TOLERANCE = 1e-6
-"""Distance up to which a hidden mode is a copy of another mode, relative to the largest mode."""
+"""A hidden mode counts as a copy of another mode up to this distance, relative to the largest
+mode.
+"""
 
 ZERO_ROUNDING = 100.0
-"""Multiple of a matrix's rounding error up to which a value computed from it counts as zero."""
+"""A value computed from a matrix counts as zero up to this multiple of the matrix's rounding
+error.
+"""
 
 
 def seen_states(M: RealArray, n: int) -> BoolArray:
-    """Which of the n states of M = [A B; C D] lie between inputs and outputs, by M's zeros."""
+    """Marks the states of M = [A B; C D] that lie between inputs and outputs, by M's zeros."""
     A = M[:n, :n] != 0.0
     reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
     for _ in range(n):
@@ -44,8 +48,8 @@ def visible_matrices(
 ) -> tuple[RealArray, RealArray, RealArray]:
     """Remove the uncontrollable and unobservable states of a realisation.
 
-    The response stays the same. An unstable hidden state may be removed where it is a copy of a
-    state that remains, as when a system occurs twice in a connection.
+    The response stays the same. An unstable hidden state may be removed only if it is a copy of a
+    remaining state, as when a system occurs twice in a connection.
 
     Raises
     ------
@@ -78,7 +82,7 @@ def visible_matrices(
 
 
 def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """Remove a plant's hidden unstable copies of states; without any, return the plant unchanged.
+    """Remove a plant's hidden unstable copies of states; without any, return it unchanged.
 
     Raises InputError as `visible_matrices` and `standard_plant` do.
     """
@@ -95,7 +99,7 @@ def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
 def without_hidden_states(system: StateSpace) -> StateSpace:
     """The system without states that no input reaches or no output sees, by python-control.
 
-    In units of time and of states of its own, because the tolerance is absolute.
+    Time and states are scaled first, because the tolerance is absolute.
     """
     import control
 
@@ -114,7 +118,9 @@ def _same(
     other: tuple[RealArray, RealArray, RealArray],
     modes: ComplexArray,
 ) -> bool:
-    """Whether two realisations have equal responses at points around the sizes of the modes."""
+    """Whether two realisations have equal responses at points whose sizes are near those of the
+    modes.
+    """
     size = np.abs(modes)
     radius = np.unique(np.maximum(size, 1e-8 * float(size.max()) or 1.0))
     radius = np.geomspace(radius[0] / 3, radius[-1] * 3, 12)

@@ -1,4 +1,4 @@
-"""Connection of parts with named signals into one realisation."""
+"""Connection of parts with named signals to one realisation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class NamedRealisation:
 def named_realisation(block: Any, name: str = "a block") -> NamedRealisation:
     """The realisation of a block of a connection, with the names of its signals.
 
-    A block is whatever `part_of` takes, or a tuple of one of these with names of its inputs and
+    A block is anything that `part_of` takes, or a tuple of this with the names of its inputs and
     outputs. Raises InputError for another type, for a wrong number of names, and for an improper
     transfer function.
     """
@@ -65,7 +65,7 @@ def named_realisation(block: Any, name: str = "a block") -> NamedRealisation:
             f"{inputs} and {outputs}"
         )
     if isinstance(block, control.TransferFunction):
-        # With several inputs and outputs, python-control's realisation shares states.
+        # python-control's realisation for several inputs and outputs shares states.
         siso = (block.ninputs, block.noutputs) == (1, 1)
         M, states = companion(block) if siso else _stacked(control.ss(block))
     else:
@@ -92,7 +92,7 @@ def sum_of(name: str, terms: str) -> NamedRealisation:
 
 
 def tested_of(blocks: Sequence[Any]) -> tuple[str, ...]:
-    """What was tested of the records that uncertain blocks were identified from, each once."""
+    """The tests of the records from which uncertain blocks were identified, each listed once."""
     parts = [part_of(one[0] if isinstance(one, tuple) else one, "a block") for one in blocks]
     told = [words for part in parts if isinstance(part, UncertainPart) for words in part.tested]
     return tuple(dict.fromkeys(told))
@@ -101,11 +101,11 @@ def tested_of(blocks: Sequence[Any]) -> tuple[str, ...]:
 def named_parts(
     blocks: Sequence[Any], perturbation: Sequence[tuple[Block, Names, Names]]
 ) -> tuple[list[NamedRealisation], list[tuple[Block, tuple[str, ...], tuple[str, ...]]]]:
-    """Realisations of blocks, and entries of Delta: a block, the signals that it reads and drives.
+    """Realisations of blocks, and entries of Delta: block, signals it reads, signals it drives.
 
-    The entries of uncertain blocks stand behind those of `perturbation`. Where two uncertain blocks
-    name their perturbation alike, the second one's names get "#2" behind them, and so on. Raises
-    InputError where a block of Delta does not fit its signals.
+    The entries of uncertain blocks come after those of `perturbation`. If two uncertain blocks have
+    perturbations of the same name, the second one's names get the suffix "#2", and so on. Raises
+    InputError if a block of Delta does not fit its signals.
     """
     parts = []
     entries = []
@@ -163,9 +163,9 @@ def connected(
 ) -> tuple[Array, int]:
     """Realisation [A B; C D] of connected parts, and its number of states.
 
-    v are the inputs of all parts, y their outputs and w the inputs of the whole. The connection is
-    v = links y + enters w, and the outputs of the whole are leaves y. Raises InputError where a
-    loop without dynamics is singular.
+    v are the inputs of all parts, y their outputs and w the inputs of the connected system. The
+    connection is v = links y + enters w, and the outputs of the connected system are leaves y.
+    Raises InputError if a loop without dynamics is singular.
     """
     A, B, C, D = (block_diag(*matrices) for matrices in zip(*map(_split, parts), strict=True))
     direct = D @ links
@@ -188,7 +188,7 @@ def _split(part: NamedRealisation) -> tuple[Array, Array, Array, Array]:
 
 
 def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
-    """Raise InputError where a loop without dynamics is singular; name its signals."""
+    """Raise InputError if a loop without dynamics is singular, with the names of its signals."""
     _, member = connected_components(direct != 0.0, connection="strong")
     for label in np.unique(member):
         inside = np.flatnonzero(member == label)
@@ -200,7 +200,7 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
 
 
 def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
-    """The sampling time [s] of all parts, None if it is open; InputError where they differ."""
+    """The common sampling time [s] of parts, None if open; raises InputError if they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:
         raise InputError(
@@ -210,7 +210,7 @@ def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
 
 
 def names_of(names: Names) -> tuple[str, ...]:
-    """A tuple of names from one name or several; raises InputError for what are none."""
+    """A tuple of names from one name or several; raises InputError for anything else."""
     found = [names] if isinstance(names, str) else as_list(names, "names of signals")
     for name in found:
         if not isinstance(name, str):
@@ -219,13 +219,13 @@ def names_of(names: Names) -> tuple[str, ...]:
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """Distinct names of outputs: a repeated name gets "#2", "#3" and so on behind it."""
+    """Distinct names of outputs: a repeated name gets the suffix "#2", "#3" and so on."""
     seen = [names[:i].count(name) + 1 for i, name in enumerate(names)]
     return [name if i == 1 else f"{name}#{i}" for name, i in zip(names, seen, strict=True)]
 
 
 def own_name(name: str) -> str:
-    """The name before `unique` put a number behind it."""
+    """The name without the suffix that `unique` added."""
     return re.sub(r"#\d+$", "", name)
 
 

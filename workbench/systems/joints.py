@@ -1,4 +1,4 @@
-"""What fits where a linear system is wanted: whatever has one, and arrays and numbers as gains."""
+"""Conversion of anything that stands for a linear system; arrays and numbers are gains."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ class UncertainPart(ABC):
 
     @property
     def tested(self) -> tuple[str, ...]:
-        """What was tested of the records that it was identified from, for certificates."""
+        """The tests of the records from which it was identified, for certificates."""
         return ()
 
     @property
     def known_by_name(self) -> tuple[str, ...]:
-        """Names of perturbations that are the same ones wherever a name occurs."""
+        """Names of perturbations that mean the same perturbation wherever they occur."""
         return ()
 
 
 def part_of(given: Any, name: str) -> Any:
-    """The StateSpace, TransferFunction or `UncertainPart` that something stands for.
+    """The StateSpace, TransferFunction or `UncertainPart` that an object stands for.
 
-    A number or an array (outputs, inputs) is a gain, at every sampling time. An answer, a Solution,
-    a Run, or anything else that has an attribute ``lti`` stands for that. `name` is what messages
-    call it.
+    A number or an array (outputs, inputs) is a gain, with any sampling time. An answer, a Solution,
+    a Run, or any other object with an attribute ``lti`` stands for that system. `name` is its name
+    in messages.
 
     Raises
     ------
     InputError
-        It stands for none of these, is not finite, or is a Solution or a Run without a certified
-        answer.
+        The object stands for none of these, is not finite, or is a Solution or a Run without a
+        certified answer.
     """
     import control
 
@@ -72,7 +72,7 @@ def part_of(given: Any, name: str) -> Any:
 
 
 def system_of(given: Any, name: str) -> Any:
-    """The StateSpace or TransferFunction that something stands for: the nominal of a model.
+    """The StateSpace or TransferFunction that an object stands for: of a model, the nominal.
 
     Raises as `part_of`.
     """
@@ -103,7 +103,7 @@ def _gain(value: Any, name: str) -> StateSpace:
 
 
 def _hint(part: Any) -> str:
-    """What to do with something else that people give."""
+    """Advice for other types of objects that people pass."""
     if hasattr(part, "frdata") or type(part).__name__ == "Responses":
         return (
             "; a measured response has no poles: fit a model or a cover to it first; of its own it "

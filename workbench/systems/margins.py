@@ -28,15 +28,18 @@ NYQUIST_SHARE = 0.999
 """The search in a sampled loop ends at this share of half its sampling frequency, where the
 response of a hold is still regular."""
 SEARCH_POINTS = 600
-"""Least number of frequencies of the default search grid. Two crossings between neighbours are
-missed."""
+"""Least number of frequencies of the default search grid. Two crossings between neighbouring
+frequencies are missed.
+"""
 LAST_POINTS = 33
-"""Frequencies between those where the last crossing lies: they take less time than bisection."""
+"""Number of frequencies in the interval that contains the last crossing: evaluating them is faster
+than bisection.
+"""
 HALF_POWER = 2**-0.5
 """Magnitude at -3 dB, which defines the bandwidths of S and T."""
 
 POLE_STEP = 1e-9
-"""Relative step from the frequency of an undamped pole, where a response is infinite."""
+"""Relative step away from the frequency of an undamped pole, where the response is infinite."""
 
 Curve = Callable[[RealArray], Any]
 """Real values (F,) of a continuous function at frequencies [Hz] (F,)."""
@@ -87,7 +90,7 @@ def search_grid(loop: StateSpace) -> RealArray:
         end = np.pi * NYQUIST_SHARE / period
     omega = starting_grid(poles)
     omega = omega[(omega > 0) & (omega < end)]
-    if not omega.size:  # no pole but at 0: there is nothing to cross, or only in samples
+    if not omega.size:  # only poles at 0: nothing crosses, unless the loop is sampled
         omega = np.array([1.0 / GRID_REACH, 1.0]) * (end if loop.dt else 1.0)
     ends = omega[0], end if loop.dt else omega[-1]
     every: RealArray = np.union1d(np.geomspace(*ends, SEARCH_POINTS), omega) / (2 * np.pi)
@@ -95,7 +98,7 @@ def search_grid(loop: StateSpace) -> RealArray:
 
 
 def crossings(curve: Curve, frequency: RealArray) -> RealArray:
-    """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours.
+    """Frequencies [Hz] of sign changes of a continuous curve, at most one per grid interval.
 
     Examples
     --------
@@ -107,7 +110,7 @@ def crossings(curve: Curve, frequency: RealArray) -> RealArray:
     from scipy.optimize.elementwise import find_root
 
     ends = np.log(frequency)
-    # as seen by the search, for which a crossing may lie at a frequency of the grid
+    # as in the search, for which a crossing may lie exactly at a frequency of the grid
     before = np.flatnonzero(np.diff(curve(np.exp(ends)) > 0))
     found = find_root(lambda x: curve(np.exp(x)), (ends[before], ends[before + 1]))
     roots: RealArray = np.exp(found.x)
@@ -138,8 +141,9 @@ def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
 def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     """Highest frequency [Hz] at which the largest singular value of the loop gain G K is 1.
 
-    0 where it is less at all frequencies, infinite where it stays larger. It is searched between
-    the frequencies of `starting_grid`, and beyond them as far as the loop gain is larger than 1.
+    0 if it is smaller at all frequencies, infinite if it stays larger up to infinity. The search
+    covers the frequencies of `starting_grid`, and goes beyond them as long as the loop gain is
+    larger than 1.
     """
     dt = plant.dt or K.dt
     poles, end = np.concatenate([plant.poles(), K.poles()]).astype(complex), math.inf
@@ -156,7 +160,7 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
 
     def excess(at: RealArray) -> RealArray:
         omega = 2 * np.pi * at
-        # beside a pole the gain is as good as infinite
+        # close to a pole the gain counts as infinite
         near = np.isclose(omega[:, None], undamped, rtol=POLE_STEP / 2, atol=0.0).any(axis=1)
         omega = np.where(near, omega * (1.0 + POLE_STEP), omega)
         values = np.linalg.svd(response(plant, omega) @ response(K, omega), compute_uv=False)
@@ -169,7 +173,7 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
             return math.inf
         frequency = np.append(frequency, min(2 * frequency[-1], end / (2 * np.pi)))
         values = np.append(values, excess(frequency[-1:]))
-    if len(moving) < len(poles) and values.max() < 0:  # an integrator crosses below
+    if len(moving) < len(poles) and values.max() < 0:  # below the grid an integrator crosses
         below = np.geomspace(1e-12, 0.5, 100) * frequency[0]
         frequency, values = np.concatenate([below, frequency]), np.append(excess(below), values)
     changes = np.flatnonzero(np.diff(np.sign(values)))
@@ -228,7 +232,7 @@ def modulus_margin(L: ArrayLike) -> float:
 
 
 def _grid(loop: StateSpace, frequency: ArrayLike | None) -> RealArray:
-    """The grid of a search; raises InputError for what is no loop or no rising frequencies."""
+    """The grid of a search; raises InputError for anything but a loop and rising frequencies."""
     if not hasattr(loop, "issiso") or isinstance(loop, type) or not loop.issiso():
         raise InputError(f"a system of one input and one output is needed, not {loop!r}")
     if frequency is None:

@@ -1,4 +1,4 @@
-"""The H-infinity norm by SLICOT, for methods; checks compute it by their own code."""
+"""The H-infinity norm by SLICOT, for methods; checks compute it with code of their own."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ def stable(A: np.ndarray) -> bool:
     """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
     if not len(A):
         return True
-    # The scale is that of the modes: entries of A depend on the states' units, modes do not.
+    # The scale is that of the modes: the entries of A depend on the units of the states, the modes
+    # do not.
     modes = np.linalg.eigvals(A)
     rounding = len(A) * np.finfo(float).eps * float(np.abs(modes).max())
     return bool(modes.real.max() < -rounding)
 
 
 def norm(system: Matrices, tolerance: float = 1e-9) -> float:
-    """H-infinity norm of a continuous-time realisation; infinite where it is not stable.
+    """H-infinity norm of a continuous-time realisation; infinite if it is not stable.
 
     `tolerance` is the relative accuracy. The states are balanced first, because slow modes would be
     lost in the rounding of large entries. Raises SlycotArithmeticError where SLICOT does not

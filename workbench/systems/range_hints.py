@@ -1,4 +1,4 @@
-"""Hints on frequencies and sampling times so far from a system that their unit may be mistaken."""
+"""Warnings about frequencies and sampling times whose unit may be wrong for a system."""
 
 from __future__ import annotations
 
@@ -15,22 +15,27 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 from workbench.systems.realisation import pole_sizes, root_sizes
 
-FAR = 100.0
-"""Ratio to the fastest or slowest pole from which frequencies and times count as out of range: Hz
-for rad/s is a factor of 6, and within a plant's range; milliseconds for seconds is one of 1000."""
-OFTEN = 10.0
-"""Samples within the shortest time constant of a loop that is sampled as often as is usual; a loop
-that is sampled a hundred times as often is out of range."""
-BEYOND = 1.01
-"""Ratio from which a zero is faster than the fastest pole; nearer ones would differ by rounding."""
+FAR_RATIO = 100.0
+"""Frequencies and times count as out of range from this ratio to the fastest or slowest pole on. Hz
+instead of rad/s is a factor of 6, within a plant's usual range; milliseconds instead of seconds is
+a factor of 1000.
+"""
+USUAL_SAMPLES = 10.0
+"""Usual number of samples within the shortest time constant of a loop. A loop that is sampled a
+hundred times as often is out of range.
+"""
+FASTER_RATIO = 1.01
+"""A zero counts as faster than the fastest pole from this ratio on; a smaller ratio may be
+rounding.
+"""
 LIBRARY = __name__.partition(".")[0]
 
 
 def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
-    """Warn of frequencies [rad/s] all far above, or all far below, a system's poles and zeros.
+    """Warn if all frequencies [rad/s] are far above, or all far below, a system's poles and zeros.
 
-    Frequencies 0 and infinity count for nothing. Nothing is far from a system whose poles are all
-    0, or that has none.
+    Frequencies 0 and infinity are ignored. There is no warning for a system without poles, or with
+    poles at 0 only.
     """
     import control
 
@@ -41,22 +46,22 @@ def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
     low, high = float(given.min()), float(given.max())
     system = control.ss(system)
     poles = _pole_sizes(system)
-    if not poles.size or (poles.min() / FAR <= high and low <= FAR * poles.max()):
+    if not poles.size or (poles.min() / FAR_RATIO <= high and low <= FAR_RATIO * poles.max()):
         return
     zeros = _zero_sizes(system)
     fastest, slowest, fast, slow = poles.max(), poles.min(), "pole", "pole"
-    if zeros.size and zeros.max() > BEYOND * fastest:
+    if zeros.size and zeros.max() > FASTER_RATIO * fastest:
         fastest, fast = zeros.max(), "zero"
-    if zeros.size and zeros.min() < slowest / BEYOND:
+    if zeros.size and zeros.min() < slowest / FASTER_RATIO:
         slowest, slow = zeros.min(), "zero"
     run = f"{low:.3g} to {high:.3g}" if high > low else f"{low:.3g}"
     told = f"{given.size} given, {run} rad/s"
-    if low > FAR * fastest:
+    if low > FAR_RATIO * fastest:
         _warn(
             f"all frequencies lie above 100 times the fastest {fast}: are they in Hz? ({told}; the "
             f"{fast} is at {fastest:.3g} rad/s, or is the system in other units of time?)"
         )
-    elif high < slowest / FAR:
+    elif high < slowest / FAR_RATIO:
         _warn(
             f"all frequencies lie below 1/100 of the slowest {slow}: are they in kHz? ({told}; the "
             f"{slow} is at {slowest:.3g} rad/s, or is the system in other units of time?)"
@@ -64,15 +69,15 @@ def warn_far_frequencies(omega: ArrayLike, system: Any) -> None:
 
 
 def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
-    """Warn of a sampling time [s] within 1/100 of which all of a continuous system settles.
+    """Warn if a continuous system settles completely within 1/100 of the sampling time [s].
 
-    Returns whether it did. ``called`` is what the message calls the system.
+    Returns whether it warned. ``called`` is the name of the system in the message.
     """
     poles = _pole_sizes(system)
-    if not poles.size or period * poles.min() <= FAR:
+    if not poles.size or period * poles.min() <= FAR_RATIO:
         return False
     slowest = min([poles.min(), *_zero_sizes(system)])
-    if period * slowest <= FAR:
+    if period * slowest <= FAR_RATIO:
         return False
     _warn(
         f"the sampling time, {period:.3g} s, is above 100 times the {called}'s longest time "
@@ -82,7 +87,7 @@ def warn_long_period(period: float, system: StateSpace, called: str) -> bool:
 
 
 def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
-    """Warn of a sampling time [s] far longer, or far shorter, than what happens in a loop.
+    """Warn if a sampling time [s] is far longer, or far shorter, than the time constants of a loop.
 
     It is too long for a continuous plant whose slowest pole or zero settles within 1/100 of a
     sample, and too short for a sampled loop whose fastest pole takes 1000 samples to move.
@@ -90,7 +95,7 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
     if warn_long_period(period, plant, "plant"):
         return
     closed = _pole_sizes(loop)
-    if closed.size and period * closed.max() < 1 / (FAR * OFTEN):
+    if closed.size and period * closed.max() < 1 / (FAR_RATIO * USUAL_SAMPLES):
         _warn(
             f"the sampling time, {period:.3g} s, is below 1/1000 of the loop's shortest time "
             f"constant, {1 / closed.max():.3g} s: is the plant in other units of time?"
@@ -98,13 +103,13 @@ def warn_far_period(period: float, plant: StateSpace, loop: StateSpace) -> None:
 
 
 def _pole_sizes(system: StateSpace) -> RealArray:
-    """Sizes [rad/s] of the poles that are not 0; none where rounding explains the largest.
+    """Sizes [rad/s] of the nonzero poles; empty if rounding explains the largest one.
 
     The poles of a chain of n integrators are computed as roots of order n of rounding errors.
     """
     sizes = pole_sizes(system)
     sizes = sizes[sizes > 0]
-    if not sizes.size:  # gains, integrators and delays by whole samples
+    if not sizes.size:  # only gains, integrators and delays by whole samples
         return sizes
     rows, columns = balancing(system.A, system.nstates)
     size = np.linalg.norm(rows[:, None] * system.A * columns, 2) / (system.dt or 1.0)
@@ -121,7 +126,7 @@ def _zero_sizes(system: StateSpace) -> RealArray:
 
 
 def _warn(message: str) -> None:
-    """Warn at the line outside of this library that led here."""
+    """Warn with the line outside this library from which the call came."""
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == LIBRARY:
         level, frame = level + 1, frame.f_back

@@ -1,4 +1,4 @@
-"""Realisations: their matrices, and python-control's StateSpace made of them."""
+"""Realisations: their matrices, and python-control's StateSpace built from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 
 
 NEAR_BOUNDARY = 1e-6
-"""Distance of a pole from the boundary of stability over its size, up to which it may be on it."""
+"""A pole may be on the boundary of stability if its distance from it, relative to its size, is
+below this.
+"""
 
 
 def matrices_of(system: StateSpace) -> Matrices:
@@ -34,7 +36,7 @@ def matrices_of(system: StateSpace) -> Matrices:
 
 
 def pole_sizes(system: StateSpace) -> RealArray:
-    """Sizes of the poles [rad/s]; of a sampled system those of log(z) / T, without poles at 0."""
+    """Sizes of the poles [rad/s]; for a sampled system those of log(z) / T, without poles at 0."""
     return root_sizes(system.poles(), system.dt)
 
 
@@ -48,9 +50,10 @@ def root_sizes(roots: Array, dt: Any) -> RealArray:
 
 
 def worst_pole(system: StateSpace) -> tuple[complex, float]:
-    """The pole farthest right, of a sampled system farthest out, and how far beyond the boundary.
+    """The pole farthest right (sampled: farthest out), and how far it is beyond the boundary.
 
-    Not negative where the system is unstable; minus infinity for one without states.
+    The distance is not negative if the system is unstable; minus infinity for a system without
+    states.
     """
     poles = system.poles()
     if not poles.size:
@@ -61,9 +64,9 @@ def worst_pole(system: StateSpace) -> tuple[complex, float]:
 
 
 def in_words(system: StateSpace) -> str:
-    """Order of a system, whether it is stable itself, and its fastest pole, for people.
+    """Order of a system, whether it is stable by itself, and its fastest pole, in words.
 
-    Integrators and undamped poles are called so, not unstable.
+    Integrators and undamped poles are named, and not counted as unstable.
     """
     size = pole_sizes(system)
     fastest = f", fastest pole {size.max():.4g} rad/s" if size.max(initial=0.0) > 0 else ""
@@ -71,7 +74,7 @@ def in_words(system: StateSpace) -> str:
 
 
 def _stability_in_words(system: StateSpace) -> str:
-    """Whether a system is stable itself, but for poles on the boundary, which are named."""
+    """Whether a system is stable by itself, apart from poles on the boundary, which are named."""
     count, undamped, rest = _boundary_poles(system)
     state = "stable" if (rest < 0).all() else "UNSTABLE"
     named = ["an integrator" if count == 1 else f"{count} integrators"] if count else []
@@ -82,7 +85,8 @@ def _stability_in_words(system: StateSpace) -> str:
 
 
 def _boundary_poles(system: StateSpace) -> tuple[int, list[float], RealArray]:
-    """Poles on the boundary of stability, up to rounding, and how far beyond it the others are.
+    """Poles on the boundary of stability, up to rounding, and the distances of the others beyond
+    it.
 
     The number of integrators, the sizes of undamped pairs [rad/s], and distances (r,).
     """
@@ -100,9 +104,10 @@ def _boundary_poles(system: StateSpace) -> tuple[int, list[float], RealArray]:
 
 
 def _integrators(system: StateSpace, beside: Array, at_rest: float) -> int:
-    """Number of poles at 0 (sampled: 1), up to rounding; ``beside`` are all, relative to there.
+    """Number of poles at 0 (sampled: 1), up to rounding; ``beside`` are all poles, relative to that
+    point.
 
-    A slow stable pole is none, where the entries of A tell it from 0.
+    A slow stable pole is not counted if the entries of A show that it is not 0.
     """
     A = np.asarray(system.A, dtype=float)
     units = state_units(A, system.B, system.C)
@@ -116,7 +121,7 @@ def _integrators(system: StateSpace, beside: Array, at_rest: float) -> int:
 
 
 def realisation(matrices: Matrices, dt: float | None, **labels: Any) -> StateSpace:
-    """A StateSpace of the matrices, with every state kept; `labels` name its signals.
+    """A StateSpace with these matrices and all states; `labels` name its signals.
 
     Raises InputError for entries that are not finite.
     """
@@ -149,7 +154,7 @@ def in_parallel(*systems: Matrices) -> Matrices:
 
 
 def side_by_side(systems: Sequence[Matrices], signals: int) -> Matrices:
-    """Systems of one input and output side by side; the last of so many signals pass unchanged."""
+    """Systems of one input and output side by side; further signals pass unchanged."""
     A, B, C, D = (block_diag(*parts) for parts in zip(*systems, strict=True))
     rest = signals - len(systems)
     return (
@@ -169,10 +174,10 @@ def transposed_system(system: StateSpace) -> StateSpace:
 def modal_form(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     """A realisation whose blocks [s w; -w s] are the resonances, slow ones first, each C = [1 0].
 
-    A (n, n), B (n, m), C (1, n) with complex poles only, each of them once and seen by C. The
-    states of similar plants then mean the same, what each resonance adds to the output, so that one
-    function of the state can serve all of them. Raises InputError for a real pole and for more than
-    one output.
+    A (n, n), B (n, m), C (1, n) with complex poles only, each of them simple and observable. The
+    states of similar plants then have the same meaning, the contribution of each resonance to the
+    output, so that one function of the state can serve all of them. Raises InputError for a real
+    pole and for more than one output.
     """
     poles, vectors = np.linalg.eig(A)
     up = [i for i in np.argsort(abs(poles)) if poles[i].imag > 0]
@@ -213,8 +218,8 @@ def companion(system: Any) -> tuple[Array, int]:
 def with_all_poles(system: Any) -> StateSpace:
     """A StateSpace or TransferFunction as a new StateSpace, with the names of its signals.
 
-    A transfer function of one input and output keeps all its poles, those at 0 exactly: the
-    realisation of python-control moves these by rounding, takes coefficients below 1e-14 for 0 in
+    A transfer function of one input and output keeps all its poles, those at 0 exactly:
+    python-control's realisation moves these by rounding, takes coefficients below 1e-14 for 0 in
     any unit of time, and leaves out poles that zeros cancel. Raises InputError for an improper one.
     """
     import control

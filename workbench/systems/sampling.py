@@ -61,7 +61,7 @@ def sampled(system: Any, period: float, delay: float = 0.0) -> StateSpace:
     Raises
     ------
     InputError
-        The system is sampled already, or stands for none; the time or the delay is wrong.
+        The system is sampled already, or the object is no system; the time or the delay is wrong.
 
     Warns
     -----
@@ -124,9 +124,10 @@ def held_matrices(
 def held_pieces(
     A: RealArray, B: RealArray, period: float, rest: float
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """What a sampling interval adds up to, where an input changes after the part `rest` of it.
+    """Matrices of a sampling interval during which an input changes after the part `rest` of it.
 
-    Transition matrix of the states (n, n), then what the new and the old input leave (n, m).
+    These are the transition matrix of the states (n, n), and the contributions of the new and of
+    the old input (n, m).
     """
     before, old = hold(A, B, rest * period)
     after, new = hold(A, B, (1.0 - rest) * period)

@@ -14,7 +14,9 @@ from workbench.systems.realisation import Matrices
 LARGEST_ENTRY = 1e100
 """Largest entry that a plant may have, so that its square does not overflow."""
 SMALLEST_SIGNAL = 1e-80
-"""Least size of the largest entry of an input or output, so that squares of gains are not 0."""
+"""Least size of the largest entry of an input or output, so that squares of gains do not underflow
+to 0.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +81,7 @@ class StandardPlant:
 
     @property
     def dual(self) -> StandardPlant:
-        """The transposed plant, whose control problem is the estimation problem of this one."""
+        """The transposed plant: its control problem is the estimation problem of this one."""
         return replace(
             self,
             A=self.A.T,
@@ -93,7 +95,7 @@ class StandardPlant:
     def close(self, K: Matrices) -> Matrices:
         """The closed loop F_l(P, K) with every state of P and K.
 
-        Raises LinAlgError where I - D22 D_K is singular.
+        Raises LinAlgError if I - D22 D_K is singular.
         """
         Ak, Bk, Ck, Dk = K
         # u = Ck xk + Dk y with y = C2 x + D21 w + D22 u

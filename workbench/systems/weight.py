@@ -1,4 +1,4 @@
-"""Weights of a synthesis from three numbers: gains at both ends, and where the gain is 1."""
+"""Weights for synthesis from three numbers: the gains at both ends, and the crossover."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from workbench.systems.realisation import Matrices, in_series, realisation
 def weight(
     *, dc: float, crossover: float, high: float, order: int = 1, dt: float = 0.0
 ) -> StateSpace:
-    """A stable weight by its gains at low and high frequencies and where its gain is 1.
+    """A stable weight from its gains at low and high frequencies and its crossover frequency.
 
-    It is (h s + a d) / (s + a) to the power `order`, with d and h the roots of both gains. Its
-    gain rises or falls from one end to the other without turning.
+    It is (h s + a d) / (s + a) to the power `order`, where d and h are the order-th roots of both
+    gains. Its gain changes monotonically from one end to the other.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def weight(
     high
         Gain at high frequencies, in sampled time at half the sampling rate.
     order
-        Number of states: with more of them the gain changes more steeply about the crossover.
+        Number of states: with more states the gain changes more steeply around the crossover.
     dt
         Sampling time [s]; 0: continuous time. The gains at both ends and at the crossover are kept.
 
@@ -69,7 +69,7 @@ def weight(
 
 
 def _need_gains(dc: float, high: float) -> None:
-    """Raise InputError unless 1 lies between both gains, of which `high` is finite."""
+    """Raise InputError unless 1 lies between both gains and `high` is finite."""
     for name, gain in (("dc", dc), ("high", high)):
         if not (is_real(gain) and gain >= 0.0):
             raise InputError(f"{name} is {gain!r}; it must be a gain, a number of at least 0")

@@ -30,12 +30,12 @@ def in_cone(cone: ConeFactor, s: Sequence[Rational]) -> bool:
 
 def in_dual_cone(cone: ConeFactor, y: Sequence[Rational]) -> bool:
     """Whether rational numbers y satisfy s'y >= 0 for every s of a cone."""
-    # An entry beside the diagonal stands for two of the symmetric matrix.
+    # An entry off the diagonal stands for two entries of the symmetric matrix.
     return cone.kind is ConeKind.ZERO or _in_self_dual(cone, y, 2)
 
 
 def outside(form: ConicForm, s: Sequence[Rational], *, dual: bool = False) -> int:
-    """Number of cones (or of their duals) of a form that do not hold their part of s."""
+    """Number of cones (or of their duals) of a form that do not contain their part of s."""
     holds = in_dual_cone if dual else in_cone
     return sum(not holds(cone, s[rows]) for cone, rows in form.blocks)
 
@@ -54,16 +54,17 @@ def _in_self_dual(cone: ConeFactor, s: Sequence[Rational], share: int) -> bool:
 
 
 def _definite(M: list[list[Rational]]) -> bool | None:
-    """Whether a symmetric rational matrix has positive eigenvalues only, or a negative one.
+    """Whether a symmetric rational matrix is positive definite (True) or has a negative eigenvalue
+    (False).
 
-    True or False where balls tell: much faster than rational numbers, whose digits grow with each
-    step of the elimination. None where they do not.
+    Decided in ball arithmetic, much faster than in rational numbers, whose digits grow with each
+    step of the elimination. None if the balls do not decide.
     """
     n = len(M)
     with ctx.workprec(BALL_BITS):
         B = [[arb(value) for value in row] for row in M]
         for k in range(n):
-            if B[k][k] < 0:  # behind positive pivots: Sylvester's law of inertia
+            if B[k][k] < 0:  # after positive pivots only: Sylvester's law of inertia
                 return False
             if not B[k][k] > 0:
                 return None
@@ -75,9 +76,9 @@ def _definite(M: list[list[Rational]]) -> bool | None:
 
 
 def _is_semidefinite(M: list[list[Rational]]) -> bool:
-    """Whether a symmetric rational matrix, which is overwritten, has no negative eigenvalue.
+    """Whether a symmetric rational matrix has no negative eigenvalue; the matrix is overwritten.
 
-    By elimination: a pivot is positive, or it is zero and so is its row.
+    By elimination: each pivot must be positive, or zero with a row of zeros.
     """
     n = len(M)
     for k in range(n):

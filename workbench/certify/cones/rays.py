@@ -1,4 +1,4 @@
-"""What a rational ray proves of a conic program, in exact arithmetic.
+"""Statements about a conic program that a rational ray proves, in exact arithmetic.
 
 Let y be in the dual of K. Every x with b - A x in K satisfies y'(b - A x) >= 0, hence
 
@@ -27,7 +27,7 @@ from workbench.certify.known_plants.exact_function import exact_rational
 def excluded_radius(form: ConicForm, y: Sequence[Rational]) -> float:
     """Largest proven R such that no solution x of a form has max |x| < R, rounded downward.
 
-    `math.inf` where y proves that there is no solution, 0 where it proves nothing.
+    `math.inf` if y proves that there is no solution, 0 if it proves nothing.
     """
     if len(y) != form.b.size or outside(form, y, dual=True):
         return 0.0
@@ -39,7 +39,9 @@ def excluded_radius(form: ConicForm, y: Sequence[Rational]) -> float:
 
 
 def dual_bound(form: ConicForm, y: Sequence[Rational]) -> Fraction | None:
-    """The number -b'y that no solution's c'x is below; None where y is no dual point of a form."""
+    """The number -b'y, a lower bound of c'x for every solution x; None if y is no dual point of the
+    form.
+    """
     if len(y) != form.b.size or outside(form, y, dual=True):
         return None
     if any(p + exact_rational(q) != 0 for p, q in zip(transposed(form, y), form.c, strict=True)):
@@ -48,7 +50,7 @@ def dual_bound(form: ConicForm, y: Sequence[Rational]) -> Fraction | None:
 
 
 def conic_slack(form: ConicForm, x: Sequence[Rational], *, of_ray: bool = False) -> list[Rational]:
-    """b - A x of rational numbers x, or -A x of a ray."""
+    """b - A x for rational numbers x; -A x if x is a ray."""
     A, starts = form.A, form.A.indptr
     start = [fmpq(0)] * form.b.size if of_ray else [exact_rational(value) for value in form.b]
     return [
@@ -62,7 +64,7 @@ def conic_slack(form: ConicForm, x: Sequence[Rational], *, of_ray: bool = False)
 
 
 def transposed(form: ConicForm, y: Sequence[Rational]) -> list[Rational]:
-    """A'y of rational numbers y."""
+    """A'y for rational numbers y."""
     A, found = form.A, [fmpq(0)] * form.c.size
     for i in range(form.b.size):
         if y[i] == 0:
@@ -73,7 +75,7 @@ def transposed(form: ConicForm, y: Sequence[Rational]) -> list[Rational]:
 
 
 def dot(a: RealArray, x: Sequence[Rational]) -> Rational:
-    """Inner product of doubles and rational numbers."""
+    """Inner product of doubles with rational numbers."""
     return sum((exact_rational(p) * q for p, q in zip(a, x, strict=True) if q != 0), start=fmpq(0))
 
 

@@ -36,15 +36,19 @@ from workbench.certify.known_plants.exact_function import (
 from workbench.errors import SolverError
 
 LEVEL_TOLERANCE = 1e-10
-"""Step by which a proven bound lies above the largest excess found, relative to the radius."""
+"""Distance of a proven bound above the largest excess found, relative to the radius."""
 UNBOUNDED = 2.0**100
-"""Distance over radius from which a plant counts as infinitely far outside."""
+"""A plant counts as infinitely far outside from this distance on, relative to the radius."""
 FAR = 2**150
-"""Factor from the outermost root to the value of omega^2 that stands for 0 or infinity."""
+"""Ratio between the outermost root and the value of omega^2 that stands for 0 or infinity."""
 MOST_STEPS = 100
-"""Most increases of the radius for one plant; the quadratic convergence needs about six."""
+"""Largest number of increases of the radius for one plant; the quadratic convergence needs about
+six.
+"""
 BITS = (64, 256, 1024, 4096, 16384)
-"""Precisions [bits] at which roots are isolated, until those of different polynomials part."""
+"""Precisions [bits] at which roots are isolated, in turn until roots of different polynomials
+separate.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,8 @@ class Excess:
     """The largest distance of plants beyond their sets, over all frequencies.
 
     ``value`` is a proven upper bound, relative to the radius and less 1: negative inside. ``omega``
-    [rad/s] is the frequency where the plant of index ``plant`` comes within LEVEL_TOLERANCE of it;
-    0 and infinity are named as such.
+    [rad/s] is the frequency at which the plant of index ``plant`` comes within LEVEL_TOLERANCE of
+    the bound; it may be 0 or infinity.
     """
 
     value: float
@@ -102,7 +106,7 @@ def escapes(
 ) -> list[float]:
     """Frequencies [rad/s] at which plants lie outside sets whose radius is 1 + `excess` times W_c.
 
-    There is one for each plant and each interval of frequencies at which it is outside; none
+    There is one frequency for each plant and each interval in which it is outside. An empty result
     proves that all plants are inside at every frequency. Arguments as of `largest_excess`.
     """
     compared = _comparisons(plants, nominal, W_c, W_r, multiplicative)
@@ -126,7 +130,7 @@ def _comparisons(
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """The polynomials of x that the module names, for one plant.
+    """The polynomials of x in the module's docstring, for one plant.
 
     ``inside`` and ``beyond`` are |v|^2 - Re u v* and |v|^2 + Re u v*; ``across`` is
     (Im u v*)^2, ``near`` and ``opposite`` are |u - v|^2 and |u + v|^2.
@@ -173,9 +177,10 @@ class _Comparison:
         return distance * self.Z(x), self.W(x)
 
     def outside(self, value: float) -> list[tuple[float, float]]:
-        """Where the plant leaves sets of 1 + `value` times the radius: a point of each interval.
+        """Points at which the plant leaves sets of 1 + `value` times the radius, one for each
+        interval.
 
-        Each is a distance over the radius, and the frequency [rad/s].
+        Each point has a distance relative to the radius, and its frequency [rad/s].
         """
         most = (1 + exact_rational(value)) ** 2
         parts = [most * self.W - self.Z * self.near]
@@ -192,7 +197,9 @@ class _Comparison:
 
 
 def _excess_with_plant(compared: _Comparison, worst: Excess, index: int) -> Excess:
-    """The worst excess with a further plant, whose radius is raised until no point is outside."""
+    """The worst excess, updated by a further plant: the radius is raised until none of its points
+    is outside.
+    """
     tolerance = LEVEL_TOLERANCE
     for step in range(MOST_STEPS):
         outside = compared.outside(worst.value)
@@ -210,7 +217,7 @@ def _excess_with_plant(compared: _Comparison, worst: Excess, index: int) -> Exce
 def _between_roots(polynomials: list[fmpq_poly]) -> list[tuple[fmpq, float]]:
     """A point x > 0 in each interval between the roots of any of the polynomials, and its omega.
 
-    Points so far out that they stand for 0 and for infinity are among them.
+    They include points that stand for 0 and for infinity.
     """
     factors = _coprime(polynomials)
     before = ctx.prec
@@ -233,7 +240,7 @@ def _between_roots(polynomials: list[fmpq_poly]) -> list[tuple[fmpq, float]]:
 
 
 def _coprime(polynomials: list[fmpq_poly]) -> list[fmpz_poly]:
-    """Polynomials without common roots, which have the roots of all of those given."""
+    """Polynomials without common roots, which together have the roots of all given ones."""
     found: list[fmpz_poly] = []
     waiting = [p.numer() for p in polynomials if p.degree() > 0]
     while waiting:
@@ -250,7 +257,7 @@ def _coprime(polynomials: list[fmpq_poly]) -> list[fmpz_poly]:
 
 
 def _intervals(factors: list[fmpz_poly]) -> list[tuple[fmpq, fmpq]]:
-    """Intervals that hold one positive root each, in rising order."""
+    """Intervals that contain one positive root each, in rising order."""
     roots: list[Any] = [factor.complex_roots() for factor in factors]
     roots = [root for each in roots for root, _ in each]
     real = [root.real for root in roots if root.imag == 0 and not root.real <= 0]

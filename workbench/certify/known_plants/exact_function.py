@@ -20,7 +20,7 @@ from workbench.errors import InputError
 X = fmpq_poly([0, 1])
 """The variable x = omega^2."""
 RESPONSE_BITS = 256
-"""Precision [bits] of responses, which lose digits as polynomials do over many decades."""
+"""Precision [bits] of responses, since polynomials lose digits over many decades of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,12 @@ class Factored(Protocol):
 
 
 def exact_function(system: Factored) -> ExactFunction:
-    """The function as exact as the doubles of its roots and its gain are."""
+    """The function with the roots and the gain of a system, taken as exact doubles."""
     return _reduced(exact_rational(system.gain) * monic(system.zeros), monic(system.poles))
 
 
 def exact_rational(value: Any) -> fmpq:
-    """A double as the rational number that it is."""
+    """A double as an exact rational number."""
     value = float(value)
     if not np.isfinite(value):
         raise InputError(f"exact arithmetic needs finite numbers, one is {value}")
@@ -128,12 +128,12 @@ def _parts_of_polynomial(value: fmpq_poly) -> tuple[type[fmpq_poly], tuple[list[
     return fmpq_poly, (value.coeffs(),)
 
 
-copyreg.pickle(fmpq, _parts_of_number)  # FLINT's own classes know no way to another process
+copyreg.pickle(fmpq, _parts_of_number)  # FLINT's own classes cannot be pickled for another process
 copyreg.pickle(fmpq_poly, _parts_of_polynomial)
 
 
 def _reduced(numerator: fmpq_poly, denominator: fmpq_poly) -> ExactFunction:
-    """The quotient without common factors."""
+    """The quotient with common factors removed."""
     if not denominator.degree() >= 0:
         raise InputError("a quotient by the zero function has no values")
     common = numerator.gcd(denominator)

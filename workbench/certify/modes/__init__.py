@@ -1,1 +1,1 @@
-"""Modal coordinates: eigenvectors of many digits, and what a realisation is in them, enclosed."""
+"""Modal coordinates: eigenvectors to many digits, and the realisation enclosed in them."""

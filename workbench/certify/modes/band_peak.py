@@ -4,10 +4,10 @@ A polynomial g of matrices that is near the response on an interval, |t| <= 1, p
 
     L^2 - g(t)^H g(t) > 0
 
-that the response is below L and the error of g. On parts of the interval, each about a t_0, three
-matrices show this: the Bernstein coefficients of the expansion to second order, less a bound of the
-terms of higher order, are positive definite, and so are their mixtures. It takes no eigenvalues of
-a Hamiltonian matrix.
+that the response is below L plus the error of g. The interval is divided into parts, each around a
+t_0. Three matrices prove the inequality on a part: the Bernstein coefficients of the expansion to
+second order, minus a bound of the terms of higher order. If they are positive definite, so are
+their convex combinations. The method needs no eigenvalues of a Hamiltonian matrix.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ from workbench.certify.modes.power_series import TERMS, Polynomials, polynomials
 from workbench.certify.rounding import UPWARD
 
 PARTS, LEVELS = 4, 6
-"""Parts into which an interval, or a part that proves nothing, is divided, and how often."""
+"""Number of parts into which an interval, or a part that proves nothing, is divided, and how
+often.
+"""
 MOST_PARTS = 200_000
-"""Parts of one level at which the search stops."""
+"""The search stops at this number of parts of one level."""
 ENTRIES_AT_ONCE = 1_000_000
-"""Entries of the terms of parts that are held in memory together."""
+"""Number of entries of the parts' terms that are held in memory together."""
 Expansion = tuple[ComplexArray, ComplexArray, ComplexArray]
 """g_0, g_1 and g_2 of g_0 + g_1 u + g_2 u^2, each (S, q, p)."""
 
@@ -35,14 +37,16 @@ Expansion = tuple[ComplexArray, ComplexArray, ComplexArray]
 def proven_peak(fractions: PartialFractions, tolerance: float) -> float | None:
     """An upper bound of the largest singular value of a response over all frequencies.
 
-    It is (1 + tolerance) times the largest value that was found; None where that is not proven.
+    The bound is (1 + tolerance) times the largest value found; None if it is not proven.
     """
     found = polynomials(fractions)
     return None if found is None else _proven(found, tolerance)
 
 
 def _proven(found: Polynomials, tolerance: float) -> float | None:
-    """As `proven_peak`. A part that proves nothing is divided; values there raise the bound too."""
+    """As `proven_peak`. A part that proves nothing is divided further; values there may raise the
+    bound.
+    """
     terms = found.terms
     terms = terms if terms.shape[2] >= terms.shape[3] else terms.conj().mT
     g = _Intervals(terms, found.error)
@@ -75,7 +79,7 @@ def _proven(found: Polynomials, tolerance: float) -> float | None:
 
 
 class _Intervals:
-    """Polynomials (F, TERMS + 1, q, p) on intervals, with p at most q, and their errors (F,)."""
+    """Polynomials (F, TERMS + 1, q, p) on intervals, with p <= q, and their errors (F,)."""
 
     def __init__(self, terms: ComplexArray, error: RealArray) -> None:
         F, _, self.q, self.p = terms.shape
@@ -85,7 +89,9 @@ class _Intervals:
         self.error = (error + 8 * (TERMS + 20) * EPS * self.total) * UPWARD
 
     def expansion(self, cell: Array, place: Array, level: int) -> Expansion:
-        """The polynomials about the middles of parts: of intervals `cell`, at `place` (S,)."""
+        """The polynomials expanded around the middles of parts: of intervals `cell`, at `place`
+        (S,).
+        """
         terms, (value, first, second, _) = self.terms[cell], _table(level)
         g0, g1, g2 = (
             np.einsum("sm,smx->sx", factors[place], terms).reshape(-1, self.q, self.p)
@@ -104,7 +110,7 @@ class _Intervals:
             np.linalg.norm(part, axis=(1, 2)) * UPWARD * half**order
             for order, part in enumerate(expansion)
         )
-        enough = limit > beta / 2  # also far above what squares lose by underflow
+        enough = limit > beta / 2  # also far above the loss of squares by underflow
         found: BoolArray = enough & (first + second + third < limit / UPWARD)
         tried = np.flatnonzero(enough & ~found)
         rounding = 32 * self.p * (self.p + self.q + 12) * EPS
@@ -117,10 +123,11 @@ class _Intervals:
 
 @lru_cache(maxsize=LEVELS)
 def _table(level: int) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """Factors (parts, TERMS + 1) of the terms of a polynomial in its expansions about each part.
+    """Factors (parts, TERMS + 1) that map the terms of a polynomial to its expansions around each
+    part.
 
-    The value, the first and half of the second derivative, and a bound of a sixth of the third
-    within the part.
+    The rows are the value, the first derivative, half the second derivative, and a bound of a sixth
+    of the third derivative within the part.
     """
     count = PARTS**level
     t = ((2 * np.arange(count) + 1 - count) / count)[:, None]

@@ -4,8 +4,8 @@ With z = (1 + s T / 2) / (1 - s T / 2), the system has the realisation
 
     2 / T (A + 1)^-1 (A - 1),   4 / T (A + 1)^-1 B,   C (A + 1)^-1,   D - C (A + 1)^-1 B.
 
-Solutions of A + 1 in doubles are corrected by their residuals, which sharp products give with all
-their digits, so that hardly more than the last bit of an entry is lost.
+Solutions of A + 1 in doubles are corrected by their residuals, which sharp products give to full
+precision, so that an entry loses hardly more than its last bit.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ Realised = tuple[RealArray, RealArray, RealArray, RealArray]
 def bilinear_enclosures(
     given: Realised, period: float
 ) -> tuple[Enclosure, Enclosure, Enclosure, Enclosure] | None:
-    """A, B, C and D of s, enclosed, for a realisation that is sampled every `period` [s].
+    """A, B, C and D in continuous time, enclosed, for a realisation that is sampled every `period`
+    [s].
 
-    None where A + 1 may be singular up to rounding, or is too close to it for doubles.
+    None if A + 1 may be singular up to rounding, or is too close to singular for doubles.
     """
     A, B, C, D = given
     n, one = len(A), np.eye(len(A))
@@ -35,7 +36,7 @@ def bilinear_enclosures(
     if whole is None or across is None:
         return None
     X, small = whole
-    # D - C X - C Z, Z being the small part of the solution
+    # D - C X - C Z, where Z is the small part of the solution
     enters = slice(n, None)
     direct = sharp_product(
         np.hstack([D, -C, -C]), np.vstack([np.eye(D.shape[1]), X[:, enters], small.mid[:, enters]])
@@ -50,7 +51,7 @@ def bilinear_enclosures(
 def _shifted_solution(
     A: RealArray, right: Sequence[RealArray]
 ) -> tuple[RealArray, Enclosure] | None:
-    """(A + 1)^-1 of a sum of right sides: a solution in doubles, and what it lacks."""
+    """(A + 1)^-1 times a sum of right sides: a solution in doubles, and its enclosed error."""
     n = len(A)
     shifted, one = A + np.eye(n), np.eye(n)
     near = Enclosure(shifted, EPS * np.abs(shifted) * UPWARD)  # the sum is rounded
@@ -64,6 +65,6 @@ def _shifted_solution(
 
 
 def _over(matrix: Enclosure, factor: float, period: float) -> Enclosure:
-    """The matrix times a power of two over the period."""
+    """The matrix times a power of two, divided by the period."""
     mid = matrix.mid * factor / period
     return Enclosure(mid, (matrix.rad * factor / period + 0.5 * EPS * np.abs(mid)) * UPWARD + TINY)

@@ -1,10 +1,10 @@
-"""Approximate eigenvalues and eigenvectors of many digits.
+"""Approximate eigenvalues and eigenvectors to many digits.
 
 LAPACK finds them in doubles. Newton's method adds digits: with the residual R = A V - V L in many
 digits, the part X of V^-1 R between modes vanishes to first order if V becomes V (I + E), where
-E_ij = X_ij / (L_jj - L_ii). The eigenvalues of a cluster share a block of L and are not told apart.
-Where that does not converge, the QR iteration in many digits finds them, which takes ten times as
-long. Nothing here is a proof.
+E_ij = X_ij / (L_jj - L_ii). The eigenvalues of a cluster share a block of L and are not separated.
+If Newton's method does not converge, the QR iteration in many digits is used, which takes ten times
+as long. Nothing here is a proof.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from workbench.arrays import Array, ComplexArray
 CLUSTER = 2.0**-16
 """Poles closer than this share of their size are kept together in one mode."""
 STEPS = 12
-"""Most steps of Newton's method. Each adds the digits of a double, less those that nearly dependent
-eigenvectors cost."""
+"""Largest number of steps of Newton's method. Each adds the digits of a double, less the digits
+that nearly dependent eigenvectors cost.
+"""
 LOST_DIGITS = 24
-"""Bits fewer than those of the balls to which the residual is reduced."""
+"""Number of bits, fewer than those of the balls, to which the residual is reduced."""
 CONVERGING = 0.1
 """A step that reduces the residual by less than this factor is the last."""
 
@@ -39,13 +40,13 @@ def eigenpairs(A: Any, bits: int) -> tuple[list[complex], Any]:
 
 
 def _refined(A: Any, bits: int) -> tuple[list[complex], Any] | None:
-    """The eigenpairs by Newton's method from those in doubles; None where it does not converge."""
+    """The eigenpairs by Newton's method from those in doubles; None if it does not converge."""
     import flint
 
     try:
         values, start = np.linalg.eig(_doubles(A).real)
         back = np.linalg.inv(start)
-    except np.linalg.LinAlgError:  # also for what is not finite
+    except np.linalg.LinAlgError:  # true for entries that are not finite, too
         return None
     values = values.astype(complex)
     distance = values - values[:, None]

@@ -23,26 +23,31 @@ from workbench.systems.balancing import balancing
 from workbench.systems.frequency_response import driven_states
 
 LARGEST_BLUR = 1e-8
-"""Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
-basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
+"""Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. With
+larger errors, such as those of a cluster of many poles in a Laguerre filter, modal coordinates only
+prove where the poles are.
+"""
 LARGEST_OPEN = 1e-3
-"""Largest share of a response that modal coordinates may leave open, where the realisation as given
-knows it better."""
+"""Largest uncertainty of a response in modal coordinates, as a share of it, where the given
+realisation is more accurate.
+"""
 FEWEST_DOUBLES = 20
-"""Fewest states of a sampled realisation that doubles transform; fewer take no time in balls."""
+"""Least number of states for which a sampled realisation is transformed in doubles; for fewer,
+balls take no time.
+"""
 
 Realised = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D."""
 Coordinates = Callable[[RealArray, RealArray, RealArray], RealArray | None]
-"""Proposes other states of A, B and C in continuous time, as columns (n, n); None: it has none."""
+"""Proposes other states for A, B and C in continuous time, as columns (n, n); None: no proposal."""
 
 
 @dataclass(frozen=True, eq=False)
 class GivenRealisation:
     """Matrices of doubles as they were given, with gains that are multiplied without rounding.
 
-    A system with ``period`` [s] is sampled; 0: it is continuous. Whatever realisation doubles work
-    with, the proofs of many digits start from this one.
+    A system with ``period`` [s] is sampled; with 0 it is continuous. Whichever realisation doubles
+    work with, the proofs to many digits start from this one.
     """
 
     A: RealArray
@@ -55,10 +60,10 @@ class GivenRealisation:
     input_gains: tuple[RealArray, ...] = ()
     """Each (inputs,)."""
     _shifted: dict[int, tuple[Any, Any]] = field(default_factory=dict)
-    """(A + 1)^-1 and its product with A - 1, by the bits of their balls."""
+    """(A + 1)^-1 and its product with A - 1, by the number of bits of their balls."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """What goes to another process: balls are made there."""
+        """State for another process: the balls are left out, since they are made there again."""
         return vars(self) | {"_shifted": {}}
 
     def channels(
@@ -75,9 +80,9 @@ class GivenRealisation:
         )
 
     def in_balls(self, bits: int) -> tuple[Any, Any, Any, Any]:
-        """A, B, C and D; of a sampled system those of s = 2 / T (z - 1) / (z + 1).
+        """A, B, C and D; for a sampled system those in s = 2 / T (z - 1) / (z + 1).
 
-        Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+        Raises ZeroDivisionError if a pole cannot be told from z = -1.
         """
         import flint
 
@@ -133,7 +138,9 @@ def _as_integers(matrix: RealArray) -> Any:
 
 
 def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosures | None:
-    """A, B and C in proposed coordinates; None without any, or where they blur too much."""
+    """A, B and C in the proposed coordinates; None if there is no proposal, or if they blur too
+    much.
+    """
     parts: Sequence[Any] = (given.A, given.B, given.C)
     near = parts
     if given.period:
@@ -150,7 +157,7 @@ def in_coordinates(given: GivenRealisation, coordinates: Coordinates) -> Enclosu
 
 
 def in_continuous_time(given: GivenRealisation) -> tuple[Enclosures, Enclosure]:
-    """A, B and C, and D, in doubles; of a system as it was given, without gains."""
+    """A, B, C and D in continuous time, in doubles; the given gains are left out."""
     parts = given.A, given.B, given.C, given.D
     if not given.period:
         A, B, C, D = map(exact, parts)
@@ -170,7 +177,7 @@ def in_continuous_time(given: GivenRealisation) -> tuple[Enclosures, Enclosure]:
 
 
 def scaled_states(parts: Enclosures | None) -> Enclosures | None:
-    """The realisation with balanced states; None for none.
+    """The realisation with balanced states; None if there is none.
 
     Modes of a cluster of poles come with entries of very different size.
     """
@@ -190,7 +197,7 @@ def with_balanced_states(A: Enclosure, B: Enclosure, C: Enclosure) -> Enclosures
 
 
 def is_sharp(parts: Enclosures) -> bool:
-    """Whether coordinates are known well enough to work with."""
+    """Whether the coordinates are accurate enough to work with."""
     return all(
         part.rad.max(initial=0.0) <= LARGEST_BLUR * np.abs(part.mid).max(initial=0.0)
         for part in parts
@@ -198,11 +205,12 @@ def is_sharp(parts: Enclosures) -> bool:
 
 
 def responds_sharply(modes: Enclosures, plain: Enclosures) -> bool:
-    """Whether modal coordinates are sharp, and leave little open of the response of plain ones.
+    """Whether modal coordinates are accurate, and make the response hardly more uncertain than
+    plain ones.
 
-    Modes of nearly equal poles cancel each other: C and B are large, and so is what small errors of
-    A between two of them make of the response. Both are taken at 0 and at the frequencies of the
-    poles.
+    Modes of nearly equal poles cancel each other: C and B are large, and small errors of A between
+    two such modes have a large effect on the response. Both responses are compared at 0 and at the
+    frequencies of the poles.
     """
     if not is_sharp(modes):
         return False
@@ -214,6 +222,6 @@ def responds_sharply(modes: Enclosures, plain: Enclosures) -> bool:
             out = np.abs(driven_states(A.mid.T, C.mid.T, points)).mT
             response = plain[2].mid @ driven_states(plain[0].mid, plain[1].mid, points)
         except np.linalg.LinAlgError:
-            return True  # doubles have a pole there: the plain coordinates know nothing better
+            return True  # doubles have a pole there: the plain coordinates are no better
         left_open = C.rad @ into + out @ B.rad + out @ A.rad @ into
     return bool(left_open.max(initial=0.0) <= LARGEST_OPEN * np.abs(response).max(initial=0.0))

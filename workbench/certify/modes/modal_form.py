@@ -8,7 +8,7 @@ Trans. Computers 66 (2017) 1281-1292), then rounded outward to doubles.
 
 Eigenvectors in doubles suffice where they are far from dependent: T^-1 A T is exact for any T, and
 with the block diagonal Lambda of the modes it is Lambda + T^-1 (A T - T Lambda), whose second term
-is small. Only A T - T Lambda is then computed sharply, and likewise what T^-1 B lacks.
+is small. Only A T - T Lambda is then computed to high precision, and likewise the error of T^-1 B.
 """
 
 from __future__ import annotations
@@ -33,23 +33,29 @@ from workbench.certify.rounding import (
 )
 
 PRECISIONS = (128, 256, 512)
-"""Bits of the balls, one after the other until a proof succeeds."""
+"""Bits of the balls, tried in turn until a proof succeeds."""
 
 FEWEST_QUICK = 30
-"""Fewest states whose modes are taken from doubles; those of fewer take no time in balls."""
+"""Least number of states for which modes are taken from doubles; for fewer states balls take no
+time.
+"""
 LARGEST_CONDITION = 1e7
-"""Largest condition of eigenvectors that are taken as they are in doubles: the modes are then known
-to some 1e-9, and a bound 0.1 % above a peak is still proven. At 1e9 it was not."""
+"""Largest condition number of eigenvectors that are used in doubles: the modes are then known to
+about 1e-9, and a bound 0.1 % above a peak can still be proven. At 1e9 it could not.
+"""
 
 LOST_IN_DOUBLES = 8
-"""Largest error of modal coordinates by an inverse in doubles, in units of the largest of a row's
-last bit; it is 1 by balls."""
+"""Largest error of modal coordinates by an inverse in doubles, in units of the last bit of the
+largest entry of a row; in balls it is 1.
+"""
 REFINEMENTS = 4
-"""Most corrections of modal coordinates in doubles."""
+"""Largest number of corrections of modal coordinates in doubles."""
 LARGEST_SCALE = 2.0**200
-"""Largest factor of a state."""
+"""Largest scaling factor of a state."""
 LARGEST_ENTRY = 1e150
-"""Largest entry of modal coordinates: its square is a double. Those of long chains may overflow."""
+"""Largest entry of modal coordinates, so that its square is a double. Those of long chains may
+overflow.
+"""
 
 Enclosures = tuple[Enclosure, Enclosure, Enclosure]
 """A, B and C of a realisation."""
@@ -63,7 +69,7 @@ def real_balls(matrix: RealArray) -> Any:
 
 
 def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
-    """Enclosures of A, B and C in modal coordinates; None where `bits` do not separate the modes.
+    """Enclosures of A, B and C in modal coordinates; None if `bits` do not separate the modes.
 
     A, B and C are given in balls of at least as many bits. The midpoint of A is diagonal up to
     blocks of two real numbers for a pair of complex poles.
@@ -83,26 +89,27 @@ def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     if not _moderate(enclosures):
         return None
     A, B, C = enclosures
-    # What T^-1 A T has between modes goes from the midpoint to the radius.
+    # The entries of T^-1 A T between modes are moved from the midpoint to the radius.
     between = mode[:, None] != mode
     A = Enclosure(np.where(between, 0.0, A.mid), A.rad + np.where(between, np.abs(A.mid), 0.0))
     return _normalised(A, B, C, mode)
 
 
 def form_in_basis(realised: Sequence[Any], basis: RealArray, bits: int) -> Enclosures | None:
-    """Enclosures of A, B and C with the columns of a basis (n, n) as states; None: it is singular.
+    """Enclosures of A, B and C with the columns of a basis (n, n) as states; None: the basis is
+    singular.
 
     A, B and C are given in balls of at least as many bits, or as arrays.
     """
     import flint
 
     if len(basis) >= FEWEST_QUICK:
-        parts = [_in_two(part) for part in realised]
+        parts = [_in_two_parts(part) for part in realised]
         try:
             near: RealArray = np.asarray(np.linalg.solve(basis, parts[0][0] @ basis), dtype=float)
         except np.linalg.LinAlgError:
             return None
-        quick = _quickly(parts, basis, near)
+        quick = _quick_coordinates(parts, basis, near)
         if quick and _moderate(quick):
             return quick
     A, B, C = (real_balls(part) if isinstance(part, np.ndarray) else part for part in realised)
@@ -116,13 +123,13 @@ def form_in_basis(realised: Sequence[Any], basis: RealArray, bits: int) -> Enclo
 def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
     """As `modal_form_of`, with eigenvectors in doubles and small entries between the modes.
 
-    Matrices may also be given as arrays. `bits` is not needed: products of doubles are sharp.
-    None for few states, for entries that are not finite, and where the eigenvectors are nearly
+    Matrices may also be given as arrays. `bits` is not needed: products of doubles are accurate
+    enough. None for few states, for entries that are not finite, and if the eigenvectors are nearly
     dependent.
     """
-    if len(_firsts(realised[0])) < FEWEST_QUICK:
+    if len(_first_parts(realised[0])) < FEWEST_QUICK:
         return None
-    parts = [_in_two(part) for part in realised]
+    parts = [_in_two_parts(part) for part in realised]
     near = parts[0][0]
     n = len(near)
     if not np.isfinite(near).all():
@@ -139,17 +146,17 @@ def quick_modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None
         modes[at, at], mode[at], place = turn[: 1 + pair, : 1 + pair], k, at.stop
     if not np.linalg.cond(T / np.linalg.norm(T, axis=0), 1) <= LARGEST_CONDITION:
         return None
-    found = _quickly(parts, T, modes)
+    found = _quick_coordinates(parts, T, modes)
     return _normalised(*found, mode) if found and _moderate(found) else None
 
 
-def _quickly(
+def _quick_coordinates(
     parts: Sequence[tuple[RealArray, RealArray, RealArray]], T: RealArray, inner: RealArray
 ) -> Enclosures | None:
-    """T^-1 A T, which `inner` (n, n) is nearly, T^-1 B and C T; None where T may be singular.
+    """T^-1 A T (which is near `inner`, (n, n)), T^-1 B and C T; None if T may be singular.
 
-    Only the small rest of `inner` and of T^-1 B in doubles is computed sharply. A, B and C are
-    given as `_in_two` gives them.
+    Only the small errors of `inner`, and of T^-1 B in doubles, are computed to high precision. A, B
+    and C are given as `_in_two_parts` gives them.
     """
     (near, *A_rest), (enter, *B_rest), (out, *C_rest) = parts
     n = len(near)
@@ -167,13 +174,13 @@ def _quickly(
     return found[:, :n], found[:, n:], leaving
 
 
-def _firsts(matrix: Any) -> Any:
-    """A matrix of floating-point numbers, or the rows of one of balls."""
+def _first_parts(matrix: Any) -> Any:
+    """A matrix of floating-point numbers, or the first part of one of balls."""
     return matrix if isinstance(matrix, np.ndarray) else range(matrix.nrows())
 
 
-def _in_two(matrix: Any) -> tuple[RealArray, RealArray, RealArray]:
-    """Two floating-point numbers for each entry, which add up to it but for a radius."""
+def _in_two_parts(matrix: Any) -> tuple[RealArray, RealArray, RealArray]:
+    """Two floating-point numbers for each entry, whose sum is the entry up to a radius."""
     if isinstance(matrix, np.ndarray):
         return matrix, np.zeros_like(matrix), np.zeros_like(matrix)
     first = real_doubles(matrix).mid
@@ -191,23 +198,23 @@ def _sum_of_products(pairs: Sequence[tuple[RealArray, RealArray]], radius: RealA
 
 
 def _moderate(parts: Sequence[Enclosure]) -> bool:
-    """Whether the squares of all entries are doubles."""
+    """Whether the squares of all entries are finite doubles."""
     return all((np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in parts)
 
 
 FormOf = Callable[[Sequence[Any], int], Enclosures | None]
-"""Gives modal coordinates of A, B and C in balls of that many bits."""
+"""Function that gives modal coordinates of A, B and C in balls with that many bits."""
 MODAL_FORMS: tuple[tuple[FormOf, int], ...] = (
     (quick_modal_form_of, PRECISIONS[0]),
     *((modal_form_of, bits) for bits in PRECISIONS),
 )
-"""Ways to modal coordinates with their bits, one after the other until a proof succeeds."""
+"""Ways to modal coordinates with their bits, tried in turn until a proof succeeds."""
 
 
 def _in_doubles(T: Any, A: Any, B: Any, mode: Array) -> tuple[Enclosure, Enclosure] | None:
-    """T^-1 A T and T^-1 B by the inverse of T in doubles; None where that is not sharp.
+    """T^-1 A T and T^-1 B by the inverse of T in doubles; None if that is not accurate.
 
-    The residuals of what doubles give are small, so that few of their digits matter.
+    The residuals of the results in doubles are small, so that only a few of their digits matter.
     """
     basis, n = real_doubles(T), T.nrows()
     goal = A * T, B
@@ -232,7 +239,7 @@ def _in_doubles(T: Any, A: Any, B: Any, mode: Array) -> tuple[Enclosure, Enclosu
 
 
 def _sharp_rows(matrix: Enclosure) -> bool:
-    """Whether no error is above some of the last bit of its row's largest entry."""
+    """Whether each error is below a few units in the last place of its row's largest entry."""
     largest = np.abs(matrix.mid).max(axis=1, initial=0.0, keepdims=True)
     return bool((matrix.rad <= LOST_IN_DOUBLES * EPS * largest + TINY).all())
 
@@ -254,25 +261,26 @@ def _normalised(A: Enclosure, B: Enclosure, C: Enclosure, mode: Array) -> Enclos
     scale = nearest_power_of_two(
         np.sqrt(np.where(seen, out, 1.0)) / np.sqrt(np.where(seen, into, 1.0))
     )
-    # A mode that is neither driven nor seen needs no scale, and another none that overflows.
+    # A mode that is neither driven nor observed needs no scale, and no scale may overflow.
     scale = np.clip(scale, 1 / LARGEST_SCALE, LARGEST_SCALE)
     rows, columns = np.ones(len(C.mid)), np.ones(B.mid.shape[1])
     return A.scaled(scale, 1 / scale), B.scaled(scale, columns), C.scaled(rows, 1 / scale)
 
 
 def _modes(A: Any, bits: int) -> tuple[Any, Array] | None:
-    """An approximate real basis (n, n) of the modes, and the number of each column's mode (n,).
+    """An approximate real basis (n, n) of the modes, and the mode's index for each column (n,).
 
     Pairs of complex poles have two columns. Poles so close that their eigenvectors may be nearly
-    parallel share a mode, with an orthonormal basis of all of them. None where the columns do not
-    add up to n, or a pole is beyond doubles.
+    parallel share a mode, with an orthonormal basis of all of them. None if the columns do not add
+    up to n, or if a pole is beyond the range of doubles.
     """
     import flint
 
     n = A.nrows()
     values, vectors = eigenpairs(A, bits)
     with np.errstate(over="ignore"):
-        if not np.isfinite(np.abs(values)).all():  # beyond doubles, which only some of them say
+        # beyond doubles, for which only some of these functions report an error
+        if not np.isfinite(np.abs(values)).all():
             return None
     columns: list[list[Any]] = []
     poles: list[complex] = []
@@ -304,7 +312,7 @@ def _modes(A: Any, bits: int) -> tuple[Any, Array] | None:
 
 
 def _orthogonal(column: list[Any], beside: list[list[Any]]) -> list[Any]:
-    """The column less its parts along others that are orthogonal, with a largest entry of 1."""
+    """The column minus its parts along other, orthogonal columns, with a largest entry of 1."""
     for other in 2 * beside:  # a second time, because the first one cancels
         share = _inner(column, other) / _inner(other, other)
         column = [(one - share * two).mid() for one, two in zip(column, other, strict=True)]
@@ -322,6 +330,6 @@ def real_doubles(matrix: Any) -> Enclosure:
     shape = matrix.nrows(), matrix.ncols()
     balls = matrix.entries()
     mid = np.array([float(ball.mid()) for ball in balls])
-    # The midpoint in doubles errs by its last bit, the ball by its radius.
+    # The midpoint rounded to doubles errs by its last bit, and the ball by its radius.
     rad = np.array([float(ball.rad()) for ball in balls]) + EPS * np.abs(mid) + TINY
     return Enclosure(mid.reshape(shape), rad.reshape(shape) * UPWARD)

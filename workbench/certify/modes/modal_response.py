@@ -1,11 +1,11 @@
-"""Responses of many states at many points, from eigenvectors, refined where they lose digits.
+"""Responses of many states at many points, from eigenvectors, refined where digits are lost.
 
 With A V = V L, the states (s I - A)^-1 B are near V (s I - L)^-1 V^-1 B, which takes n operations
-for each point and entry instead of n^3. A step of iterative refinement, with the residual
-B - (s I - A) X of the given A, shows how many digits are lost, and gives them back (Skeel,
-Iterative refinement implies numerical stability for Gaussian elimination, Math. Comp. 35 (1980)
-817-832). Errors are measured by the largest entry of a response: enough for its norm, and not for
-mu, to which small entries may count as much as large ones.
+for each point and entry instead of n^3. A step of iterative refinement, with the residual B - (s I
+- A) X of the given A, shows how many digits are lost, and restores them (Skeel, Iterative
+refinement implies numerical stability for Gaussian elimination, Math. Comp. 35 (1980) 817-832).
+Errors are measured by the largest entry of a response: this is enough for its norm, but not for mu,
+for which small entries may matter as much as large ones.
 """
 
 from __future__ import annotations
@@ -19,19 +19,23 @@ from workbench.arrays import EPS, Array, ComplexArray, RealArray
 from workbench.errors import InputError
 
 FEWEST_DECOMPOSED = 12
-"""Fewest states of which a decomposition takes less time than elimination at every point."""
+"""Least number of states for which a decomposition is faster than elimination at every point."""
 LARGEST_CONDITION = 1e10
-"""Largest condition of eigenvectors that are used: a step of refinement then gains digits."""
-TRIED = 4
-"""Points spread over those given at which a step of refinement is tried, besides the doubtful."""
-SPARED = 10.0
-"""What rounding may do to a response, in units of its estimate."""
-UNSETTLED = 1e-3
-"""Change of a response by the last step, as a share of it, that shows no convergence."""
+"""Largest condition number of eigenvectors that are used: a step of refinement then gains
+digits.
+"""
+TRIED_POINTS = 4
+"""Number of points, spread over the given ones, at which a step of refinement is tried in addition
+to the doubtful points.
+"""
+ROUNDING_FACTOR = 10.0
+"""Error of a response by rounding, in units of its estimate."""
+UNSETTLED_CHANGE = 1e-3
+"""If the last step changes a response by more than this share, the refinement does not converge."""
 STEPS = 4
-"""Most steps of refinement."""
+"""Largest number of steps of refinement."""
 ENTRIES_AT_ONCE = 500_000
-"""Entries of the states that are refined together."""
+"""Number of entries of the states that are refined together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +53,27 @@ class ModalResponse:
         """C (s I - A)^-1 B at points s (F,), shape (F, c, r).
 
         Errors are at most about `error` as a share of the response at the same point, or of the
-        largest one, or else what elimination in doubles leaves too. None where refinement does not
-        converge.
+        largest one, or else the error that elimination in doubles has too. None if refinement does
+        not converge.
         """
         found = self._plain(s)
         size = _size(found)
         scale = np.full(len(s), size.max(initial=0.0)) if of_largest else size
         with np.errstate(all="ignore"):
             lost = EPS * self._terms(s) / scale
-        suspect = ~(lost <= error / SPARED)  # also where that is not a number
+        suspect = ~(lost <= error / ROUNDING_FACTOR)  # also if that is not a number
         tried = suspect.copy()
-        tried[np.linspace(0, len(s) - 1, TRIED).astype(int)] = True
-        tried[np.argsort(lost)[-TRIED:]] = True
+        tried[np.linspace(0, len(s) - 1, TRIED_POINTS).astype(int)] = True
+        tried[np.argsort(lost)[-TRIED_POINTS:]] = True
         refined, change = self._refined(s[tried], error, scale[tried])
-        wrong = _size(refined - found[tried]) > np.maximum(error * scale[tried], SPARED * change)
+        wrong = _size(refined - found[tried]) > np.maximum(
+            error * scale[tried], ROUNDING_FACTOR * change
+        )
         found[tried] = refined
         if (wrong & ~suspect[tried]).any():
             found, change = self._refined(s, error, scale)
             tried = np.ones(len(s), bool)
-        settled = change <= max(error, UNSETTLED) * scale[tried]
+        settled = change <= max(error, UNSETTLED_CHANGE) * scale[tried]
         return found if settled.all() else None
 
     def _plain(self, s: ComplexArray) -> ComplexArray:
@@ -111,7 +117,7 @@ class ModalResponse:
         return np.concatenate(parts), np.concatenate(changes)
 
     def _solved(self, right: Array, over: ComplexArray) -> ComplexArray:
-        """(s I - A)^-1 B (n, F, r) by the eigenvectors, for right sides (n, F, r)."""
+        """(s I - A)^-1 times right sides (n, F, r), by the eigenvectors."""
         n, F, r = right.shape
         turned = (self.inverse @ right.reshape(n, F * r)).reshape(n, F, r) * over[:, :, None]
         return (self.vectors @ turned.reshape(n, F * r)).reshape(n, F, r)
@@ -144,9 +150,9 @@ def _eigenvectors(entries: bytes, n: int) -> tuple[Array, Array]:
 
 
 def real_eigenvectors(A: RealArray) -> tuple[Array, Array]:
-    """As `numpy.linalg.eig` of a real A (n, n); those of the last few matrices are kept.
+    """As `numpy.linalg.eig` for a real A (n, n); the results for the last few matrices are kept.
 
-    Raises LinAlgError as that. What is returned must not be changed.
+    Raises LinAlgError as `numpy.linalg.eig` does. The result must not be changed.
 
     Examples
     --------
@@ -172,9 +178,10 @@ def _real_modes(entries: bytes, n: int) -> tuple[Array, Array, RealArray, RealAr
 def real_modes(A: RealArray) -> tuple[Array, Array, RealArray, RealArray]:
     """Eigenvalues of a real A (n, n), eigenvectors V in real numbers, and an inverse of V.
 
-    Real and imaginary part of the vector of a pair stand side by side. The second result are the
-    numbers of their first columns; eigenvalues are in the order of the columns, those with positive
-    imaginary parts first. Kept, and raises, as `real_eigenvectors`.
+    The real and the imaginary part of a pair's eigenvector stand side by side. The second result
+    holds the indices of their first columns; eigenvalues are in the order of the columns, those
+    with positive imaginary parts first. Results are kept and errors raised as by
+    `real_eigenvectors`.
 
     Examples
     --------
@@ -190,7 +197,9 @@ def real_modes(A: RealArray) -> tuple[Array, Array, RealArray, RealArray]:
 
 
 def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | None:
-    """The realisation with its eigenvectors; None for few states, and where they are dependent."""
+    """The realisation with its eigenvectors; None for few states, or if they are nearly
+    dependent.
+    """
     if len(A) < FEWEST_DECOMPOSED:
         return None
     try:
@@ -198,7 +207,7 @@ def modal_response(A: RealArray, B: RealArray, C: RealArray) -> ModalResponse | 
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
         return None
-    # Refinement converges only where an inverse of the eigenvectors is one.
+    # Refinement converges only if the computed inverse of the eigenvectors is accurate.
     if not np.linalg.norm(vectors, 1) * np.linalg.norm(inverse, 1) <= LARGEST_CONDITION:
         return None
     return ModalResponse(

@@ -5,9 +5,10 @@ approximate inverse of V and R = A V - V L the residual. Then
 
     W (s I - A) V = (1 + F) (s I - L),   F = (W V - 1) - W R (s I - L)^-1,
 
-and with c = C V and b = W B the response is D + c (s I - L)^-1 (1 + F)^-1 b: that of the fractions
-c_i b_i / (s - l_i) but for a small term. Where |F| is proven to be small for every s right of the
-axis, A is stable. Only R is computed sharply; the other products are those of doubles, enclosed.
+and with c = C V and b = W B the response is D + c (s I - L)^-1 (1 + F)^-1 b: the sum of the
+fractions c_i b_i / (s - l_i), up to a small term. If |F| is proven to be small for every s right of
+the axis, A is stable. Only R is computed to high precision; the other products are enclosed in
+doubles.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ from workbench.certify.rounding import (
 )
 
 LEAST_NORM = 1e-150
-"""What is added to a norm: more than squares that underflow take from it."""
+"""Amount added to a norm, which is more than squares can lose by underflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartialFractions:
-    """D + sum_i c_i b_i / (j omega - l_i), near the response of a stable system.
+    """D + sum_i c_i b_i / (j omega - l_i), an approximation of the response of a stable system.
 
     ``poles`` l (n,), all left of the axis, ``into`` b (n, r), ``out`` c (m, n), ``D`` (m, r).
     """
@@ -47,7 +48,7 @@ class PartialFractions:
     sizes: RealArray
     """Upper bounds (n,) of the spectral norms of c_i b_i."""
     _fixed: RealArray
-    """What 1 / |j omega - l_i| multiplies in the error (n,)."""
+    """Factors (n,) of 1 / |j omega - l_i| in the error bound."""
     _mixing: RealArray
     """Bounds of the entries of W R (n, n)."""
     _out: RealArray
@@ -55,10 +56,10 @@ class PartialFractions:
     _reached: RealArray
     """Bounds of the norms of the rows of (1 + F)^-1 b (n,)."""
     _direct: float
-    """Error of D."""
+    """Error bound of D."""
 
     def error(self, resolvent: RealArray) -> RealArray:
-        """Upper bounds (F,) of the spectral norm of what the fractions miss.
+        """Upper bounds (F,) of the spectral norm of the error of the fractions.
 
         ``resolvent`` (F, n): upper bounds of 1 / |j omega - l_i|, each for an interval of omega.
         """
@@ -75,7 +76,7 @@ def enclosed_fractions(
 ) -> PartialFractions | None:
     """The fractions of real matrices A (n, n), B (n, r), C (m, n) and D (m, r).
 
-    None where A is not proven to be stable, and without states.
+    None if A is not proven to be stable, or if there are no states.
     """
     n = len(A.mid)
     if not n or not all(part.finite for part in (A, B, C, D)):
@@ -128,7 +129,9 @@ def _norms(M: RealArray, axis: int) -> RealArray:
 
 
 def _between_modes(matrix: Enclosure, first: Array) -> RealArray:
-    """Bounds of the entries of K^-1 M K, K of blocks [1 1; j -j] for the pairs at `first`."""
+    """Bounds of the entries of K^-1 M K, with K made of blocks [1 1; j -j] for the pairs at
+    `first`.
+    """
     size, second = np.abs(matrix.mid) + matrix.rad, first + 1
     size[:, first] = size[:, second] = size[:, first] + size[:, second]
     size[first] = size[second] = (size[first] + size[second]) / 2
@@ -138,7 +141,7 @@ def _between_modes(matrix: Enclosure, first: Array) -> RealArray:
 def _entering(matrix: Enclosure, first: Array) -> Enclosure:
     """K^-1 M."""
     second, mid, rad = first + 1, matrix.mid.astype(complex), matrix.rad.copy()
-    mid[first] = (mid[first] - 1j * mid[second]) / 2  # halves of doubles, which are exact
+    mid[first] = (mid[first] - 1j * mid[second]) / 2  # halves of doubles are exact
     mid[second] = mid[first].conj()
     rad[first] = rad[second] = (rad[first] + rad[second]) / 2 * UPWARD
     return Enclosure(mid, rad)

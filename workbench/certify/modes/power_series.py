@@ -4,7 +4,7 @@ On an interval about omega_0 of half-width h, with s = j omega_0 and t = (omega 
 
     1 / (j omega - l) = sum_m q (-j h q)^m t^m,   q = 1 / (s - l),
 
-converges where the pole l is farther than h from s. A few terms stay, and the rest has a bound.
+converges if the pole l is farther than h from s. A few terms are kept, and the rest is bounded.
 """
 
 from __future__ import annotations
@@ -19,27 +19,29 @@ from workbench.certify.modes.partial_fractions import PartialFractions
 from workbench.certify.rounding import TINY, UPWARD
 
 TERMS = 16
-"""Terms of a power series."""
+"""Number of terms of a power series."""
 LARGEST_RATIO = 0.7
-"""Largest half-width of an interval over the distance of a pole from its middle."""
+"""Largest ratio of an interval's half-width to the distance of a pole from its middle."""
 REST = 1e-6
-"""What the terms left out, and modes left out, may add to a response, as a share of its size."""
+"""Largest contribution of omitted terms, and of omitted modes, to a response, as a share of its
+size.
+"""
 NARROWEST = 1e-13
-"""Relative half-width of an interval that rounding of its ends may hide."""
+"""Least relative half-width of an interval; rounding of its ends may hide a narrower one."""
 MOST_INTERVALS = 5_000
-"""Intervals at which the search stops."""
+"""The search stops at this number of intervals."""
 MODERATE = 1e100
-"""Largest size of a response and of its poles; the least is the reciprocal."""
+"""Largest size of a response and of its poles; the least size is the reciprocal."""
 ENTRIES_AT_ONCE = 60_000
-"""Intervals times poles whose powers are computed together."""
+"""Number of intervals times poles whose powers are computed together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Polynomials:
     """g(t) = sum_m terms[:, m] t^m on F intervals, |t| <= 1: ``terms`` (F, TERMS + 1, m, r).
 
-    They are near the response at the frequencies ``middle`` + ``half`` t (F,) [rad/s], the first at
-    ``half`` / t, and differ there by at most ``error`` (F,) in the spectral norm. All intervals
+    They approximate the response at the frequencies ``middle`` + ``half`` t (F,) [rad/s], the first
+    one at ``half`` / t, with an error of at most ``error`` (F,) in the spectral norm. All intervals
     together cover the frequencies from 0 to infinity.
     """
 
@@ -50,7 +52,9 @@ class Polynomials:
 
 
 def polynomials(fractions: PartialFractions) -> Polynomials | None:
-    """The response on intervals; None where they are too many, or its size is extreme."""
+    """The polynomials of the response on intervals; None if these are too many, or the size is
+    extreme.
+    """
     size = _size(fractions)
     if not 1 / MODERATE < size < MODERATE:
         return None
@@ -80,7 +84,7 @@ def polynomials(fractions: PartialFractions) -> Polynomials | None:
 
 
 def _size(fractions: PartialFractions) -> float:
-    """The largest entry of the response at frequencies near the poles: a measure, no bound."""
+    """The largest entry of the response at frequencies near the poles: an estimate, not a bound."""
     omega = np.unique(np.append(np.abs(fractions.poles), 0.0))
     with np.errstate(all="ignore"):
         found = (1.0 / (1j * omega[:, None] - fractions.poles)) @ _residues(fractions)
@@ -95,7 +99,9 @@ def _residues(fractions: PartialFractions) -> ComplexArray:
 
 
 def _kept(fractions: PartialFractions, size: float) -> tuple[BoolArray, float]:
-    """The poles (n,) that count, and a bound of what all others add at any frequency."""
+    """The poles (n,) that matter, and a bound of the contribution of all others at any
+    frequency.
+    """
     most = fractions.sizes / fractions.distance * UPWARD
     order = np.argsort(most)
     total = np.cumsum(most[order]) * UPWARD
@@ -110,7 +116,7 @@ def _intervals(
 ) -> tuple[RealArray, RealArray] | None:
     """Ends (F,) of intervals [rad/s] on which power series converge fast; the first is infinite.
 
-    None where they would be too many.
+    None if they would be too many.
     """
     poles, sizes = fractions.poles[kept], fractions.sizes[kept]
     natural = np.abs(poles) if len(poles) else np.ones(1)
@@ -155,7 +161,7 @@ def _powers(
 def _error(
     fractions: PartialFractions, kept: BoolArray, distance: RealArray, ratio: RealArray
 ) -> RealArray:
-    """What the series of intervals lack (F,), with rounding and the error of the fractions.
+    """Error bounds (F,) of the series on intervals, with rounding and the error of the fractions.
 
     ``distance`` (F, n) or (F, 1) is 1 / |factor|, ``ratio`` (F, n) the size of that of `_powers`.
     """

@@ -1,9 +1,9 @@
-"""Discs for the eigenvalues of real matrices, all products of which are real.
+"""Discs for the eigenvalues of real matrices, computed with real products only.
 
-Eigenvectors of a pair of complex eigenvalues stand as real and imaginary part in a real matrix V,
-and W is an approximate inverse. With K of blocks [1 1; j -j] for the pairs, V K are the
-eigenvectors and K^-1 W their inverse; these last two products add two numbers each. So enclosures
-of W A V and W V take a fourth of the time of complex ones.
+The eigenvectors of a complex pair stand as real and imaginary part in a real matrix V, and W is an
+approximate inverse. With K made of blocks [1 1; j -j] for the pairs, V K are the eigenvectors and
+K^-1 W their inverse; each entry of these last two products is a sum of two numbers. So enclosures
+of W A V and W V take a quarter of the time of complex ones.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from workbench.certify.modes.modal_response import real_modes
 from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
 
 FEWEST_REAL = 40
-"""Fewest rows of a matrix whose products are worth being real."""
+"""Least number of rows for which real products are worthwhile."""
 Pencil = tuple[Enclosure, Enclosure]
 """P and E of P - s E, both nearly diagonal."""
 
@@ -25,8 +25,8 @@ def real_pencil(
 ) -> Pencil | None:
     """A nearly diagonal pencil, singular at the t at which [-j A - omega - t, -j B; C, D] is.
 
-    All matrices are real; D is proven to be regular. None for few rows, and where that, or a full
-    set of eigenvectors of A - B D^-1 C, is not found.
+    All matrices are real; D is proven to be regular. None for few rows, if D is not proven regular,
+    or if no full set of eigenvectors of A - B D^-1 C is found.
     """
     if len(A.mid) < FEWEST_REAL or any(np.iscomplexobj(part.mid) for part in (A, B, C, D)):
         return None
@@ -51,7 +51,7 @@ def real_pencil(
 
 
 def _in_pairs(matrix: Enclosure, first: Array) -> Enclosure:
-    """K^-1 M K of a real M; the pairs of K begin at the rows `first`."""
+    """K^-1 M K for a real M; the pairs of K begin at the rows `first`."""
     second = first + 1
     mid, rad = matrix.mid.astype(complex), matrix.rad.copy()
     mid[:, first], mid[:, second] = _sums(mid[:, first], 1j * mid[:, second])
@@ -69,6 +69,8 @@ def _sums(one: Array, two: Array) -> tuple[Array, Array]:
 
 
 def real_part(matrix: Enclosure) -> Enclosure:
-    """The enclosure with real midpoints, where they have no imaginary part; else itself."""
+    """The enclosure with real midpoints, if they have no imaginary part; else the enclosure
+    itself.
+    """
     mid: RealArray | Array = matrix.mid
     return matrix if np.iscomplexobj(mid) and mid.imag.any() else Enclosure(mid.real, matrix.rad)

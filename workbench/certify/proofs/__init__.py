@@ -1,1 +1,1 @@
-"""Proofs of peaks: what is kept of a search so that it can be checked again, and its storage."""
+"""Proofs of peaks: results of a search, stored so that they can be checked again."""

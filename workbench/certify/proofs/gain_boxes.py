@@ -1,20 +1,22 @@
-"""No constant gain in a box stabilises a plant with a norm of the loop below a level: two proofs.
+"""Two proofs that no constant gain in a box stabilises a plant with a loop norm below a level.
 
-A gain K stands in a box |K - K0| <= r, entry by entry, of u = K y in positive feedback.
+The gains K of u = K y, in positive feedback, form a box |K - K0| <= r, entry by entry.
 
-At one frequency. Take a measurement y that does not depend on K. Where P21 has a right inverse R,
-the input w(K) = w + R (y - P22 K y - P21 w) drives the loop so that it measures y, and it answers
-with z(K) = P11 w(K) + P12 K y. Both are affine in K, so
+Proof at one frequency. Take a measurement y that does not depend on K. If P21 has a right inverse
+R, the input w(K) = w + R (y - P22 K y - P21 w) drives the loop so that it measures y, and it
+answers with z(K) = P11 w(K) + P12 K y. Both are affine in K, so
 
     |z(K)| >= |z(K0)| - sum r_ij |y_j| |(P12 - P11 R P22) e_i|,
     |w(K)| <= |w(K0)| + sum r_ij |y_j| |R P22 e_i|,
 
-and the quotient is at most the norm of every stable loop. No inverse depends on K, so poles that
-cross the axis within the box do no harm. Where P12 has a left inverse, the transposed plant does.
+and the quotient is at most the norm of every stable loop. No inverse depends on K, so poles may
+cross the axis within the box. If P12 has a left inverse, the same proof works for the transposed
+plant.
 
-Instability. If A(K)' P + P A(K) < 0 at the corners of the box, it is so inside, since D22 = 0 makes
-A(K) affine in K; and if x' P x < 0 for some x, V = x' P x falls from there without a bound below,
-so that no K in the box stabilises (A. M. Lyapunov's first theorem on instability).
+Proof of instability. If A(K)' P + P A(K) < 0 at the corners of the box, this also holds inside,
+since D22 = 0 makes A(K) affine in K. If in addition x' P x < 0 for some x, V = x' P x decreases
+from there without bound, so that no K in the box stabilises (A. M. Lyapunov's first theorem on
+instability).
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ def level_of_box(
     driven: tuple[ComplexArray, ComplexArray],
     dual: bool,
 ) -> float:
-    """A level proven to be at most the norm of the loop of every stabilising gain in a box.
+    """A level proven to be a lower bound of the loop's norm for every stabilising gain in a box.
 
     Parameters
     ----------
@@ -56,7 +58,8 @@ def level_of_box(
     omega
         Frequency [rad/s]; infinity is allowed.
     driven
-        w (w,) and y (measurements,) of the proof; any are right, good ones prove much.
+        w (w,) and y (measurements,) of the proof; any choice is valid, and a good one proves a high
+        level.
     dual
         Whether the proof is that of the transposed plant.
     """
@@ -70,7 +73,7 @@ def level_of_box(
         if dual:
             response, (low, high), (z, w) = response.transpose(), (low.T, high.T), (w, z)
         centre = (low + high) / 2
-        # The differences are rounded by half a unit in the last place at most.
+        # The differences are rounded by at most half a unit in the last place.
         radius = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
         ends = [response.nrows(), response.ncols()]
         P11, P12 = _part(response, 0, z, 0, w), _part(response, 0, z, w, ends[1])
@@ -101,7 +104,7 @@ def is_unstable_box(
 ) -> bool:
     """Whether the form x' P x proves that no gain in a box stabilises x' = A x + B K C x.
 
-    A, B and C are those from the controls to the measurements; P (n, n) is symmetric.
+    A, B and C are the matrices from controls to measurements; P (n, n) is symmetric.
     """
     values, vectors = np.linalg.eigh(P)
     if not len(values) or values[0] >= 0:
@@ -118,7 +121,7 @@ def is_unstable_box(
 
 
 def box_corners(box: tuple[RealArray, RealArray]) -> Iterator[RealArray]:
-    """The corners of a box of gains: each entry that may move at either end."""
+    """The corners of a box of gains: each entry that may vary is at one of its ends."""
     low, high = box
     moving = np.argwhere(low < high)
     for ends in product((False, True), repeat=len(moving)):
@@ -131,7 +134,7 @@ def box_corners(box: tuple[RealArray, RealArray]) -> Iterator[RealArray]:
 def _response(
     A: RealArray, B: RealArray, C: RealArray, D: RealArray, omega: float
 ) -> acb_mat | None:
-    """The plant at a frequency; None where balls do not tell it from a pole."""
+    """The plant at a frequency; None if balls cannot tell the frequency from a pole."""
     if np.isinf(omega) or not len(A):
         return balls(D)
     try:
@@ -159,10 +162,10 @@ def _conjugate(M: acb_mat) -> acb_mat:
 
 
 def _at_least(column: acb_mat) -> arb:
-    """A number that the length of a vector is not below."""
+    """A lower bound of the length of a vector."""
     return sum((column[i, 0].abs_lower() ** 2 for i in range(column.nrows())), arb(0)).sqrt()
 
 
 def _at_most(column: acb_mat) -> arb:
-    """A number that the length of a vector is not above."""
+    """An upper bound of the length of a vector."""
     return sum((column[i, 0].abs_upper() ** 2 for i in range(column.nrows())), arb(0)).sqrt()

@@ -1,4 +1,4 @@
-"""A stable system with the gain of an unstable one at every frequency, up to a proven share.
+"""A stable system with the same gain as an unstable one at every frequency, up to a proven share.
 
 For any F let N = (A + F C, B + F D, C, D) and M = (A + F C, F, C, I), so that G = M^-1 N. With a
 symmetric X, W = I (in sampled time I + C X C') and S = X C' (in sampled time (A + F C) X C'),
@@ -6,10 +6,10 @@ symmetric X, W = I (in sampled time I + C X C') and S = X C' (in sampled time (A
     M M* = W + C Phi (F + S) + (...)* + C Phi R Phi* C',    Phi = (s - A - F C)^-1,
     R = (A + F C) X + X (A + F C)' + F F'    or    (A + F C) X (A + F C)' - X + F F',
 
-on the boundary of stability. The X of a Riccati equation makes F + S and R zero: M is then inner
-but for the factor W^1/2, and the singular values of W^-1/2 N are those of G (M. Vidyasagar,
-Control System Synthesis: A Factorization Approach, MIT Press 1985, chapter 7). Whatever rounding
-leaves of F + S and R, and does to N, is bounded here; nothing rests on the Riccati equation.
+on the boundary of stability. The X of a Riccati equation makes F + S and R zero: M is then inner up
+to the factor W^1/2, and the singular values of W^-1/2 N are those of G (M. Vidyasagar, Control
+System Synthesis: A Factorization Approach, MIT Press 1985, chapter 7). The rounding errors of F +
+S, R and N are bounded here, so that the proof does not rest on the Riccati equation.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from workbench.systems.balancing import speed, with_state_units
 from workbench.systems.realisation import Matrices, matrices_of, realisation
 
 LARGEST_SHARE = 0.1
-"""Share of the gain that rounding may blur at most."""
+"""Largest share of the gain that rounding may blur."""
 
 
 @dataclass(frozen=True, eq=False)
 class Numerator:
     """A stable ``system`` whose gain is near that of an unstable one at every frequency.
 
-    The unstable one's peak lies within the share ``share`` and the distance ``error`` of the
-    peak of the stable one; see `enclosed`.
+    The peak of the unstable system differs from that of the stable one by at most the share
+    ``share`` and the distance ``error``; see `enclosed`.
     """
 
     system: StateSpace
@@ -55,7 +55,7 @@ UPWARD_GAIN = 1.0 + 1e-15
 
 
 def stable_numerator(system: StateSpace) -> Numerator:
-    """The W^-1/2 N of a system without poles on the boundary of stability.
+    """The system W^-1/2 N for a system without poles on the boundary of stability.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def stable_numerator(system: StateSpace) -> Numerator:
 
 
 def _riccati(A: RealArray, C: RealArray, dt: float) -> RealArray:
-    """The X whose feedback mirrors the unstable poles, on their invariant subspace."""
+    """The X whose feedback mirrors the unstable poles; it acts on their invariant subspace."""
     T, Q, k = schur(A, sort="ouc" if dt else "rhp")
     T, C1 = T[:k, :k], C @ Q[:, :k]
     if not k:
@@ -127,7 +127,7 @@ def _share(
     dt: float,
     leaving: float,
 ) -> float:
-    """A bound of |K M M* K' - I|, K the weight, where |C Phi| is at most `leaving`."""
+    """A bound of |K M M* K' - I|, with the weight K, if |C Phi| is at most `leaving`."""
     x = exact(X)
     seen = x @ C.H
     rest = exact(F) + (A @ seen if dt else seen)
@@ -150,7 +150,7 @@ def _one(matrix: RealArray) -> RealArray:
 
 
 def _size(matrix: Enclosure, *, only_rounding: bool = False) -> float:
-    """A bound of the spectral norm, that of Frobenius; or of how far it may be from its middle."""
+    """A bound of the spectral norm by the Frobenius norm; or of the rounding error alone."""
     entries = matrix.rad if only_rounding else np.abs(matrix.mid) + matrix.rad
     return float(np.linalg.norm(entries)) * UPWARD + np.finfo(float).tiny
 

@@ -1,6 +1,8 @@
-"""The proof of a peak: multipliers that prove one bound on intervals which cover a band.
+"""The proof of a peak: multipliers that prove one bound on intervals that cover a band.
 
-Scalings that are functions of frequency, where there are any, take the place of most intervals.
+Scalings that are functions of frequency, if there are any, replace most intervals. A repeated proof
+makes no search: the multipliers are stored, and the kernel recomputes everything else from the
+system.
 
 Nothing is searched when it is proven again: the multipliers are those stored, and what the kernel
 needs besides them is recomputed from the system.
@@ -26,16 +28,16 @@ from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.structure import Structure
 
 PIECES = 40
-"""Most pieces into which a gap is divided where rounding differs from that of the run."""
-BEYOND = 1.1
-"""Factor on the half-width of linear multipliers, which prove more than was asked of them."""
+"""Largest number of pieces into which a gap is divided if rounding differs from that of the run."""
+WIDENED_REACH = 1.1
+"""Factor on the half-width of linear multipliers, since they prove more than was needed."""
 
 
 @dataclass(frozen=True, eq=False)
 class PeakProof:
     """Intervals with multipliers that prove the bound ``beta`` of mu on a band [rad/s].
 
-    Where there are ``scalings``, intervals need to cover only what these leave open.
+    If there are ``scalings``, intervals need to cover only the frequencies that these leave open.
     """
 
     beta: float
@@ -45,16 +47,17 @@ class PeakProof:
 
 
 def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) -> str:
-    """Prove again that mu is at most `bound` on the proof's band; the empty text, or what fails.
+    """Prove again that mu is at most `bound` on the proof's band; returns an empty text, or what
+    fails.
 
     Parameters
     ----------
     system
         Stable system with c outputs and r inputs.
     structure
-        Blocks of Delta; of the multipliers only the part that they allow is used.
+        Blocks of Delta; only the part of the multipliers that they allow is used.
     bound
-        May not be below the proof's beta.
+        The bound; it must not be below the proof's beta.
 
     Raises
     ------
@@ -90,12 +93,17 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
 def _ends(
     system: StableSystem, structure: Structure, interval: CertifiedInterval, beta: float
 ) -> tuple[float, float] | None:
-    """Ends of what an interval's multipliers prove in doubles, which may be more than it says."""
+    """Ends of the interval on which multipliers hold in doubles; it may be wider than the stored
+    one.
+    """
     multipliers, slopes = _multipliers(structure, interval, interval.omega)
     if slopes is None:
         return proven_in_doubles(system, multipliers, beta, interval.omega, end_margin=0.0)[0]
     reach = max(interval.omega - interval.low, interval.high - interval.omega)
-    for factor in (BEYOND, 1.0):  # D may be positive definite up to the ends and not beyond
+    for factor in (
+        WIDENED_REACH,
+        1.0,
+    ):  # D may be positive definite up to the stored ends and not beyond
         half = min(factor * reach, interval.omega)
         ends = proven_in_doubles(system, multipliers, beta, interval.omega, slopes, half, 0.0)[0]
         if ends is not None:
@@ -106,7 +114,7 @@ def _ends(
 def _multipliers(
     structure: Structure, interval: CertifiedInterval, omega: float
 ) -> tuple[Multipliers, Multipliers | None]:
-    """What the structure allows of an interval's multipliers at a frequency, and their slopes."""
+    """An interval's multipliers at a frequency, limited to the structure, and their slopes."""
     slopes = None if interval.slopes is None else structured(structure, *interval.slopes)
     return structured(structure, *interval.multipliers(omega)), slopes
 
@@ -128,7 +136,7 @@ def gaps(
 
 
 def _nearest(intervals: list[CertifiedInterval], omega: float) -> list[CertifiedInterval]:
-    """The intervals in order of the distance of their multipliers from a frequency."""
+    """The intervals, ordered by the distance of their multipliers from a frequency."""
     if math.isinf(omega):
         return sorted(intervals, key=lambda one: -one.omega)
     return sorted(intervals, key=lambda one: abs(one.omega - omega))
@@ -141,7 +149,9 @@ def _gap_is_proven(
     gap: tuple[float, float],
     beta: float,
 ) -> bool:
-    """Whether multipliers of the intervals `about` a gap prove beta on all of it, also by balls."""
+    """Whether multipliers of the intervals `about` a gap prove beta on all of it; balls are used
+    too.
+    """
     pieces = [gap]
     for one in _nearest(about, _middle_frequency(*gap)):
         if one.slopes is None and pieces:
@@ -162,7 +172,7 @@ def _gap_is_proven(
                     system, D_left, D_right, G, beta, omega, slopes, half, 0.0
                 )
             if ends is None and (slopes is None or math.isfinite(omega)):
-                # Held as they are here, they prove less, and rounding hides less of it.
+                # Fixed at their values here, they prove less, and rounding hides less of it.
                 ends = certified_interval(system, D_left, D_right, G, beta, omega, end_margin=0.0)
             if ends is not None:
                 break

@@ -1,9 +1,9 @@
 """A bound of mu on nearly all frequencies at once, by scalings that are functions of frequency.
 
-Let every block b of Delta have a function d_b that is stable, as its inverse is. Delta commutes
-with D = diag(d_b), so that mu of M is at most the largest singular value of D M D^-1. One
-Hamiltonian matrix shows on which frequencies this is below beta: on all of them, unless rounding
-hides some. D-K iteration ends with such functions, and with a controller made for this norm (Doyle,
+For every block b of Delta let d_b be a stable function with a stable inverse. Delta commutes with D
+= diag(d_b), so that mu of M is at most the largest singular value of D M D^-1. One Hamiltonian
+matrix shows at which frequencies this is below beta: at all of them, unless rounding hides some.
+D-K iteration ends with such functions, and with a controller designed for this norm (Doyle,
 Structured uncertainty in control system design, IEEE Conf. Decision and Control (1985) 260-265).
 """
 
@@ -45,7 +45,9 @@ class ScalingFunctions:
     denominators: RealArray
 
     def fault(self, blocks: int) -> str:
-        """Why these are no scalings of a structure with so many blocks; empty where they are."""
+        """Why these are no scalings for a structure with this many blocks; an empty text if they
+        are.
+        """
         parts = self.gain, self.numerators, self.denominators
         count, sections = self.gain.size, self.numerators.size // max(2 * self.gain.size, 1)
         shapes = (count,), (count, sections, 2), (count, sections, 2)
@@ -78,8 +80,8 @@ class ScalingFunctions:
 class _Filters(NamedTuple):
     """Filters of some signals, side by side: x' = A x + E u, y = u + c x.
 
-    State k belongs to signal ``signal[k]``: E (states, signals) has a 1 there or is zero, and so c
-    (1, states) has one entry for each state.
+    State k belongs to signal ``signal[k]``: E (states, signals) has a 1 there or is zero, and c (1,
+    states) has one entry for each state.
     """
 
     A: Enclosure
@@ -95,7 +97,7 @@ class _Filters(NamedTuple):
         enters all those after it.
         """
         q, sections, _ = above.shape
-        # States in units of a power of two of their own frequency.
+        # States are scaled by a power of two near their own frequency.
         unit = np.exp2(np.round(np.log2(below[..., 1]) / 2))
         c = np.stack([(above[..., 1] - below[..., 1]) / unit, above[..., 0] - below[..., 0]], -1)
         A = np.zeros((q, sections, 2, q, sections, 2))
@@ -114,14 +116,14 @@ class _Filters(NamedTuple):
         )
 
     def before(self, matrix: Enclosure) -> Enclosure:
-        """The matrix (rows, signals) times c: what each state adds to the rows."""
+        """The matrix (rows, signals) times c: the contribution of each state to the rows."""
         size, error = np.abs(matrix.mid)[:, self.signal], matrix.rad[:, self.signal]
         c = np.abs(self.c.mid)
         rad = EPS * size * c + error * c + (size + error) * self.c.rad + TINY
         return Enclosure(matrix.mid[:, self.signal] * self.c.mid, rad * UPWARD)
 
     def after(self, matrix: Enclosure) -> Enclosure:
-        """E times the matrix (signals, columns): what enters each state."""
+        """E times the matrix (signals, columns): the input of each state."""
         mid, rad = (
             np.where(self.enters[:, None], part[self.signal], 0.0)
             for part in (matrix.mid, matrix.rad)
@@ -132,9 +134,9 @@ class _Filters(NamedTuple):
 def scaled_system(
     system: StableSystem, structure: Structure, scalings: ScalingFunctions
 ) -> StableSystem:
-    """D M D^-1 of a stable system M; the scalings are without a fault.
+    """The system D M D^-1 for a stable M; the scalings must have no fault.
 
-    No two large numbers are added, so that its poles are hardly less sharp than those of M.
+    No two large numbers are added, so that its poles are nearly as accurate as those of M.
     """
     A, B, C, D = system.enclosures
     outputs, inputs = (
@@ -175,8 +177,8 @@ def scaled_interval(
 ) -> tuple[float, float] | None:
     """The interval of frequencies [rad/s] on which scalings prove that mu is at most beta.
 
-    It is one about the scale of the poles, and ends before 0 or infinity only where the scalings do
-    not prove it there, or rounding hides it. None where nothing is proven.
+    The interval lies around the scale of the poles. It ends before 0 or infinity only where the
+    scalings do not prove the bound there, or rounding hides it. None if nothing is proven.
 
     Parameters
     ----------
@@ -185,7 +187,7 @@ def scaled_interval(
     structure
         Blocks of Delta.
     scalings
-        Of the first blocks, without a `fault`.
+        Scalings of the first blocks, without a `fault`.
     beta
         The bound.
     """

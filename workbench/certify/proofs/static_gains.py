@@ -1,13 +1,13 @@
-"""Which constant gains stabilise a plant of one input and output, decided in fractions.
+"""All constant gains that stabilise a plant of one input and output, decided in exact fractions.
 
 Let p(s) = det(s I - A) and n(s) = p(s) G(s). With positive feedback u = k y the closed loop has the
-characteristic polynomial f = p - k n. As k moves on the real line, poles change sides of the axis
-only where f has a root on it, at 0, or at infinity. With s^2 = v, f = e(v) + s o(v): a root on the
-axis is a common root of e and o, which the resultant R(k) of e and o by v tells. So between two
-neighbouring real roots of R(k), of f's leading coefficient and of f(0), all gains have as many
-stable poles as one of them; Routh's array counts for that one. Where R is zero for every k, e and o
-have a common factor for every k, so that f has roots symmetric to the axis and no gain stabilises:
-those that do are an open set.
+characteristic polynomial f = p - k n. As k moves along the real line, poles cross the axis only
+where f has a root on it, at 0, or at infinity. With s^2 = v, f = e(v) + s o(v). A root on the axis
+is a common root of e and o, and there the resultant R(k) of e and o with respect to v is zero. So
+between two neighbouring real roots of R(k), of f's leading coefficient and of f(0), all gains give
+the same number of stable poles; Routh's array counts them for one gain. If R is zero for every k, e
+and o have a common factor for every k. Then f has roots symmetric to the axis and no gain
+stabilises, since the stabilising gains are an open set.
 
 Source: F. R. Gantmacher, The Theory of Matrices II (1959), chapter XV (Routh and Hurwitz; Orlando's
 formula).
@@ -26,10 +26,10 @@ from workbench.heavy_types import StateSpace
 
 @dataclass(frozen=True)
 class GainRange:
-    """Gains between two that put a pole on the axis, or from infinity on.
+    """A range of gains between two that put a pole on the axis, or up to infinity.
 
-    ``low`` and ``high`` enclose the range's ends from inside, in fractions; None: infinity. All
-    gains in the range stabilise, or none does, as ``stabilises`` says.
+    ``low`` and ``high`` are fractions just inside the ends of the range; None: infinity. Either all
+    gains in the range stabilise or none does, as ``stabilises`` says.
     """
 
     low: Any
@@ -48,10 +48,12 @@ class GainRange:
 
 
 def gain_ranges(plant: StateSpace) -> list[GainRange]:
-    """The ranges of gains k, from minus to plus infinity, that a continuous plant tells apart.
+    """The ranges of gains k, from minus to plus infinity, in each of which a continuous plant has
+    equally many stable poles.
 
     plant: one input and one output; u = k y with positive feedback. Between the ranges lie single
-    gains that put a pole on the axis. One range without an end where every gain leaves one there.
+    gains that put a pole on the axis. If every gain leaves a pole there, the result is one range
+    without ends.
     """
     p, n = _polynomials(plant)
     ends = _crossings(p, n)
@@ -92,7 +94,7 @@ def _polynomials(plant: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
 def _crossings(p: fmpq_poly, n: fmpq_poly) -> list[tuple[fmpq, fmpq]] | None:
     """Disjoint ranges in order, each with gains that may put a pole on the axis or at infinity.
 
-    None: every gain leaves a root on the axis, or two that are symmetric to it.
+    None: with every gain there is a root on the axis, or two roots that are symmetric to it.
     """
     order = p.degree()
     at_zero = fmpq_poly([p[0], -n[0]])
@@ -111,14 +113,15 @@ def _crossings(p: fmpq_poly, n: fmpq_poly) -> list[tuple[fmpq, fmpq]] | None:
 
 
 def _resultant(p: fmpq_poly, n: fmpq_poly) -> fmpq_poly:
-    """R(k) of the even and odd parts of p - k n, as a polynomial through its values."""
+    """R(k) of the even and odd parts of p - k n, as the polynomial through its values."""
     order = p.degree()
-    count = order + 1  # its degree is at most order: rows of the Sylvester matrix are linear in k
+    # its degree is at most order: the rows of the Sylvester matrix are linear in k
+    count = order + 1
     points: list[int] = []
     values: list[fmpq] = []
     k = 1
     while len(points) < count:
-        # Where the leading coefficient is zero the resultant's matrix would be another one.
+        # If the leading coefficient is zero, the resultant would have another matrix.
         f = p - k * n
         if f.degree() == order:
             even = fmpq_poly([f[i] for i in range(0, order + 1, 2)])
@@ -130,7 +133,7 @@ def _resultant(p: fmpq_poly, n: fmpq_poly) -> fmpq_poly:
 
 
 def _sylvester(even: fmpq_poly, odd: fmpq_poly, order: int) -> fmpq:
-    """Determinant of the Sylvester matrix of both parts, of the degrees they have at most."""
+    """Determinant of the Sylvester matrix of both parts, for their largest possible degrees."""
     m, k = order // 2, (order - 1) // 2
     if order < 2:
         return fmpq(1)

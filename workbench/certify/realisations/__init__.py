@@ -1,1 +1,1 @@
-"""Enclosures of what belongs to a realisation: Gramians, Hankel values, parts of a sum."""
+"""Enclosures of quantities of a realisation: Gramians, Hankel singular values, parts of a sum."""

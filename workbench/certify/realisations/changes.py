@@ -1,7 +1,7 @@
-"""By how much the matrices of a system must change to have the response of another, proven.
+"""A proven bound of the change of a system's matrices that gives it the response of another system.
 
-For regular V the system V A~ V^-1, V B~, C~ V^-1, D~ has the response of A~, B~, C~, D~: what it
-lacks of the given one is a backward error, found in balls.
+For regular V the system V A~ V^-1, V B~, C~ V^-1, D~ has the response of A~, B~, C~, D~. Its
+distance from the given matrices is a backward error, computed in balls.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from workbench.systems.realisation import Matrices
 def relative_change(
     given: Matrices, other: Matrices, coordinates: RealArray, units: RealArray
 ) -> float:
-    """A bound of the change of A, B, C or D, relative to its norm; infinite where none is proven.
+    """A bound of the change of A, B, C or D, relative to its norm; infinite if none is proven.
 
-    That of D is relative to the sum of its norm and the product of those of C and B: a sampled
-    response is made of both.
+    The change of D is relative to its norm plus the product of the norms of C and B, since a
+    sampled response is the sum of both.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def relative_change(
 
 
 def _share(change: arb, whole: arb) -> float:
-    """Above change / whole; 0 / 0 is 0."""
+    """Upper bound of change / whole; 0 / 0 counts as 0."""
     if change == 0:
         return 0.0
     return above(change / whole) if whole > 0 else math.inf

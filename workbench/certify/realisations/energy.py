@@ -2,8 +2,8 @@
 
 For a stable A let Q solve A'Q + QA + C'C = 0, and let Q^ be any symmetric matrix with the residual
 R = A'Q^ + Q^A + C'C. Then Q - Q^ is the integral of exp(A't) R exp(At), which lies between -|R| X
-and |R| X for the X of A'X + XA = -1. Of an approximate X^ with A'X^ + X^A = -1 + E, |E| < 1, X is
-at most X^ / (1 - |E|). So the energy tr(B'QB) is tr(B'Q^B) up to |R| tr(B'X^B) / (1 - |E|). In
+and |R| X for the X of A'X + XA = -1. For an approximate X^ with A'X^ + X^A = -1 + E and |E| < 1, X
+is at most X^ / (1 - |E|). So the energy tr(B'QB) is tr(B'Q^B) up to |R| tr(B'X^B) / (1 - |E|). In
 sampled time A'Q + QA is A'QA - Q.
 """
 
@@ -25,13 +25,13 @@ from workbench.certify.rounding import UPWARD, Enclosure, exact
 from workbench.systems.balancing import with_state_units
 
 LOOSE, MANY_BITS = 1e-9, 192
-"""Share of the energy of a slack above which more digits are taken, and their bits."""
+"""More digits are used if the slack exceeds this share of the energy; and their number of bits."""
 REFINEMENTS = 3
-"""Solutions of the Lyapunov equation of the residual that are added."""
+"""Number of solutions of the residual's Lyapunov equation that are added."""
 
 
 def energy_bounds(A: Any, B: Any, C: Any, dt: float) -> tuple[float, float]:
-    """Bounds of tr(B'QB) of a system that is proven to be stable; (0, inf) where none are proven.
+    """Bounds of tr(B'QB) for a system that is proven to be stable; (0, inf) if none are proven.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def energy_bounds(A: Any, B: Any, C: Any, dt: float) -> tuple[float, float]:
     output = exact(C).H @ exact(C)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # of poles within rounding of the boundary
+            warnings.simplefilter("error")  # for poles within rounding of the boundary
             X = _symmetric(solve(A.T, sign * np.eye(len(A))))
             Q = _symmetric(solve(A.T, sign * (C.T @ C)))
             for _ in range(REFINEMENTS):
@@ -72,7 +72,9 @@ def energy_bounds(A: Any, B: Any, C: Any, dt: float) -> tuple[float, float]:
 
 
 def _in_many_digits(A: RealArray, B: RealArray, C: RealArray, dt: float) -> tuple[float, float]:
-    """The bounds by a gramian of more digits than doubles have, for poles far apart."""
+    """The bounds from a Gramian with more digits than doubles have, for poles of very different
+    speeds.
+    """
     found = enclosed_gramian(A.T, C.T, dt, MANY_BITS)
     if found is None:
         return 0.0, math.inf
@@ -85,7 +87,7 @@ def _in_many_digits(A: RealArray, B: RealArray, C: RealArray, dt: float) -> tupl
 
 
 def _residual(A: RealArray, Q: RealArray, output: Enclosure, dt: float) -> Enclosure:
-    """A'Q + QA and the output, or A'QA - Q and the output."""
+    """A'Q + QA plus the output term; in sampled time A'QA - Q plus the output term."""
     a, q = exact(A), exact(Q)
     if dt:
         return a.H @ q @ a - q + output
@@ -94,7 +96,7 @@ def _residual(A: RealArray, Q: RealArray, output: Enclosure, dt: float) -> Enclo
 
 
 def _trace(B: RealArray, Q: RealArray) -> Enclosure:
-    """The trace of B'QB, as a matrix of one entry."""
+    """The trace of B'QB, as a matrix with one entry."""
     whole = exact(B).H @ exact(Q) @ exact(B)
     place = np.arange(B.shape[1])
     row = Enclosure(whole.mid[place, place][None], whole.rad[place, place][None])
@@ -102,7 +104,7 @@ def _trace(B: RealArray, Q: RealArray) -> Enclosure:
 
 
 def _size(matrix: Enclosure) -> float:
-    """A bound of the spectral norm: that of Frobenius, rounded up."""
+    """A bound of the spectral norm: the Frobenius norm, rounded up."""
     return float(np.linalg.norm(np.abs(matrix.mid) + matrix.rad)) * (1.0 + 1e-12)
 
 

@@ -1,11 +1,12 @@
 """Hankel singular values of stable systems, each enclosed.
 
-They are the roots of the eigenvalues of P Q, the Gramians. Let P be near S S' and Q near M, so that
-the differences lie between -F and F, and -H and H. By the monotonicity of eigenvalues, those of P Q
-are those of S' M S up to the largest eigenvalues of F Q and of S' H S. By the law of inertia in
-numbers (A. Ostrowski, A quantitative formulation of Sylvester's law of inertia, Proc. Nat. Acad.
-Sci. 45 (1959) 740-744) the eigenvalues of V' (S' M S) V are those of S' M S, each times a number
-between the least and the largest eigenvalue of V'V; the V of rotations makes it nearly diagonal.
+They are the square roots of the eigenvalues of P Q, where P and Q are the Gramians. Let P be near S
+S' with a difference between -F and F, and Q near M with a difference between -H and H. By the
+monotonicity of eigenvalues, those of P Q are those of S' M S up to the largest eigenvalues of F Q
+and of S' H S. By the quantitative law of inertia (A. Ostrowski, A quantitative formulation of
+Sylvester's law of inertia, Proc. Nat. Acad. Sci. 45 (1959) 740-744) the eigenvalues of V' (S' M S)
+V are those of S' M S, each times a number between the least and the largest eigenvalue of V'V; V is
+a product of rotations that makes the matrix nearly diagonal.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from workbench.certify.realisations.lyapunov import EnclosedGramian, enclosed_gr
 from workbench.systems.balancing import with_state_units
 
 BITS = (128, 256, 512, 1024)
-"""Bits of the numbers, one after the other until the values are sharp."""
+"""Bits of the numbers, tried in turn until the values are accurate."""
 SHARP = 1e-9
-"""Relative width of an interval that is sharp enough."""
+"""An interval of this relative width is accurate enough."""
 NEGLIGIBLE = 2.0**-52
-"""Share of the largest value below which nothing is asked of the width of an interval."""
+"""Below this share of the largest value, an interval may have any width."""
 MOST_SWEEPS = 40
-"""Sweeps of rotations at most; they converge quadratically."""
+"""Largest number of sweeps of rotations; they converge quadratically."""
 
 
 def enclosed_hankel_values(
@@ -36,7 +37,7 @@ def enclosed_hankel_values(
 ) -> tuple[RealArray, RealArray] | None:
     """Lower and upper bounds of the Hankel singular values (n,) of a stable system, falling.
 
-    None where the Gramians are not found, because poles are too near the boundary of stability.
+    None if the Gramians cannot be computed, because poles are too near the boundary of stability.
     """
     if not len(A):
         return np.zeros(0), np.zeros(0)
@@ -92,7 +93,9 @@ def _factor(P: Any, bits: int) -> Any:
 
 
 def _eigenvalues(M: Any, bits: int) -> tuple[list[arb], arb, arb]:
-    """Numbers near the eigenvalues of a symmetric M: their distance, and that of V'V from 1."""
+    """Approximate eigenvalues of a symmetric M, their distance from the true ones, and that of V'V
+    from 1.
+    """
     r = M.nrows()
     if not r:
         return [], arb(0), arb(0)
@@ -109,7 +112,7 @@ def _eigenvalues(M: Any, bits: int) -> tuple[list[arb], arb, arb]:
 
 
 def _rotated(M: Any, V: Any, bits: int) -> Any:
-    """V times rotations that make M nearly diagonal (Jacobi's method), in midpoints."""
+    """V times rotations that make M nearly diagonal (Jacobi's method), using midpoints only."""
     r = M.nrows()
     rows, frame = M.tolist(), V.transpose().tolist()
     least = max(abs(rows[k][k]) for k in range(r)) * arb(2) ** (4 - bits)

@@ -1,10 +1,10 @@
-"""Gramians of stable systems, refined in many digits, with a proven bound of what they lack.
+"""Gramians of stable systems, refined to many digits, with proven bounds of their errors.
 
 Let P solve A P + P A' + B B' = 0 for a stable A, and let M be any symmetric matrix with the
 residual R = A M + M A' + B B'. Then P - M is the integral of exp(A t) R exp(A' t), which lies
-between -|R| X and |R| X for the X of A X + X A' = -1. Of an approximate Y with A Y + Y A' = -1 + E,
-|E| < 1, X is at most Y / (1 - |E|). In sampled time A P + P A' is A P A' - P. Corrections come from
-doubles and are added in many digits; residuals are computed in balls, and nothing rests on the
+between -|R| X and |R| X for the X of A X + X A' = -1. For an approximate Y with A Y + Y A' = -1 + E
+and |E| < 1, X is at most Y / (1 - |E|). In sampled time A P + P A' is A P A' - P. Corrections come
+from doubles and are added in many digits; residuals are computed in balls, and nothing rests on the
 corrections.
 """
 
@@ -28,21 +28,24 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balancing
 
 MOST_CORRECTIONS = 80
-"""Corrections of a Gramian at most; each gains at least a factor of SLOWEST, mostly 1e10."""
+"""Largest number of corrections of a Gramian; each gains at least the factor SLOWEST, mostly
+1e10.
+"""
 SLOWEST = 0.5
-"""Share of the residual above which what a correction leaves ends the refinement."""
+"""Refinement ends when a correction leaves more than this share of the residual."""
 SMALL_DEFECT = 2.0**-10
-"""Size of E with which Y is good enough."""
+"""Y is good enough once E is below this size."""
 PROOF_BITS = (128, 512)
-"""Bits of the numbers with which a Lyapunov equation is asked for a proof of stability."""
+"""Bits of the numbers with which a Lyapunov equation is tried as a proof of stability."""
 FEW_STATES = 24
-"""Most states of which the Lyapunov equation is solved as linear equations where nothing else
-proves: there are n (n + 1) / 2 of them."""
+"""Up to this many states, the Lyapunov equation is solved as n (n + 1) / 2 linear equations if
+nothing else proves stability.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedGramian:
-    """A symmetric matrix of balls of radius 0, which a Gramian is near.
+    """A symmetric matrix of balls of radius 0 that approximates a Gramian.
 
     Their difference lies between minus and plus ``share`` times ``size``, in the order of
     semidefinite matrices.
@@ -61,12 +64,12 @@ class EnclosedGramian:
 def enclosed_gramian(A: RealArray, B: RealArray, dt: float, bits: int) -> EnclosedGramian | None:
     """The controllability Gramian of a stable system to nearly `bits` bits.
 
-    None where doubles cannot correct it, because poles are too near to the boundary of stability.
+    None if doubles cannot correct it, because poles are too near the boundary of stability.
 
     Parameters
     ----------
     A, B
-        (n, n) and (n, m), proven to be stable.
+        (n, n) and (n, m); A is proven to be stable.
     dt
         Sampling time [s]; 0: continuous time.
     """
@@ -80,7 +83,7 @@ def enclosed_gramian(A: RealArray, B: RealArray, dt: float, bits: int) -> Enclos
             if defect < 0.5:
                 share = frobenius(_residual(A, P, wanted, dt)) / (1 - defect)
                 return EnclosedGramian(P, Y, share.upper())
-        return _by_equations(A, wanted, dt) if len(A) <= FEW_STATES else None
+        return _gramian_by_equations(A, wanted, dt) if len(A) <= FEW_STATES else None
 
 
 def _residual(A: RealArray, P: Any, wanted: Any, dt: float) -> Any:
@@ -92,14 +95,14 @@ def _residual(A: RealArray, P: Any, wanted: Any, dt: float) -> Any:
 
 
 def _refined(A: RealArray, wanted: Any, dt: float, share: float) -> Any:
-    """The solution whose residual is at most this share of what is wanted; None where none is."""
+    """The solution whose residual is at most this share of ``wanted``; None if there is none."""
     solve: Callable[..., RealArray] = solve_discrete_lyapunov if dt else solve_continuous_lyapunov
     sign = 1.0 if dt else -1.0
     n = len(A)
     P, rest = arb_mat(n, n), wanted
     first = left = frobenius(rest)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # of poles within rounding of the boundary
+        warnings.simplefilter("error")  # for poles within rounding of the boundary
         for _ in range(MOST_CORRECTIONS):
             if not left > share * first:
                 return P
@@ -117,7 +120,7 @@ def _refined(A: RealArray, wanted: Any, dt: float, share: float) -> Any:
     return P
 
 
-def _by_equations(A: RealArray, wanted: Any, dt: float) -> EnclosedGramian | None:
+def _gramian_by_equations(A: RealArray, wanted: Any, dt: float) -> EnclosedGramian | None:
     """As `enclosed_gramian`, from linear equations in the entries of the Gramian, in balls."""
     n, a = len(A), real_balls(A).tolist()
     pairs = [(i, j) for i in range(n) for j in range(i, n)]
@@ -146,7 +149,7 @@ def _by_equations(A: RealArray, wanted: Any, dt: float) -> EnclosedGramian | Non
 
 
 def stability_proof(system: StateSpace) -> Check:
-    """As `stability_of`; where discs about the poles do not prove it, by a Lyapunov equation.
+    """As `stability_of`; if discs around the poles prove nothing, a Lyapunov equation is used.
 
     A is stable if A Y + Y A' is negative definite for a positive definite Y.
     """
@@ -172,7 +175,9 @@ def stability_proof(system: StateSpace) -> Check:
 
 
 def _positive_definite(matrix: Any) -> bool:
-    """Whether Cholesky's method in balls, with the largest pivot first, proves it."""
+    """Whether Cholesky's method in balls, with the largest pivot first, proves positive
+    definiteness.
+    """
     rest = matrix.tolist()
     left = list(range(len(rest)))
     while left:
@@ -188,7 +193,7 @@ def _positive_definite(matrix: Any) -> bool:
 
 
 def frobenius(matrix: Any) -> arb:
-    """An upper bound of the spectral norm: that of Frobenius."""
+    """An upper bound of the spectral norm: the Frobenius norm."""
     squares = (entry.abs_upper() ** 2 for entry in matrix.entries())
     return sum(squares, arb(0)).upper().sqrt().upper()
 

@@ -1,7 +1,7 @@
 """The gain of the difference of two stable systems, mode by mode, where their poles nearly agree.
 
-Poles that differ by rounding, p and q with residues R and S, are told from each other by no
-eigenvectors of both systems together. Those of each alone are enclosed in balls, and
+Let poles p and q, with residues R and S, differ by rounding only. Eigenvectors of both systems
+together cannot separate them. The modes of each system alone are enclosed in balls, and
 
     R / (s - p) - S / (s - q) = (R - S) / (s - p) + S (p - q) / ((s - p) (s - q))
 
@@ -27,8 +27,8 @@ Mode = tuple[Any, acb_mat]
 def gain_by_modes(one: Matrices, other: Matrices, sampled: bool) -> float:
     """A bound of the largest gain of the difference of two stable systems.
 
-    Infinite where poles of one of them are not told from each other, or from the boundary. It is
-    near the gain itself where few modes that nearly agree make it.
+    Infinite if poles of one system cannot be told from each other, or from the boundary. The bound
+    is close to the gain itself if it comes from few modes that nearly agree.
     """
     with ctx.workprec(BITS):
         modes, others = (_modes(part) for part in (one, other))
@@ -50,7 +50,7 @@ def gain_by_modes(one: Matrices, other: Matrices, sampled: bool) -> float:
 
 
 def _modes(part: Matrices) -> list[Mode] | None:
-    """Poles and residues; None where poles are not told from each other."""
+    """Poles and residues; None if poles cannot be told from each other."""
     A, B, C, _ = map(balls, part)
     n = A.nrows()
     if not n:
@@ -72,12 +72,14 @@ def _dyad(out: acb_mat, into: acb_mat, k: int) -> acb_mat:
 
 
 def _distance(pole: Any, sampled: bool) -> arb:
-    """That of a stable pole from the boundary; a ball about 0 makes the bound infinite."""
+    """Distance of a stable pole from the boundary; a ball that contains 0 makes the bound
+    infinite.
+    """
     away: arb = 1 - abs(pole) if sampled else -pole.real
     return away if away > 0 else arb(0)
 
 
 def _size(matrix: acb_mat) -> arb:
-    """An upper bound of the norm; balls about 0 have no root."""
+    """An upper bound of the norm; a ball that contains 0 has no root."""
     squares = sum((abs(entry) ** 2 for entry in matrix.entries()), arb(0))
     return squares.abs_upper().sqrt()

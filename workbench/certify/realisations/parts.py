@@ -1,10 +1,11 @@
-"""A system as the sum of parts with poles within, on and beyond the boundary of stability, proven.
+"""A system as a sum of parts with poles inside, on and beyond the boundary of stability, proven.
 
 Poles on the boundary are roots of the common divisor of the characteristic polynomial p(s) and
 p(-s), or p(z) and z^n p(1 / z), in fractions. The projector on their states is exact: with p = q r,
-where q has their roots, and u q + v r = 1 it is (v r)(A). So the part on the boundary is known
-exactly, by its Markov parameters, and the rest too, whose poles lie off the boundary: there, with
-(s - A~)^-1 = F~ and (s - A)^-1 = F, the exact rest C~ F~ B~ and a stored C F B differ by
+where q has the roots on the boundary, and u q + v r = 1, it is (v r)(A). So the part on the
+boundary is known exactly, by its Markov parameters, and so is the rest, whose poles lie off the
+boundary. With (s - A~)^-1 = F~ and (s - A)^-1 = F, the difference between the exact rest C~ F~ B~
+and a stored C F B is
 
     dC F~ B~ + C F dA F~ B~ + C F dB,    |F~ B~| <= (|F B| + |F| |dB|) / (1 - |F| |dA|).
 """
@@ -33,7 +34,7 @@ from workbench.systems.balancing import speed
 from workbench.systems.realisation import Matrices, in_parallel, matrices_of, realisation
 
 BITS = 256
-"""Bits of the numbers in which exact fractions and inverses are taken."""
+"""Bits of the numbers with which exact fractions and inverses are taken."""
 
 
 def in_fractions(matrix: RealArray) -> fmpq_mat:
@@ -50,12 +51,12 @@ def nearest_doubles(matrix: fmpq_mat) -> RealArray:
 
 
 def boundary_projector(A: RealArray, sampled: bool) -> fmpq_mat | None:
-    """The projector on the states of poles exactly on the boundary; None where there are none."""
+    """The projector on the states of poles exactly on the boundary; None if there are none."""
     n, a = len(A), in_fractions(A)
     if not n:
         return None
     p = fmpq_poly(a.charpoly())
-    common = _on_boundary(p.gcd(_mirrored_polynomial(p, sampled)), sampled)
+    common = _boundary_factor(p.gcd(_mirrored_polynomial(p, sampled)), sampled)
     if common.degree() < 1:
         return None
     rest = p
@@ -83,12 +84,12 @@ def _mirrored_polynomial(p: fmpq_poly, sampled: bool) -> fmpq_poly:
     return fmpq_poly([c * (-1) ** k for k, c in enumerate(coefficients)])
 
 
-def _on_boundary(common: fmpq_poly, sampled: bool) -> fmpq_poly:
-    """The product of the factors of a polynomial all of whose roots are on the boundary.
+def _boundary_factor(common: fmpq_poly, sampled: bool) -> fmpq_poly:
+    """The product of those factors of a polynomial whose roots are all on the boundary.
 
-    Roots come with those that the boundary mirrors, such as 1 and -1: a factor holds both, as
-    s^2 - 2 does, or there are two factors. So a root whose ball meets the boundary is on it, where
-    no other root of its factor is in the ball.
+    Roots come with their mirror images about the boundary, such as 1 and -1. Either one factor has
+    both, as s^2 - 2 does, or there are two factors. So a root whose ball meets the boundary lies on
+    it, if no other root of its factor is in the ball.
     """
     found = fmpq_poly([1])
     for factor, _ in common.factor()[1] if common.degree() > 0 else ():
@@ -107,9 +108,9 @@ def _on_boundary(common: fmpq_poly, sampled: bool) -> fmpq_poly:
 def split_in_balls(
     parts: Sequence[RealArray], coordinates: RealArray, k: int, projector: fmpq_mat | None
 ) -> tuple[list[Any], list[Any]] | None:
-    """A, B and C of the exact part on the boundary, of k states, and of the exact rest, in balls.
+    """A, B and C of the exact part on the boundary, with k states, and of the exact rest, in balls.
 
-    In coordinates near the given ones, that the projector makes exact. None where these are not
+    The coordinates are near the given ones; the projector makes them exact. None if these are not
     regular.
     """
     n = len(coordinates)
@@ -132,9 +133,10 @@ def split_in_balls(
 
 
 def unit_of_time(A: RealArray, B: RealArray, C: RealArray) -> float:
-    """A power of two near the median size of poles that are not 0, or the `speed` of integrators.
+    """A power of two near the median size of the nonzero poles, or the `speed` of integrators.
 
-    Beside the fastest of poles that differ widely, integrators and slow ones would be rounding.
+    In units of the fastest of very different poles, integrators and slow poles would be lost in
+    rounding.
     """
     sizes = np.abs(np.linalg.eigvals(A))
     used = sizes[sizes > 1e-8 * sizes.max(initial=0.0)]
@@ -144,11 +146,12 @@ def unit_of_time(A: RealArray, B: RealArray, C: RealArray) -> float:
 def sum_errors(
     system: StateSpace, boundary: Matrices, rest: Matrices, coordinates: RealArray
 ) -> tuple[float, float]:
-    """Bounds of what the sum of a part on the boundary and the rest lacks of a system.
+    """Bounds of the error of the sum of a part on the boundary and the rest, compared with a
+    system.
 
-    The first is of the largest gain of the difference to the exact rest, on the boundary; the
-    second of the errors of the first 2 k Markov parameters of the k states on the boundary,
-    relative to the sizes of their terms. Infinite where nothing is proven.
+    The first bound is the largest gain, on the boundary, of the difference to the exact rest. The
+    second one is the relative error of the first 2 k Markov parameters of the k states on the
+    boundary. Both are infinite if nothing is proven.
 
     Parameters
     ----------
@@ -192,7 +195,7 @@ def boundary_part_error(system: StateSpace, boundary: Matrices) -> float:
 def gain_apart(one: Matrices, other: Matrices, dt: float, antistable: bool) -> float:
     """A bound of the largest gain of the difference of two stable parts, or of two antistable ones.
 
-    Infinite where nothing proves one.
+    Infinite if no bound is proven.
     """
     if all(np.array_equal(part, its) for part, its in zip(one, other, strict=True)):
         return 0.0
@@ -209,7 +212,7 @@ def gain_apart(one: Matrices, other: Matrices, dt: float, antistable: bool) -> f
 
 
 def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
-    """G(-s), or G(1 / z), of an antistable part, rounded, and a bound of its error.
+    """G(-s), or G(1 / z), for an antistable part, rounded, and a bound of its error.
 
     G(1 / z) is D - C M B - C M (z - M)^-1 M B with M = A^-1.
     """
@@ -233,7 +236,7 @@ def _stable_mirror(part: Matrices, dt: float) -> tuple[Matrices, float]:
 
 
 def difference_of(one: Matrices, other: Matrices) -> Matrices:
-    """The difference of two systems, states side by side."""
+    """The difference of two systems, with their states side by side."""
     A, B, C, D = other
     return in_parallel(one, (A, B, -C, -D))
 
@@ -274,7 +277,7 @@ def _gain_error(rest: Matrices, differences: Sequence[float], dt: float) -> floa
     unit = np.eye(n)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)  # of poles within rounding of the axis
+            warnings.simplefilter("error", RuntimeWarning)  # for poles within rounding of the axis
             outer, inner, middle = (
                 arb(boundary_gain(realisation((matrix, gains, unit, np.zeros(gains.shape)), dt)))
                 for matrix, gains in ((A.T, C.T), (A, B), (A, unit))
@@ -289,9 +292,9 @@ def _gain_error(rest: Matrices, differences: Sequence[float], dt: float) -> floa
 
 
 def boundary_gain(system: StateSpace) -> float:
-    """An upper bound of the largest gain on the boundary of stability, of any system.
+    """An upper bound of the largest gain on the boundary of stability, for any system.
 
-    Raises InputError as `stable_numerator`.
+    Raises InputError as `stable_numerator` does.
     """
     if not system.nstates or stability_of(system).holds:
         return certified_norm(system)

@@ -1,17 +1,15 @@
 """Lower bound on the error of every magnitude fit of an order, from the alternation of one fit.
 
 De la Vallee Poussin's argument: let |W|^2 = N / D be the one fit, |V|^2 = N_1 / D_1 a competitor of
-order n, and c > 0. If |V| < c|W| and |V| > c|W| hold in turn at k frequencies, then
-N_1 D - c^2 N D_1 has k - 1 zeros in x = omega^2 > 0, but its degree is at most
-n + max(deg N, deg D). So a fit W that alternates at n + max(deg N, deg D) + 2 frequencies bounds
-the error of every V from below: a competitor of error below e has |V| < c|W| where c|W| / m is
-above 1 + e / w, and |V| > c|W| where it is below 1 - e / w. (A cover has |V| > c|W| where c|W| / m
-is below 1, between the data too.)
+order n, and c > 0. If |V| < c|W| and |V| > c|W| hold in turn at k frequencies, then N_1 D - c^2 N
+D_1 has k - 1 zeros in x = omega^2 > 0, but its degree is at most n + max(deg N, deg D). So a fit W
+that alternates at n + max(deg N, deg D) + 2 frequencies bounds the error of every V from below: a
+competitor of error below e has |V| < c|W| where c|W| / m is above 1 + e / w, and |V| > c|W| where
+it is below 1 - e / w. (A cover has |V| > c|W| where c|W| / m is below 1, also between the data.)
 
 W need not be the answer itself: roots of the answer that lie very near zero, very far away or very
-near the imaginary axis are moved to zero, to infinity or onto the axis. At a zero of W there no
-competitor is smaller, and at a pole of W there none is larger, so these points count as
-alternations too.
+near the imaginary axis are moved to zero, to infinity or onto the axis. At such a zero of W no
+competitor is smaller, and at such a pole none is larger, so these points count as alternations too.
 """
 
 from __future__ import annotations
@@ -24,21 +22,25 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 
 REMOTE_ROOT_FACTOR = 1e3
-"""Roots farther from the band of the data than this factor may be moved to zero or infinity."""
+"""A root may be moved to zero or infinity if its distance from the band of the data is more than
+this factor.
+"""
 UNDAMPED_RATIO = 1e-5
 """Damping ratio below which a root may be moved onto the imaginary axis."""
 COVER_VALLEY_SAMPLES = 10
-"""Samples in each interval of the data in the search for the lowest points of a cover."""
+"""Number of samples in each interval of the data in the search for the lowest points of a cover."""
 ZOOMS = 14
-"""Fourfold magnifications about each of these points: then it is found to rounding."""
+"""Number of fourfold magnifications around each of these points; the point is then found to
+rounding.
+"""
 
 
 @dataclass(frozen=True)
 class _Points:
     """Ratios |W| / m (P,) at rising frequencies, 0 at zeros of W and infinite at its poles.
 
-    ``weight`` (P,) is 0 where only a bound from below counts; ``needed`` is the number of
-    alternations that the bound takes.
+    ``weight`` (P,) is 0 where only the lower limit matters; ``needed`` is the number of
+    alternations that the bound requires.
     """
 
     ratio: RealArray
@@ -54,14 +56,14 @@ def error_bound(
     fit: Rational,
     order: int,
 ) -> float:
-    """Lower bound on the worst error of every fit of an order; 0 where ``fit`` proves nothing.
+    """Lower bound on the worst error of every fit of an order; 0 if ``fit`` proves nothing.
 
     Parameters
     ----------
     omega, magnitude, weight
         Data (F,): frequencies [rad/s], positive magnitudes, positive weights.
     cover
-        Whether fits must lie above the data, between them too.
+        Whether fits must lie above the data, also between their frequencies.
     fit
         The fit whose alternation is used.
     order
@@ -77,7 +79,7 @@ def error_bound(
 
 
 def _bound(points: _Points) -> float:
-    """Lower bound for fits that may lie on both sides of the data, the best of a few gains."""
+    """Lower bound for fits that may lie on both sides of the data: the best over a few gains."""
     gain, best = 1.0, 0.0
     for _ in range(4):
         with np.errstate(invalid="ignore"):
@@ -101,7 +103,7 @@ def _bound(points: _Points) -> float:
 
 
 def _cover_bound(points: _Points) -> float:
-    """Lower bound for covers, the best over gains that put a low point of the fit on the data."""
+    """Lower bound for covers: the best over gains that put a low point of the fit on the data."""
     ratio = points.ratio
     inner = np.flatnonzero((ratio[1:-1] <= ratio[:-2]) & (ratio[1:-1] <= ratio[2:])) + 1
     low = np.unique(ratio[np.concatenate([[0], inner, [ratio.size - 1]])])
@@ -118,7 +120,7 @@ def _cover_bound(points: _Points) -> float:
 def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
     """Largest e at which |deviation| >= e alternates in sign at ``needed`` points, and the points.
 
-    For each run of deviations of one sign the index of the largest is returned.
+    The index of the largest deviation is returned for each run of one sign.
     """
     places = np.flatnonzero(deviation)
     size = np.abs(deviation[places])
@@ -127,7 +129,7 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
     signs = np.sign(deviation[places])
 
     def starts(level: float) -> np.ndarray:
-        """Indices of places, of the first of each run of one sign at or above a level."""
+        """Indices of the first point of each run of one sign at or above a level."""
         kept = np.flatnonzero(size >= level)
         turns = np.flatnonzero(signs[kept[1:]] != signs[kept[:-1]]) + 1
         return kept[np.concatenate([np.zeros(min(kept.size, 1), dtype=int), turns])]
@@ -140,7 +142,7 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
         return 0.0, np.zeros(0, dtype=int)
     firsts = starts(levels[low])
     runs = zip(firsts, np.append(firsts[1:], places.size), strict=True)
-    # Up to the next run no place of the other sign is as large, and only those of this sign count.
+    # Up to the next run no point of the other sign is as large, so only points of this sign count.
     tops = [
         places[a + np.argmax(np.where(signs[a:b] == signs[a], size[a:b], 0.0))] for a, b in runs
     ]
@@ -148,7 +150,7 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
 
 
 def _extreme(fit: Rational, omega: RealArray) -> bool:
-    """Whether a root is remote or hardly damped, so that it may be moved."""
+    """Whether a root is remote or lightly damped, so that it may be moved."""
     roots = np.concatenate([fit.zeros, fit.poles])
     size = np.abs(roots)
     remote = (size > REMOTE_ROOT_FACTOR * omega[-1]) | (size < omega[0] / REMOTE_ROOT_FACTOR)
@@ -165,7 +167,7 @@ def _points(
     reach: float,
     undamped: float,
 ) -> _Points:
-    """Points of possible alternation, after moving roots that are remote or hardly damped.
+    """Points of possible alternation, after moving roots that are remote or lightly damped.
 
     ``reach`` is the factor beyond the band, ``undamped`` the damping ratio (see the constants).
     """
@@ -225,7 +227,7 @@ class _Moved:
 
 
 def _valleys(omega: RealArray, ratio: object) -> RealArray:
-    """Frequencies [rad/s] of the local minima of the ratio, between the data too."""
+    """Frequencies [rad/s] of the local minima of the ratio, also between the data."""
     u = np.log(omega)
     fine = np.interp(
         np.arange((u.size - 1) * COVER_VALLEY_SAMPLES + 1) / COVER_VALLEY_SAMPLES,

@@ -38,7 +38,8 @@ def _conic(program: MagnitudeFit, context: Context, solver: ConicSolver) -> Clai
             return None
         return numerator.value, denominator.value, float(fall.value)
 
-    # The last step may fail, since it gains nothing; the certificate tells whether it is optimal.
+    # The last step may fail, since it gains nothing; the certificate says whether the fit is
+    # optimal.
     return minimax(program, step, context), Outcome.SOLVED, messages[-1]
 
 

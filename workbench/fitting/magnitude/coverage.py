@@ -16,7 +16,9 @@ from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
 
 MAX_HALVINGS = 60
-"""Most halvings of an interval; one that is still undecided then counts as not covered."""
+"""Largest number of halvings of an interval; if it is still undecided then, it counts as not
+covered.
+"""
 LOG_TERM_ROUNDING = 8 * float(np.finfo(float).eps)
 """Largest rounding error of each term of log|W|, absolute."""
 

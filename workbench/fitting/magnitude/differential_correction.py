@@ -28,21 +28,27 @@ from workbench.fitting.magnitude.squared import SquaredBasis, stable_roots
 from workbench.fitting.rational import Rational
 
 MAX_ORDER_REDUCTIONS = 2
-"""Largest number of orders by which the search for a better start goes down."""
+"""Largest number of orders by which the search for a better start is reduced."""
 MAX_VALLEY_ROUNDS = 4
-"""Most rounds in which points between the data of a cover are added."""
+"""Largest number of rounds in which points between the data of a cover are added."""
 MAX_CORRECTIONS = 40
-"""Most steps of differential correction; a few are usual."""
+"""Largest number of steps of differential correction; a few are usual."""
 VALLEY_TOLERANCE = 1e-10
-"""Relative depth of a cover below the data, between them, that the final gain may repair."""
+"""Largest relative depth of a cover below the data, between them, that the final gain may
+repair.
+"""
 MIN_STEP_SHARE = 1e-3
 """Smallest share of a step that is tried."""
 MAX_PLAIN_CORRECTIONS = 4
-"""Most plain corrections in a row before half of the possible improvement is asked for."""
+"""Largest number of plain corrections in a row; after that, half of the possible improvement is
+asked for.
+"""
 OPTIMAL_FALL = 1e-10
-"""Value of t, the possible relative fall of the error, below which the error counts as optimal."""
+"""The error counts as optimal if t, its possible relative decrease, is below this."""
 STALLED_DISTANCE = 1e-4
-"""Relative distance of the error from one known as unreachable, at which a stalled search ends."""
+"""A stalled search ends if the error is this close, relative, to an error known to be
+unreachable.
+"""
 EXACT_FIT_ERROR = 1e-12
 """Worst error at or below which the data count as matched."""
 
@@ -66,7 +72,7 @@ class CorrectionStep:
 
 
 Solver = Callable[[CorrectionStep], tuple[RealArray, RealArray, float] | None]
-"""Function of a step that gives the coefficients of N and D and t; None without an answer."""
+"""Function of a step that gives the coefficients of N and D and t; None if it has no answer."""
 
 
 def minimax(
@@ -93,7 +99,7 @@ def minimax(
         fit = with_best_gain(target, found.zeros, found.poles)
         if proven(fit):
             return fit
-        # The plain fit may be zero between the data, from where no correction leads to a cover.
+        # The plain fit may be zero between the data, and from there no correction leads to a cover.
         near = plain(start)
         for end in (near, _covering_correction(target, near, solver, context)):
             fit = min(fit, with_best_gain(target, end.zeros, end.poles), key=program.error)
@@ -102,7 +108,7 @@ def minimax(
     fit = corrected(sanathanan_koerner(target, program.order))
     if program.order == 0 or proven(fit):
         return fit
-    with suppress(SolverError):  # where SLICOT gives no start there are others
+    with suppress(SolverError):  # if SLICOT gives no start, there are others
         fit = min((fit, corrected(fit_with_phase(program))), key=program.error)
     if retreats == 0 or proven(fit):
         return fit
@@ -119,7 +125,7 @@ def minimax(
 def _covering_correction(
     target: Target, start: Rational, solver: Solver, context: Context
 ) -> Rational:
-    """The best cover; points between the data are added where it is too low."""
+    """The best cover; points between the data are added where the fit is too low there."""
     fit = start
     known, _ = target.with_valleys(fit)
     for _ in range(MAX_VALLEY_ROUNDS):
@@ -167,9 +173,10 @@ def _differential_correction(
 def _line_search(
     target: Target, error: float, step: CorrectionStep, found: tuple[RealArray, RealArray, float]
 ) -> tuple[float, Rational]:
-    """Error and fit at the end of a step or, if the error does not fall there, on the way to it.
+    """Error and fit at the end of a step or, if the error is not smaller there, at a point on the
+    way.
 
-    By quasi-convexity the error falls on the way too.
+    By quasi-convexity the error decreases on the way too.
     """
     bases, share = (step.numerator, step.denominator), 1.0
     while True:

@@ -1,9 +1,9 @@
 """Linear programs of few variables and many rows, by the dual simplex method on dense rows.
 
 The programs of differential correction have about a dozen variables, so a pivot costs little more
-than one product of the rows with a vector. Each pivot exchanges the row that is violated most for
-one of the working rows, as E. Remez's exchange does; a working set that is optimal without some
-rows stays a start when these are added.
+than one product of the rows with a vector. Each pivot replaces one of the working rows by the row
+that is violated most, as in E. Remez's exchange. An optimal working set remains a valid start when
+further rows are added.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ PIVOT_TOLERANCE = 1e-9
 MULTIPLIER_ROUNDING = 1e-13
 """Rounding errors of the multipliers of the working rows, relative to the largest."""
 PIVOTS_PER_VARIABLE = 60
-"""Most pivots for each variable; more are a sign of cycling."""
+"""Largest number of pivots per variable; more are a sign of cycling."""
 PIVOTS_BETWEEN_INVERSIONS = 20
-"""Updates of the inverse of the working rows before it is computed anew."""
+"""Number of updates of the inverse of the working rows before it is computed anew."""
 
 
 class DualSimplex:
@@ -52,9 +52,9 @@ class DualSimplex:
         self._right = np.concatenate([self._right, right / size])
 
     def solve(self) -> RealArray | None:
-        """The optimum (n,); None where no point meets the rows, or rounding hides it.
+        """The optimum (n,); None if no point satisfies the rows, or if rounding hides it.
 
-        The pivots go on from the last optimum; where rounding spoils that, they start anew.
+        The pivots continue from the last optimum; if rounding spoils that, they start anew.
         """
         for working in (self._working, np.arange(self._gain.size)):
             try:
@@ -86,7 +86,8 @@ def _pivoted(
                 return y, True
         else:
             share = rows[enters] @ inverse
-            # Harris: of the rows that may leave, to rounding, the one of the largest pivot does.
+            # Harris: among the rows that may leave, up to rounding, the one with the largest pivot
+            # leaves.
             small = MULTIPLIER_ROUNDING * np.abs(multipliers).max()
             most = np.inf
             for k in range(count):

@@ -17,15 +17,16 @@ if TYPE_CHECKING:
 COVER_GAIN_MARGIN = 1e-9
 """Relative increase of a cover's gain, so that rounding cannot put it below the data."""
 VALLEY_SAMPLES = 8
-"""Samples in each interval of the data in the search for the fit's lowest points."""
+"""Number of samples in each interval of the data in the search for the fit's lowest points."""
 
 
 @dataclass(frozen=True)
 class Target:
     """Magnitudes to fit or to cover.
 
-    ``omega`` (F,) [rad/s] rises; ``magnitude`` (F,) and ``weight`` (F,) belong to it. A cover may
-    have points between the data too; their weight 0 says that only the bound from below counts.
+    ``omega`` (F,) [rad/s] rises; ``magnitude`` (F,) and ``weight`` (F,) belong to it. For a cover,
+    points between the data may be added; their weight 0 says that only the lower limit matters
+    there.
     """
 
     omega: RealArray

@@ -13,7 +13,9 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 MAX_EXCHANGE_ROUNDS = 12
-"""Most solutions of a step's linear program; each adds the signs that the last answer violated."""
+"""Largest number of solutions of a step's linear program; each adds rows where the last answer had
+the wrong sign.
+"""
 LARGEST_CHANGE = 1e6
 """Largest change of a coefficient of N or D in a step; D has the mean 1, and N is of its size."""
 
@@ -27,8 +29,8 @@ def _minimax(program: MagnitudeFit, context: Context) -> Claim:
 def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] | None:
     """Answer of a step by the dual simplex method.
 
-    Positivity between the data is added in rounds, where it fails. The variables are the changes of
-    N and D, that of D within the plane of constant mean, and t.
+    Rows for positivity between the data are added in rounds, where it fails. The variables are the
+    changes of N and D, that of D within the plane of constant mean, and t.
     """
     n = step.mean.size
     bases = (step.numerator, step.denominator)
@@ -36,7 +38,7 @@ def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] |
     center = step.numerator.columns.mean(axis=0), step.mean / (step.mean @ step.mean)
 
     def rows_of(rows: RealArray) -> tuple[RealArray, RealArray]:
-        """Rows on the variables, and right sides, from rows on N, D and t that are to be <= 0."""
+        """Rows in the variables, and right sides, from rows in N, D and t that must be <= 0."""
         of_N, of_D = rows[:, :n], rows[:, n:-1]
         moved = np.column_stack([of_N, of_D @ plane, rows[:, -1]])
         return moved, -(of_N @ center[0] + of_D @ center[1])

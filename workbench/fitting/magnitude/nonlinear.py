@@ -16,7 +16,9 @@ from workbench.program import Claim, method
 from workbench.solvers import ipopt, ipopt_outcome
 
 MIN_STARTING_DAMPING = 0.05
-"""Smallest damping ratio of the start: IPOPT hardly leaves resonances sharper than the data's."""
+"""Smallest damping ratio at the start: IPOPT rarely leaves resonances that are sharper than the
+data's.
+"""
 
 
 @method(MagnitudeFit, "ipopt", optimal=False)
@@ -47,7 +49,9 @@ def _ipopt(program: MagnitudeFit, context: Context) -> Claim:
 
 
 def _start(target: Target, order: int) -> Rational:
-    """Start of the search: the linear fit, or the same with more damping if that has less error."""
+    """Start of the search: the linear fit, or the same fit with more damping if its error is
+    smaller.
+    """
     fit = sanathanan_koerner(target, order)
     damped = Rational(_damped(fit.zeros), _damped(fit.poles), 1.0)
     return min((fit, damped), key=lambda start: target.best(start)[0])

@@ -30,7 +30,9 @@ LARGEST_ORDER = 12
 MATCHED_ERROR = 1e-9
 """Worst error at or below which the data count as matched."""
 COVER_GAIN_ALLOWANCE = 2e-9
-"""Relative excess of a cover's gain, from rounding upward, that the optimality gap ignores."""
+"""Relative excess of a cover's gain, caused by rounding it upward, that the optimality gap
+ignores.
+"""
 _TINY = float(np.finfo(float).tiny)
 """Smallest normal number: the bound of a check that asks for a positive or negative value."""
 _HUGE = float(np.finfo(float).max)
@@ -117,16 +119,16 @@ class MagnitudeFit(Program):
         return float(self.omega.size)
 
     def objective(self, answer: Rational) -> float:
-        """The worst error, or the error at which data count as matched if that is larger."""
+        """The worst error, but at least the error at which data count as matched."""
         error = self.error(answer)
         return max(error, MATCHED_ERROR + self._gain_allowance(error))
 
     def objective_rounding(self, answer: Rational) -> float:
-        """Error that a cover's gain may have from rounding upward; 0 for other fits."""
+        """Error of a cover that rounding its gain upward may cause; 0 for other fits."""
         return self._gain_allowance(self.error(answer))
 
     def _gain_allowance(self, error: float) -> float:
-        """Part of a cover's worst error that rounding its gain upward may make."""
+        """Part of a cover's worst error that rounding its gain upward may cause."""
         return COVER_GAIN_ALLOWANCE * float(self.weight.max()) * (1 + error) if self.cover else 0.0
 
     # --- errors and checks --------------------------------------------------------------------

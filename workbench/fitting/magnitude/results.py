@@ -11,7 +11,7 @@ from workbench.fitting.storage import roots
 from workbench.heavy_types import Dataset, Figure
 
 CURVE_POINTS = 10
-"""Points of the drawn curve in each interval of the data."""
+"""Number of points of the drawn curve in each interval of the data."""
 
 
 def magnitude_dataset(
@@ -53,7 +53,7 @@ def figures(
     worst
         Largest weighted relative error of the fit.
     bound
-        Error that no fit of the same order goes below.
+        Lower bound on the error of every fit of the same order.
     cover
         Whether the fit covers the data, so that its error has one sign.
     """

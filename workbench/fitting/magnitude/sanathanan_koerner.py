@@ -15,7 +15,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 ITERATIONS = 12
-"""Number of reweighted least-squares fits, of which the best is kept."""
+"""Number of reweighted least-squares fits; the best one is kept."""
 
 
 @method(MagnitudeFit, "sk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)

@@ -1,4 +1,4 @@
-"""Magnitude fit by SLICOT: Bode's relation gives a minimum phase, then SB10YD fits both."""
+"""Magnitude fit by SLICOT: Bode's relation adds the minimum phase, then SB10YD fits both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workbench.solvers import Outcome, slycot_missing
 
 
 def _without_slycot(program: MagnitudeFit) -> str | None:
-    """Why the routine cannot be asked; None where it can."""
+    """Why the routine cannot be used; None if it can."""
     return slycot_missing()
 
 
@@ -46,7 +46,7 @@ def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:
     from scipy.special import spence
 
     u, level = np.log(omega), np.log(magnitude)
-    steps = np.diff(u)  # zero where frequencies differ by rounding: no slope counts there
+    steps = np.diff(u)  # zero if frequencies differ only by rounding: such slopes do not count
     slopes = np.divide(np.diff(level), steps, out=np.zeros_like(steps), where=steps > 0)
     slopes = np.concatenate([slopes[:1], slopes, slopes[-1:]])
     away = np.abs(u[None] - u[:, None])

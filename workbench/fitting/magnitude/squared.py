@@ -32,11 +32,11 @@ ROOT_DAMPING = 1e-7
 """Smallest damping ratio of roots; it changes |W| by 1e-8 at frequencies a relative 1e-3 apart."""
 
 POLISHING_STEPS = 8
-"""Most steps of Newton's method for each zero."""
+"""Largest number of steps of Newton's method for each zero."""
 POLISHING_REACH = 0.3
-"""Largest step that is taken, relative to the zero."""
+"""Largest step of Newton's method that is accepted, relative to the zero."""
 POLISHING_END = 1e-14
-"""Step, relative to the zero, after which none follows."""
+"""Newton's method ends after a step below this, relative to the zero."""
 
 
 class SquaredBasis:
@@ -249,7 +249,8 @@ def _polished_zeros(
             step = value / turned
             if zeros[i].imag == 0:
                 step = complex(step.real)
-            if not np.abs(step) < POLISHING_REACH * np.abs(x):  # not finite either
+            # true for values that are not finite, too
+            if not np.abs(step) < POLISHING_REACH * np.abs(x):
                 break
             x -= step
             if np.abs(step) <= POLISHING_END * np.abs(x):

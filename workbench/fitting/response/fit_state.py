@@ -12,7 +12,7 @@ from workbench.fitting.response.program import ResponseFit
 
 
 class FitState:
-    """A fit by its parameters (P,), with the weighted errors (F,) and their peak."""
+    """A fit given by its parameters (P,), with the weighted errors (F,) and their peak."""
 
     def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
         data = program.active
@@ -23,7 +23,7 @@ class FitState:
         self.peak = peak if np.isfinite(peak) else np.inf
 
     def moved(self, step: RealArray) -> FitState:
-        """The state that a step (P,) leads to."""
+        """The state after a step (P,)."""
         return FitState(self.program, self.form, self.vector + step)
 
     @cached_property
@@ -39,7 +39,7 @@ class FitState:
     def curvature(self, factor: ComplexArray) -> RealArray:
         """Second derivatives (P, P) of the sum of Re(factor * error), for given factors (F,).
 
-        Where the function is zero, its second derivatives are left out.
+        Second derivatives are left out where the function is zero.
         """
         factor = factor * self.program.active.weight
         ratio = np.divide(factor, self._values, out=np.zeros_like(factor), where=self._values != 0)
@@ -52,7 +52,7 @@ class FitState:
 
     @property
     def natural_units(self) -> RealArray:
-        """Changes (P,) of the parameters that are large: 1 or the parameter, of the gain itself."""
+        """Changes (P,) of the parameters that count as large: 1, but for the gain its own size."""
         size = np.abs(self.vector)
         units = np.where(self.form.second_order[1], 1.0, np.maximum(size, 1.0))
         units[-1] = size[-1] or 1.0

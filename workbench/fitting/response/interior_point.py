@@ -20,30 +20,35 @@ from workbench.arrays import EPS, RealArray
 from workbench.fitting.response.fit_state import FitState
 
 MAX_STEPS = 60
-"""Most steps; about twenty are usual."""
+"""Largest number of steps; about twenty are usual."""
 GAP_END = 1e-4
-"""Sum of the products s z, violation and predicted fall, over t, at which the search ends."""
+"""The search ends when the sum of the products s z, the violation and the predicted decrease, each
+relative to t, are below this.
+"""
 STARTING_HEIGHT = 1.1
 """t at the start and at each restart, relative to the largest |e|^2."""
 MAX_RESTARTS = 2
-"""Most restarts from the best point; one follows where no part of a step is taken."""
+"""Largest number of restarts from the best point; a restart follows if no part of a step is
+accepted.
+"""
 LARGEST_STEP = 3.0
 """Largest change of a parameter in one step, in its natural unit."""
 BOUNDARY_SHARE = 0.99
-"""Largest share of the way to the boundary s = 0 or z = 0 that a step goes."""
+"""Largest share of the way to the boundary s = 0 or z = 0 that a step covers."""
 LEAST_CENTERING = 0.1
 """Smallest ratio of mu to the mean product s z."""
 LEAST_MULTIPLIER = 0.01
-"""Smallest multiplier relative to mu / s; smaller ones let steps end at the boundary."""
+"""Smallest multiplier relative to mu / s; smaller ones would let steps end at the boundary."""
 HALVINGS = 8
-"""Most shares of a step that are tried, each half of the last."""
+"""Largest number of shares of a step that are tried, each half of the one before."""
 LARGEST_VIOLATION = 1.0
 """Largest violation of a constraint that a step may cause, in the units of t."""
 STEP_COST = 1e-3
 """Curvature that is added for each parameter in its natural unit, relative to the sum of the
-products s z: parameters that hardly matter stay where they are."""
+products s z: parameters that hardly matter then stay where they are.
+"""
 FIRST_DAMPING, LARGEST_DAMPING = 1e-6, 1e12
-"""Damping of a matrix that is not positive definite, relative to its diagonal."""
+"""First and largest damping of a matrix that is not positive definite, relative to its diagonal."""
 CONVEX_DAMPING = 1e-3
 """Largest damping at an optimum."""
 
@@ -68,7 +73,9 @@ class _Iterate:
 
     @cached_property
     def products(self) -> float:
-        """Sum of the products s z; in a convex program it bounds t less its optimum."""
+        """Sum of the products s z; in a convex program it bounds the distance of t from its
+        optimum.
+        """
         return float(self.multiplier @ self.slack)
 
     @cached_property
@@ -93,7 +100,9 @@ class _Step:
     multiplier: RealArray
 
     def reach(self, here: _Iterate) -> tuple[float, float]:
-        """Shares of the step after which the first slack, the first multiplier is zero."""
+        """Shares of the step after which the first slack, and the first multiplier, becomes
+        zero.
+        """
         primal = float((-self.slack / here.slack).max())
         dual = float((-self.multiplier / here.multiplier).max())
         return 1 / max(primal, EPS), 1 / max(dual, EPS)
@@ -107,12 +116,14 @@ class _System:
     """Newton's equations at an iterate, reduced to the parameters and t."""
 
     def __init__(self, here: _Iterate, damping: float) -> None:
-        """``damping`` is that of the last system; `damping` becomes infinite if none suffices."""
+        """``damping`` is the damping of the last system; the attribute `damping` is infinite if no
+        damping suffices.
+        """
         point, z = here.point, here.multiplier
         slopes, error = point.slopes / here.unit, point.error / here.unit
         real, count = np.concatenate([slopes.real, slopes.imag]), slopes.shape[1]
         self.here, self.excess, self.ratio = here, here.excess, z / here.slack
-        self.slopes = 2 * (error.conj()[:, None] * slopes).real  # of |e|^2
+        self.slopes = 2 * (error.conj()[:, None] * slopes).real  # the derivatives of |e|^2
         steep = self.slopes * self.ratio[:, None]
         convex = 2 * (real.T * np.concatenate([z, z])) @ real + steep.T @ self.slopes
         curved = point.curvature(2 * z * error.conj() / here.unit)
@@ -191,7 +202,7 @@ def _centered(here: _Iterate, towards_zero: _Step) -> float:
 
 
 def _moved(here: _Iterate, step: _Step, natural: RealArray) -> _Iterate | None:
-    """The iterate after the largest share of a step that is taken; None if none is."""
+    """The iterate after the largest acceptable share of a step; None if there is none."""
     primal, dual = (min(1.0, BOUNDARY_SHARE * share) for share in step.reach(here))
     share = min(primal, LARGEST_STEP / max(float(np.abs(step.vector / natural).max()), EPS))
     violation, barrier = here.excess.max(initial=0.0), here.barrier(step.mu)

@@ -13,21 +13,25 @@ from workbench.fitting.response.interior_point import least_peak
 from workbench.fitting.response.program import ResponseFit
 
 LEAST_SQUARES_STEPS = 40
-"""Most Gauss-Newton steps of the least squares."""
+"""Largest number of Gauss-Newton steps of the least squares."""
 REWEIGHTINGS = 8
-"""Most reweightings of the least peak, with one Gauss-Newton step each."""
+"""Largest number of reweightings for the least peak, with one Gauss-Newton step each."""
 DAMPING_TRIALS = 10
-"""Dampings tried, each ten times the last, before a point counts as a minimum."""
+"""Number of dampings tried, each ten times the last, before a point counts as a minimum."""
 EXACT_ERROR = 1e-12
-"""Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
+"""If the worst error, relative to the largest weighted datum, is below this, only rounding is left
+to fit.
+"""
 ERROR_ROUNDING = 1e-14
-"""Worst error, relative to the largest weighted datum, that is rounding only."""
+"""A worst error below this, relative to the largest weighted datum, is rounding only."""
 MIN_LAWSON_WEIGHT = 1e-14
 """Smallest weight of Lawson's iteration, relative to the mean weight."""
 FIT_ROOT_REACH = 1e9
 """Largest factor from the first or last frequency to a root."""
 REACH_COST = 1e-4
-"""Largest relative increase of the worst error for which far roots are brought within reach."""
+"""Largest relative increase of the worst error that is accepted for bringing far roots within
+reach.
+"""
 MIN_DAMPING = 1e-14
 """Smallest damping of a Gauss-Newton step, relative to the largest curvature."""
 
@@ -55,9 +59,9 @@ def worst_error(program: ResponseFit, fit: Rational) -> float:
 def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
     """Smallest worst error found by a local search from ``start``, and the function that has it.
 
-    The search takes steps of Levenberg and Marquardt to the weighted least squares, reweights them
-    as Lawson does (each weight is multiplied by its error; fixed points are minimax), and goes on
-    by the interior-point method to a local optimum.
+    The search first takes Levenberg-Marquardt steps to the weighted least squares. It then changes
+    the weights by Lawson's rule (each weight is multiplied by its error; fixed points are minimax),
+    and ends with the interior-point method at a local optimum.
     """
     form = factored(program, start)
     here = FitState(program, form, form.start)
@@ -87,7 +91,7 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
     ends = [best]
     if EXACT_ERROR * program.size < best.peak < np.inf:
         ends = [least_peak(best), best]
-    for end in ends:  # the first whose roots doubles can realise
+    for end in ends:  # the first fit whose roots doubles can realise
         found = form.rational(end.vector)
         near = within_reach(found, program.active.omega, FIT_ROOT_REACH)
         peak = worst_error(program, near)

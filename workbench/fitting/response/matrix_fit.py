@@ -28,15 +28,15 @@ from workbench.input_checks import as_array
 from workbench.systems.realisation import realisation
 
 RELOCATIONS = 20
-"""Relocations of the poles."""
+"""Number of relocations of the poles."""
 EVALUATIONS = 200
-"""Most evaluations of the Gauss-Newton steps."""
+"""Largest number of evaluations in the Gauss-Newton steps."""
 LEAST_DAMPING = 1e-4
 """Least damping ratio of a pole in the fit."""
 
 
 def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None) -> StateSpace:
-    """A stable continuous-time system of an order whose response is near given matrices.
+    """A stable continuous-time system of a given order whose response is near given matrices.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None)
     order
         Number of states.
     weight
-        Weights (F, p, m) of the errors, whose squares are summed; None: each frequency is relative
-        to its largest entry.
+        Weights (F, p, m) of the errors, whose squares are summed; None: at each frequency errors
+        are relative to the largest entry.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def fit_matrix_response(omega: Any, values: Any, order: int, weight: Any = None)
 
 
 def _relocated(x: RealArray, values: Array, weight: RealArray, order: int) -> ComplexArray:
-    """Poles of all entries together, by relaxed relocations."""
+    """Poles common to all entries, by relaxed relocations."""
     poles = spread_poles(x, order)
     targets = (weight * values).reshape(len(x), -1)
     weights = weight.reshape(len(x), -1)
@@ -120,7 +120,7 @@ class _Modal:
         self.B, self.C, self.D = self._residues()
 
     def _residues(self) -> tuple[Array, Array, RealArray]:
-        """Directions of the residues (k, m) and (p, k), the largest of each pole, and D."""
+        """Directions of the residues (k, m) and (p, k), the largest one of each pole, and D."""
         ways = [1 / (1j * self.x[:, None] - self.real)]
         s = 1j * self.x[:, None]
         one, other = 1 / (s - self.pairs), 1 / (s - self.pairs.conj())

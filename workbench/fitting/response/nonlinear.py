@@ -18,9 +18,10 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
 IPOPT_ACCURACY = 1e-4
-"""Smallest accuracy asked of IPOPT: the last digits of a local minimum take the longest."""
+"""Smallest accuracy asked of IPOPT: the last digits of a local minimum take the longest time."""
 STEP_BOUND = 3.0
-"""Largest change of each variable, where 1 changes the errors by as much as they are large.
+"""Largest change of each variable; a change of 1 changes the errors by about their own size.
+Without a bound IPOPT sometimes wanders for thousands of iterations.
 
 Without a bound IPOPT sometimes wanders for thousands of iterations.
 """
@@ -66,7 +67,8 @@ def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Clai
         }
         enough = max(context.options.accuracy, IPOPT_ACCURACY)
         wanted = replace(context.options, tolerance=enough)
-        # The default barrier pushes the start far from a minimum that is near: ten times the steps.
+        # The default barrier pushes the start away from a nearby minimum and takes ten times the
+        # steps.
         solver = ipopt("response", nlp, wanted, mu_strategy="adaptive")
     bound = np.append(np.full(origin.size, STEP_BOUND), np.inf)
     still = np.append(np.zeros(origin.size), 1.0)
@@ -74,14 +76,15 @@ def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Clai
     _, message = ipopt_outcome(solver)
     vector = origin + units @ found[:-1]
     if np.isfinite(vector[-1]) and np.abs(vector[:-1]).max(initial=0.0) < np.exp(LARGEST_LOGARITHM):
-        better = form.rational(vector)  # its errors count, not IPOPT's status
+        better = form.rational(vector)  # the fit is judged by its errors, not by IPOPT's status
         if worst_error(program, better) < worst_error(program, start):
             return better, Outcome.SOLVED, message
     return start, Outcome.INACCURATE, f"{message}, no better than its start, which stands"
 
 
 def _units(slopes: ComplexArray) -> RealArray:
-    """Columns (P, P) of parameter steps that each change the errors by 1 in the root mean square.
+    """Columns (P, P) of parameter steps, each of which changes the errors by a root mean square of
+    1.
 
     Steps are shortened where they would change a parameter by more than 1.
     """

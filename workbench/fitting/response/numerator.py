@@ -47,7 +47,7 @@ class NumeratorBasis:
         for k in range(degree):
             real, imaginary = columns[: x.size, k], columns[x.size :, k]
             ahead = np.concatenate([-x * imaginary, x * real])  # times s
-            for _ in range(2):  # the second time removes what rounding left
+            for _ in range(2):  # the second pass removes what rounding left
                 share = columns[:, : k + 1].T @ ahead
                 ahead -= columns[:, : k + 1] @ share
                 recurrence[: k + 1, k] += share

@@ -316,7 +316,7 @@ def fit_response(
 
 
 def right_check(poles: ComplexArray, count: int) -> Check:
-    """Check that so many poles lie right of the imaginary axis, and none on it."""
+    """Check that exactly ``count`` poles lie right of the imaginary axis, and none on it."""
     off = abs(int((poles.real > 0).sum()) - count) + int((poles.real == 0).sum())
     statement = f"poles right of the imaginary axis, more or fewer than {count}, or on it"
     return Check("unstable poles", statement, float(off), 0.0, over=THIS_SYSTEM)
@@ -331,5 +331,5 @@ def _left(name: str, roots: str, values: ComplexArray) -> Check:
 
 
 def _one(long_name: str) -> dict[str, str]:
-    """Attributes of an array without unit."""
+    """Attributes of an array without a unit."""
     return {"units": "1", "long_name": long_name}

@@ -8,7 +8,7 @@ from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.compiled import compiled, unchecked
 
 LEAST_CONSTANT = 1e-8
-"""Smallest size of the constant of a new denominator over the present one."""
+"""Smallest size of the constant of a new denominator, relative to the present one."""
 
 
 @unchecked
@@ -20,17 +20,19 @@ def denominator_matrix(
     Parameters
     ----------
     columns
-        Errors (N, k + 1) that its coefficients make, those of the partial fractions and of 1.
+        Errors (N, k + 1) caused by each of its coefficients: those of the partial fractions, and
+        the constant.
     sums, weight, total
-        Sums (k + 1,) of the values of these functions; with the coefficients they are to be
-        ``total``, and the weight of that equation.
+        Sums (k + 1,) of the values of these functions, the wanted total of their combination, and
+        the weight of this equation.
     upper
         Present poles, real ones and then those of each pair with positive imaginary part.
     """
     rows, count = columns.shape[0], columns.shape[1] - 1
     table = np.zeros((count + 2, rows + 1))
     for j in range(count + 1):
-        k = j + 1 if j < count else 0  # the constant is the last to be without a coefficient
+        # the constant is the last column that may be left without a coefficient
+        k = j + 1 if j < count else 0
         for i in range(rows):
             table[k, i] = columns[i, j]
         table[k, rows] = weight * sums[j]
@@ -60,9 +62,9 @@ def nearest_coefficients(table: RealArray) -> RealArray:
     """Coefficients (n,) with which n columns come nearest to another one.
 
     ``table`` (n + 1, N) holds the columns and then the other one, each as a row; it is overwritten.
-    Columns are orthogonalised one after the other, as in the modified method of Gram and Schmidt,
-    which is as accurate as Householder's here (Bjorck, BIT 7, 1967). One that depends on the
-    columns before it gets the coefficient 0.
+    Columns are orthogonalised one after the other by the modified Gram-Schmidt method, which is as
+    accurate as Householder's here (Bjorck, BIT 7, 1967). A column that depends on the columns
+    before it gets the coefficient 0.
     """
     count, rows = table.shape[0] - 1, table.shape[1]
     size, triangle = np.ones(count), np.zeros((count, count + 1))

@@ -26,15 +26,17 @@ from workbench.solvers import Outcome
 STARTING_DAMPING = 0.01
 """Damping ratio of the starting poles."""
 MAX_RELOCATIONS = 30
-"""Most relocations of the poles from one start."""
+"""Largest number of relocations of the poles from one start."""
 POLE_MOVEMENT = 1e-9
-"""Largest relative movement of a pole at which the relocation has converged."""
+"""A relocation has converged if no pole moves by more than this, relatively."""
 LEAST_FALL, MAX_IDLE = 0.01, 8
-"""Most relocations in a row in which the worst error does not fall by so much, relatively."""
+"""The relocations end if the worst error has not decreased by this share in so many relocations in
+a row.
+"""
 EXTRA_POLES = 4
-"""Poles above the order in one of the starts, which then keeps the most important ones."""
+"""Number of additional poles in one of the starts; the most important poles are then kept."""
 UNSTABLE_STARTS = 4
-"""Places over the band at which poles right of the axis start."""
+"""Number of places over the band at which poles right of the axis start."""
 
 
 @method(ResponseFit, "vector-fitting", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -66,7 +68,7 @@ def starting_poles(program: ResponseFit) -> Iterator[ComplexArray]:
     """Sets of starting poles [rad/s]: lightly damped pairs, and the best poles of a larger fit.
 
     A fit with more poles than wanted finds resonances that a smaller one misses; its least
-    important poles are then left out. It is made when the second set is asked for.
+    important poles are then left out. That fit is made when the second set is asked for.
     """
     omega, order = program.active.omega, program.order
     if program.unstable_poles:
@@ -79,7 +81,9 @@ def starting_poles(program: ResponseFit) -> Iterator[ComplexArray]:
 
 
 def _unstable_starts(omega: RealArray, order: int, count: int) -> list[ComplexArray]:
-    """Real poles right of the axis at places over the band, with the others spread over it."""
+    """Real poles right of the axis at places over the band; the other poles are spread over the
+    band.
+    """
     others = spread_poles(omega, order - count)
     places = np.geomspace(omega[0], omega[-1], UNSTABLE_STARTS + 2)[1:-1]
     return [
@@ -93,7 +97,7 @@ def _ways_in(program: ResponseFit, poles: ComplexArray) -> list[Rational]:
 
     The first has all zeros. Where minimum phase is required, the refinement mirrors its zeros from
     the right half plane, which spoils the phase. So a second fit has the largest number of zeros
-    with which it is minimum phase without that.
+    for which it is minimum phase without mirroring.
     """
     fit = numerator_for(program, poles, program.zeros)
     if not program.minimum_phase or fit.is_minimum_phase:
@@ -112,7 +116,9 @@ def spread_poles(omega: RealArray, order: int) -> ComplexArray:
 
 
 def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
-    """The most important poles, as many as the order allows, by the size of partial fractions."""
+    """The most important poles, by the size of their partial fractions, as many as the order
+    allows.
+    """
     data = program.active
     groups = real_groups(poles)
     columns = [partial_fractions(group, data.omega) for group in groups]
@@ -125,7 +131,8 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     for i in sorted(range(len(groups)), key=lambda i: -float(np.abs(parts[i]).max())):
         if len(kept) + len(groups[i]) <= program.order:
             kept += list(groups[i])
-        elif len(kept) < program.order:  # one place is left for a pair: a real pole takes it
+        # one place is left but a pair is next: a real pole takes the place
+        elif len(kept) < program.order:
             kept.append(-abs(groups[i][0]))
     return np.array(kept)
 
@@ -190,8 +197,8 @@ def relocated_poles(
 ) -> ComplexArray:
     """The zeros of the denominator with the least error ``columns`` times its coefficients.
 
-    ``fractions`` (F, k + 1) are those of the present poles and 1; their sum of values, times the
-    weight, is fixed (relaxation).
+    ``fractions`` (F, k + 1) are the partial fractions of the present poles and the constant 1; the
+    sum of the values of their combination is fixed (relaxation).
     """
     upper = np.array([group[0] for group in groups])
     matrix = denominator_matrix(
@@ -201,9 +208,11 @@ def relocated_poles(
 
 
 def _sided(poles: ComplexArray, count: int) -> ComplexArray:
-    """The poles, so many of them mirrored to the right of the axis and the others to its left.
+    """The poles, with exactly ``count`` of them right of the axis; the others are mirrored to its
+    left.
 
-    Those furthest to the right go there; a pair of which one place is left becomes two real poles.
+    The rightmost poles are put on the right. If only one place is left for a pair, it becomes two
+    real poles.
     """
     poles = poles[np.argsort(-poles.real / np.maximum(np.abs(poles), EPS), kind="stable")]
     if 0 < count < poles.size and poles[count - 1].imag and poles[count] == poles[count - 1].conj():
@@ -214,7 +223,7 @@ def _sided(poles: ComplexArray, count: int) -> ComplexArray:
 
 
 def off_the_axis(poles: ComplexArray, x: RealArray) -> ComplexArray:
-    """Poles that are not on the axis, where their fractions are infinite."""
+    """Poles moved off the axis, where their fractions would be infinite."""
     tiny = 1e-12 * np.maximum(np.abs(poles), x[0])
     near = np.abs(poles.real) < tiny
     away = np.where(poles.real > 0, tiny, -tiny) + 1j * poles.imag

@@ -7,10 +7,11 @@ contains the points has
     r sum lambda_j + l sum lambda_j |u_j . d| >= sum lambda_j p_j . u_j,
 
 whatever its centre; with the centre given at 0 the weights need not balance. Divided by the sum of
-the weights this is a cut, r + b l >= g. If the vectors turn with the direction, b is constant and g
-a sinusoid of the angle, so that a cut holds at every angle, and so does a mixture of two. If they
-stay, g is constant. On a box of angles and radii the least area that a cut allows is attained at an
-end of the box, because the area is a concave function of r where r + b l = g.
+the weights, this inequality is a cut, r + b l >= g. If the vectors turn with the direction, b is
+constant and g is a sinusoid of the angle, so that the cut holds at every angle; a mixture of two
+cuts does too. If the vectors stay fixed, g is constant. On a box of angles and radii the least area
+that a cut allows is attained at an end of the box, because the area is a concave function of r
+where r + b l = g.
 
 The weights come from the shortest stadium in the middle of a box, where they make the cut sharp. A
 cut is valid whatever they are, so nothing depends on how well that stadium was found. Where the
@@ -29,17 +30,20 @@ from workbench.compiled import compiled
 from workbench.geometry.area.cuts import CONTACTS, cut_of, on_line, shortest, turning, width_across
 
 FIRST_CLOSENESS = 1e-2
-"""Closeness of the first search, relative; each further one is ten times as close.
+"""The first search stops this close, relative, to the least area met; each further search is ten
+times as close. A depth-first search is very slow as long as the least area met is far from the true
+minimum.
 
-Depth first, a search crawls where the least area met is not nearly the least of all."""
+Depth first, a search crawls where the least area met is not nearly the least of all.
+"""
 MAX_BOXES = 400_000
-"""Most boxes of one set. The bound reached by then holds too; it is only less tight."""
+"""Largest number of boxes for one set. The bound reached by then is valid, only less tight."""
 MAX_WAITING = 2000
-"""Most boxes that wait for their turn: each halving leaves one."""
+"""Largest number of boxes that wait for their turn; each halving adds one."""
 FIRST_ANGLES = 8
-"""Number of intervals of angles to begin with."""
+"""Number of intervals of angles at the start."""
 RADIUS_ROUNDING = 16.0 * EPS
-"""Rounding of a cut, relative to the set's size: cuts hold for a radius larger by so much."""
+"""Rounding of a cut, relative to the set's size: cuts hold for a radius that is larger by this."""
 KEPT_CUTS = 12
 """Number of the latest cuts that a new one is mixed with."""
 
@@ -110,7 +114,7 @@ def _least_area(
         met = _bounds_by_search(x, y, centred, first, last, met, near)[1]
         near *= 0.1
     least = _bounds_by_search(x, y, centred, first, last, met, close)[0]
-    # the cuts hold for radii larger by their rounding, whose area is larger by that of the margin
+    # the cuts hold for radii that are larger by the rounding; the area grows by that of the margin
     around = 4.0 + 2.0 * math.sqrt(math.pi * answer)
     return max(least - around * RADIUS_ROUNDING, 0.0)
 
@@ -148,7 +152,7 @@ def _bounds_by_search(
         across_re, across_im = width_across(x, y, centred, middle)
         small = max(small, across_re * math.cos(half) - abs(across_im) * math.sin(half))
         if small > large:
-            continue  # no stadium is in the box
+            continue  # no stadium lies in the box
         radius = 0.5 * (small + large)
         contacts, wide, half_length = shortest(x, y, centred, middle, radius, normal, point)
         met = min(met, math.pi * wide * wide + 4.0 * wide * half_length)
@@ -167,11 +171,11 @@ def _bounds_by_search(
             least = min(least, bound)
             continue
         if large < across_re:
-            turn, split = True, radius  # no stadium is in the middle, only towards an end
+            turn, split = True, radius  # no stadium lies in the middle, only near an end
         elif large > 16.0 * small:
             turn, split = False, max(0.125 * large, small + 0.25 * (large - small))
         else:
-            # split the side that costs the bound more
+            # split the side that lowers the bound more
             for_angle = turning(slope, re, im, half, radius, radius)
             for_radius = turning(slope, re, im, 0.0, small, large)
             turn, split = for_angle < for_radius, radius
@@ -209,7 +213,8 @@ def _area_of_two_cuts(
 
     A cut is b, g and the derivative of g at the middle of the box, the width g and its derivative;
     ``known`` (K, 3) holds b and the sinusoids as complex numbers, ``turn`` the middle's cosine and
-    sine. The mixtures are the one that is level in the angle and the one level in the radius.
+    sine. Two mixtures are tried: the one that is level in the angle and the one that is level in
+    the radius.
     """
     slope, re, im = cut
     c, s = turn

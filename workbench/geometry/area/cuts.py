@@ -1,4 +1,4 @@
-"""Cuts of the bound on areas: what the contacts of a shortest stadium prove of every other one.
+"""Cuts for the bound on areas: what the contacts of a shortest stadium prove for all others.
 
 The mathematics is that of `workbench.geometry.area.bound`.
 """
@@ -13,18 +13,18 @@ from workbench.arrays import EPS
 from workbench.compiled import compiled
 
 BISECTIONS = 60
-"""Halvings of the place of a stadium's axis."""
+"""Number of bisections for the place of a stadium's axis."""
 SLANT = 1e-7
-"""Least cosine of the angle between a normal that pushes an end back and the direction."""
+"""Least cosine of the angle between the direction and a normal that holds an end of the segment."""
 CONTACTS = 5
-"""Most points in a cut."""
+"""Largest number of points in a cut."""
 
 
 @compiled
 def width_across(x: np.ndarray, y: np.ndarray, centred: bool, angle: float) -> tuple[float, float]:
-    """The radius that the points farthest across an angle [rad] ask for, and its derivative.
+    """The radius that the points farthest apart across an angle [rad] require, and its derivative.
 
-    It holds at every other angle too, as a sinusoid.
+    As a sinusoid of the angle, this bound holds at every other angle too.
     """
     c, s = math.cos(angle), math.sin(angle)
     top = bottom = 0
@@ -56,9 +56,9 @@ def shortest(
 ) -> tuple[int, float, float]:
     """Number of contacts, radius and half-length of the shortest stadium of an angle [rad].
 
-    The radius is the given one, or half the width where that is larger. The weight and the normal
-    of each contact, along and across the direction, are written to ``normal`` (CONTACTS, 3), its
-    index to ``point``.
+    The radius is the given one, or half the width if that is larger. The weight and the normal of
+    each contact, along and across the direction, are written to ``normal`` (CONTACTS, 3), its index
+    to ``point``.
     """
     c, s = math.cos(angle), math.sin(angle)
     most, least, top, bottom = -np.inf, np.inf, 0, 0
@@ -100,7 +100,7 @@ def shortest(
         normal[k, 0] *= stretch
         normal[k, 1] /= stretch
         normal[k, 2] /= stretch
-    # what is left is balanced by a point on a straight side
+    # the remaining force is balanced by a point on a straight side
     point[4] = top if balance <= 0.0 else bottom
     normal[4, 0], normal[4, 1] = abs(balance), 0.0
     normal[4, 2] = 1.0 if balance <= 0.0 else -1.0
@@ -117,7 +117,7 @@ def _shortest_centred(
     normal: np.ndarray,
     point: np.ndarray,
 ) -> tuple[int, float, float]:
-    """As `shortest`, with the centre at 0: the one contact that asks for the most length."""
+    """As `shortest`, with the centre at 0: the one contact that requires the largest length."""
     longest, far = -np.inf, 0
     for i in range(x.size):
         t, h = c * x[i] + s * y[i], c * y[i] - s * x[i]
@@ -136,7 +136,7 @@ def _shortest_centred(
 def _ends(
     x: np.ndarray, y: np.ndarray, c: float, s: float, axis: float, radius: float
 ) -> tuple[int, int, float]:
-    """The points that hold the right and the left end of the segment, and its whole length."""
+    """The points that touch the right and the left end of the segment, and its whole length."""
     right, left, last, first = 0, 0, -np.inf, np.inf
     for i in range(x.size):
         t, h = c * x[i] + s * y[i], c * y[i] - s * x[i] - axis
@@ -152,7 +152,9 @@ def _ends(
 def _slope(
     x: np.ndarray, y: np.ndarray, c: float, s: float, axis: float, radius: float, i: int
 ) -> float:
-    """Across over along of the normal at a point on a round end."""
+    """Ratio of the components across and along the direction of the normal at a point on a round
+    end.
+    """
     h = c * y[i] - s * x[i] - axis
     room = math.sqrt(max((radius - h) * (radius + h), 0.0))
     return h / max(room, SLANT * max(radius, EPS))
@@ -171,7 +173,7 @@ def cut_of(
     """The cut of some contacts at an angle [rad]: b, g, the derivative of g, and another b.
 
     The derivative is for vectors that turn. The other b is the largest within ``half`` of the angle
-    for vectors that stay.
+    for vectors that stay fixed.
     """
     c, s = math.cos(angle), math.sin(angle)
     cos_half, sin_half = math.cos(half), math.sin(half)
@@ -193,7 +195,7 @@ def cut_of(
 def turning(slope: float, re: float, im: float, half: float, small: float, large: float) -> float:
     """Least area that a cut of turning vectors allows within ``half`` [rad] of an angle.
 
-    The sinusoid re cos + im sin is least at an end where it is positive, and elsewhere asks for no
+    Where the sinusoid re cos + im sin is positive, it is least at an end; elsewhere it requires no
     length.
     """
     level = re * math.cos(half) - abs(im) * math.sin(half)
@@ -204,13 +206,13 @@ def turning(slope: float, re: float, im: float, half: float, small: float, large
 def on_line(level: float, slope: float, small: float, large: float) -> float:
     """Least pi r^2 + 4 r l with r + slope l >= level, l >= 0 and small <= r <= large.
 
-    Infinite where that has no solution, which is where slope is 0.
+    Infinite if there is no solution, which can only happen for slope = 0.
     """
     if slope <= 0.0:
         if large < level:
             return np.inf
         return math.pi * max(small, level) ** 2
-    # beyond r = level no length is asked for, and the area grows; before, it is concave
+    # beyond r = level no length is required, and the area grows with r; before, it is concave
     end = min(large, max(level, small))
     at_small = math.pi * small * small + 4.0 * small * max(level - small, 0.0) / slope
     at_end = math.pi * end * end + 4.0 * end * max(level - end, 0.0) / slope

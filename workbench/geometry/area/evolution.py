@@ -1,7 +1,7 @@
 """Stadiums of the smallest area by differential evolution.
 
-For an angle, an axis and a radius the shortest stadium has a closed form: its ends lie where the
-first and the last of the points' chords do. That leaves three numbers, in which the area has many
+For a given angle, axis and radius the shortest stadium has a closed form: its ends are determined
+by the first and the last of the points' chords. Three numbers remain, in which the area has many
 local minima; a population of stadiums explores all of them (R. Storn, K. Price, Differential
 evolution, J. Global Optimization 11 (1997) 341-359).
 """
@@ -19,17 +19,17 @@ from workbench.geometry.area.program import SmallestAreaStadium, each_hull
 from workbench.program import Claim, method
 
 MEMBERS = 15
-"""Members of the population for each number sought."""
+"""Number of members of the population for each number sought."""
 MOST_GENERATIONS = 400
-"""Most generations of a population."""
+"""Largest number of generations of a population."""
 SETTLED = 1e-10
-"""Spread of the areas of a population, relative, at which it has settled."""
+"""A population has settled if the relative spread of its areas is below this."""
 RADIUS_POWER = 3
-"""Radii are drawn densely near the least one, as this power of a uniform number."""
+"""Radii are drawn as this power of a uniform number, so that they are dense near the least one."""
 
 
 class ShapeFamily(NamedTuple):
-    """The shortest stadiums around some corners (M,), a circle of radius ``largest`` among them.
+    """The shortest stadiums around corners (M,), including a circle of radius ``largest``.
 
     ``centred``: all have the centre 0. ``angle`` [rad]: all have this direction; None: it is free.
     """
@@ -41,7 +41,7 @@ class ShapeFamily(NamedTuple):
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
-        """Bounds of the numbers that tell a member from the others: radius, axis, angle [rad]."""
+        """Bounds of the three numbers that define a member: radius, axis, angle [rad]."""
         axis = [] if self.centred else [(0.0, 1.0)]
         return [(0.0, 1.0), *axis, *([] if self.angle is not None else [(0.0, np.pi)])]
 

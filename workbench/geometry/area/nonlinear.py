@@ -14,9 +14,9 @@ from workbench.program import Claim, method
 from workbench.solvers import ipopt, ipopt_outcome
 
 STARTING_ANGLES = 6
-"""Number of starting angles where the angle is free."""
+"""Number of starting angles if the angle is free."""
 STARTING_WIDTHS = (1.0, 1.5)
-"""Starting radii, over half the width at the starting angle."""
+"""Starting radii, relative to half the width at the starting angle."""
 
 
 @method(SmallestAreaStadium, "ipopt", optimal=False)
@@ -62,7 +62,7 @@ def _stadium(program: SmallestAreaStadium, context: Context) -> Claim:
 def _smallest(count: int, context: Context) -> Any:
     """Solver for centre, radius, half-length and angle, and for each point a place (N,).
 
-    The place is that of the segment's point which is near enough, as a share of the half-length.
+    The place is that of a point of the segment near the set's point, as a share of the half-length.
     """
     import casadi as ca
 

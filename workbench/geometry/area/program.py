@@ -1,7 +1,7 @@
 """The stadium of the smallest area around a point set.
 
-Of radius r and half-length l, the area is pi r^2 + 4 r l. A circle is one of them, and so is the
-narrowest stadium: the smallest area lies between.
+A stadium of radius r and half-length l has the area pi r^2 + 4 r l. Circles are stadiums, and so is
+the narrowest stadium, so the smallest area is at most that of either.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 
 TIGHTNESS = 1e-10
-"""Relative distance between the bound and the least area that the proof of it met."""
+"""Relative distance between the bound and the least area met by the proof of the bound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +84,14 @@ class SmallestAreaStadium(EnclosingStadium):
     def area_bound(self, answer: Stadium) -> np.ndarray:
         """Lower bound (...) on the area of every stadium with the given centre and angle.
 
-        The answer's sizes only tell where the search for a bound may stop, and its centre serves
-        as a place to compute from where no centre is given.
+        The answer's sizes only decide where the search for a bound may stop. If no centre is given,
+        the answer's centre only serves as the origin of the computation.
         """
         scale, _, _, bound = self._bounded(answer)
         return np.asarray(bound * scale * scale).reshape(self.batch)
 
     def _bounded(self, answer: Stadium) -> tuple[np.ndarray, ...]:
-        """Size of each set (B,), and in its unit: area, rounding allowed in it, lower bound.
+        """Size of each set (B,); then, in units of it: area, allowed rounding, and lower bound.
 
         The unit keeps the areas of huge and of tiny sets among the numbers. The rounding is the
         perimeter times twice that of a radius.
@@ -104,7 +104,7 @@ class SmallestAreaStadium(EnclosingStadium):
             (np.asarray(each, dtype=np.longdouble).ravel() / scale).astype(float)
             for each in (answer.radius, answer.half_length, self.rounding)
         )
-        with np.errstate(over="ignore", invalid="ignore"):  # an answer may be anything
+        with np.errstate(over="ignore", invalid="ignore"):  # an answer may hold any numbers
             area = np.pi * radius**2 + 4 * radius * length
             rounding = 2 * rounding * (2 * np.pi * radius + 4 * length)
             close = rounding / 4 + TIGHTNESS * area
@@ -146,8 +146,8 @@ def smallest_area_stadium(
     -------
     Stadium
         ``center`` (complex), ``radius``, ``half_length`` and ``angle`` in [0, pi), of shape (...).
-        The radius is rounded upward. The gap of its `certificate`, which is made when somebody
-        asks for it, tells how far from the smallest area it is.
+        The radius is rounded upward. The gap of its `certificate`, which is made when it is first
+        asked for, says how far from the smallest area it is.
 
     Raises
     ------
@@ -177,11 +177,13 @@ def each_hull(
     context: Context,
     stadium: Callable[[ComplexArray, float, bool, float | None], tuple[complex, float, float]],
 ) -> Claim:
-    """A method's claim from a function of one set: middle, half-length and angle of its stadium.
+    """A method's answer from a function of one set that gives middle, half-length and angle of its
+    stadium.
 
     The function takes the corners of the set's hull (N,), complex, in a frame in which lengths are
-    near 1, about the given centre or that of the smallest circle; the radius of a circle about it
-    that holds them; whether the centre is given; and the angle [rad], None where it is free.
+    near 1, around the given centre or that of the smallest circle; the radius of a circle around
+    that centre that contains them; whether the centre is given; and the angle [rad], None if it is
+    free.
     """
     centers = None if program.center is None else program.center.ravel()
     angles = None if program.angle is None else program.angle.ravel()

@@ -1,11 +1,11 @@
 """Search for the stadium of the smallest area around one set: angles on a grid, then refined.
 
-For an angle and a radius the shortest stadium is found by halving: its length is a convex function
-of the place of its axis. The area is then a function of two numbers, angle and radius, with many
-local minima. Angles are tried at the sides of the hull, along the pairs of its corners, and on a
-grid; at each angle radii are tried from half the width to that of the smallest circle. The best few
-minima are refined by golden sections, one inside the other. Nothing proves that the best one is
-among them: the certificate's bound does.
+For a given angle and radius the shortest stadium is found by bisection: its length is a convex
+function of the place of its axis. The area is then a function of two numbers, angle and radius,
+with many local minima. Angles are tried at the sides of the hull, along the pairs of its corners,
+and on a grid; at each angle radii are tried from half the width to that of the smallest circle. The
+best few minima are refined by golden sections, one inside the other. The search does not prove that
+the best one is among them; that is left to the certificate's bound.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from workbench.arrays import EPS
 from workbench.compiled import compiled
 
 GRID_ANGLES = 48
-"""Number of angles on the grid, beside those of the hull."""
+"""Number of angles on the grid, in addition to those of the hull."""
 MAX_DIRECTIONS = 200
-"""Most sides of the hull, and most pairs of corners, whose directions are tried."""
+"""Largest number of hull sides, and of corner pairs, whose directions are tried."""
 RADII = 28
 """Number of radii tried at each angle."""
 LEAST_STEP = 1e-5
 """First step of those radii, relative to half the width."""
 SAME_ANGLE = 16 * EPS
-"""Largest distance [rad] of angles that are taken for one."""
+"""Angles [rad] that differ by no more than this count as one."""
 FINER = 13
-"""Angles on a second grid, from the neighbour of a minimum to the other one."""
+"""Number of angles on a second grid, between the two neighbours of a minimum."""
 REFINED = 6
 """Number of local minima over the angle that are refined."""
 WORTH_REFINING = 1.5
-"""Largest area of such a minimum, relative to the least on the grid."""
+"""A minimum is refined only if its area is at most this multiple of the least one on the grid."""
 AXIS_HALVINGS = 40
-"""Halvings of the place of the axis, which leave 1e-12 of its interval."""
+"""Number of bisections for the place of the axis, which leave 1e-12 of its interval."""
 ANGLE_SECTIONS, RADIUS_SECTIONS = 52, 44
-"""Golden sections of angle and radius, which leave 1e-11 and 1e-9 of an interval."""
+"""Numbers of golden sections of angle and radius, which leave 1e-11 and 1e-9 of an interval."""
 SMALLEST = 1e-300
-"""Keeps a slope finite where the room beside a point is 0."""
+"""Added to keep a slope finite where the room beside a point is 0."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -94,16 +94,17 @@ def _directions(corners: np.ndarray, centred: bool) -> np.ndarray:
 
 
 def _minima(areas: np.ndarray) -> np.ndarray:
-    """Places of the best local minima of areas (A,) over angles that close a circle."""
+    """Indices of the best local minima of areas (A,), with the angles taken as a closed circle."""
     local = (areas <= np.roll(areas, 1)) & (areas <= np.roll(areas, -1))
     worth = np.flatnonzero(local & (areas <= WORTH_REFINING * areas.min()))
     return worth[np.argsort(areas[worth])][:REFINED]
 
 
 def _angles_between(angles: np.ndarray, k: int, count: int) -> np.ndarray:
-    """So many angles [rad] from the one before a place to the one after it.
+    """``count`` angles [rad] from the neighbour before an index to the neighbour after it.
 
-    Angles that differ by rounding only are passed over: between them a minimum has no room.
+    Neighbours that differ by rounding only are skipped: there is no room for a minimum between
+    them.
     """
     away = np.mod(angles - angles[k] + np.pi / 2, np.pi) - np.pi / 2
     before = away[away < -SAME_ANGLE].max(initial=-np.pi / 2)
@@ -126,7 +127,7 @@ def _areas(
 def _refined_angle(
     x: np.ndarray, y: np.ndarray, centred: bool, largest: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Angle [rad] between two of least area, by golden sections, and that area."""
+    """The angle [rad] of least area between two angles, by golden sections, and that area."""
     inner, outer = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_inner = _over_radius(x, y, centred, largest, inner)[0]
     at_outer = _over_radius(x, y, centred, largest, outer)[0]

@@ -18,29 +18,39 @@ from workbench.structure import Real, Structure
 from workbench.systems.frequency_grid import starting_grid
 
 Band = tuple[float, float]
-"""Lowest and highest frequency [rad/s], those of the bilinear plane for a sampled system."""
+"""Lowest and highest frequency [rad/s]; for a sampled system in the plane of the bilinear
+transformation.
+"""
 
 WHOLE: tuple[Band, ...] = ((0.0, math.inf),)
 """All frequencies."""
-PROMISING = 0.98
+PROMISING_BOUND = 0.98
 """Bounds below this are worth a proof on an interval."""
 COMPLEX_SHARES = (0.1, 1e-3, 1e-6)
-"""Complex parts of the parameters for which multipliers are chosen, the first that serves. Those of
-real parameters alone hold on far narrower intervals; poles near the axis leave room for little."""
-MANY = 5
-"""Real parameters from which on a part is cut only where its bound at a frequency asks for it: to
-halve each of p takes 2^p parts, to halve the intervals of frequency about twice the time."""
+"""Complex parts of the parameters for which multipliers are chosen, tried in turn until one closes
+a band. Multipliers for purely real parameters hold on far narrower intervals; near poles close to
+the axis only a small complex part is possible.
+"""
+MANY_PARAMETERS = 5
+"""With this many real parameters or more, a part's bands are refined only if its bound of mu is
+below 1 at the middles of all open bands; otherwise the part is cut at once. Halving each of p
+parameters takes 2^p parts, while halving the intervals of frequency takes about twice the time.
+"""
 ROUNDS, MANY_ROUNDS = 3, 12
-"""Rounds in which the middles of what is open are bounded too, of few parameters and of many."""
+"""Largest number of rounds in which bounds are computed at the middles of the open bands: for few
+and for many parameters.
+"""
 MOST_GAPS, MANY_GAPS = 12, 200
-"""Gaps from which a part is cut rather than covered further."""
+"""Largest number of open bands that are refined further (few and many parameters); with more, the
+part is cut instead.
+"""
 
 AT_ONCE = 32
-"""Frequencies that are bounded before a time limit is looked at."""
+"""Number of frequencies bounded between two looks at the time limit."""
 
 
 def never() -> bool:
-    """No time limit."""
+    """Whether time is up: never."""
     return False
 
 
@@ -50,11 +60,11 @@ def open_bands(
     bands: tuple[Band, ...],
     late: Callable[[], bool] = never,
 ) -> tuple[tuple[Band, ...], ComplexArray]:
-    """What multipliers leave open of the bands, and the response where the bound is largest.
+    """The bands that multipliers leave open, and the response with the largest upper bound.
 
     At all other frequencies I - M Delta is proven to be regular for every Delta of size up to 1.
-    First multipliers without G are tried, since they hold on wide intervals. No more is tried once
-    it is ``late``.
+    Multipliers without G are tried first, since they hold on wide intervals. The search ends once
+    ``late()`` is true.
     """
     plain = partial(bounds_at, system, structure.complexified())
     points = _points(starting_grid(system.poles), bands)
@@ -64,8 +74,8 @@ def open_bands(
             break
         first = first.joined(plain(points[k : k + AT_ONCE]))
     worst = first.M[int(np.argmax(first.upper))]
-    bands = _covered(system, first, bands, late)
-    many = sum(isinstance(block, Real) for block in structure) >= MANY
+    bands = _left_open(system, first, bands, late)
+    many = sum(isinstance(block, Real) for block in structure) >= MANY_PARAMETERS
     rounds, gaps = (MANY_ROUNDS, MANY_GAPS) if many else (ROUNDS, MOST_GAPS)
     if many and bands and not late():
         sharp = _with_real_blocks(system, structure, COMPLEX_SHARES[-1])(_middles(bands))
@@ -79,7 +89,7 @@ def open_bands(
             last = bands
             for at in (plain, mixed):
                 if bands and not late():
-                    bands = _covered(system, at(_middles(bands)), bands, late)
+                    bands = _left_open(system, at(_middles(bands)), bands, late)
             if bands == last:
                 break
         if bands != before and not many:
@@ -91,18 +101,20 @@ def _middles(bands: tuple[Band, ...]) -> RealArray:
     return np.unique([_middle(*band) for band in bands])
 
 
-def _covered(
+def _left_open(
     system: StableSystem,
     found: FrequencyBounds,
     bands: tuple[Band, ...],
     late: Callable[[], bool],
 ) -> tuple[Band, ...]:
-    """What known multipliers leave open, those of the largest bounds below 1 first."""
+    """The bands that known multipliers leave open; the largest bounds below 1 are used first."""
     for k in np.argsort(-found.upper):
         if late():
             break
         omega = float(found.omega[k])
-        if found.upper[k] >= PROMISING or not any(low <= omega <= high for low, high in bands):
+        if found.upper[k] >= PROMISING_BOUND or not any(
+            low <= omega <= high for low, high in bands
+        ):
             continue
         multipliers = found.D_left[k], found.D_right[k], found.G[k]
         ends, _ = proven_in_doubles(system, multipliers, 1.0, omega)
@@ -112,7 +124,9 @@ def _covered(
 
 
 def _with_real_blocks(system: StableSystem, structure: Structure, share: float) -> BoundsAt:
-    """Bounds whose multipliers hold for parameters with a complex part as well."""
+    """Function of frequencies: bounds by multipliers that allow a complex part of each parameter
+    too.
+    """
     larger, blocks = with_complex_part(system, structure, share)
     c, r = structure.columns, structure.rows
 
@@ -125,14 +139,14 @@ def _with_real_blocks(system: StableSystem, structure: Structure, share: float) 
 
 
 def _points(grid: RealArray, bands: tuple[Band, ...]) -> RealArray:
-    """Those of a grid in the bands, their ends and their middles."""
+    """Frequencies of the grid inside the bands, and the ends and middles of the bands."""
     inside = [grid[(grid >= low) & (grid <= high)] for low, high in bands]
     middles = [_middle(*band) for band in bands]
     return np.unique(np.concatenate([*inside, np.ravel(bands), middles]))
 
 
 def _middle(low: float, high: float) -> float:
-    """A frequency between two, in the middle of their logarithms where both are finite."""
+    """A frequency between two others: their geometric mean where both are positive and finite."""
     if math.isinf(high):
         return 2.0 * low if low > 0 else 1.0
     return math.sqrt(low) * math.sqrt(high) if low > 0 else high / 2

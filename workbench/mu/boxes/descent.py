@@ -1,9 +1,10 @@
 """Unstable members of small boxes of real parameters, found by moving poles to the right.
 
-The rightmost pole is driven to the right by two kinds of steps: to corners of the box, those to
-which the slopes of poles point; and along single parameters, since a worst member may lie on a face
-or inside too. Where the determinant is linear in each parameter it is most often a corner (R. de
-Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE TAC 33 (1988)).
+The rightmost pole is driven to the right by two kinds of steps: to those corners of the box to
+which the slopes of poles point; and along single parameters, since a worst member may also lie on a
+face or inside. Where the determinant is linear in each parameter, the worst member is most often a
+corner (R. de Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE TAC
+33 (1988)).
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from workbench.mu.boxes.partition import MOST_CORNERS, BoxPart, corner_signs
 from workbench.mu.boxes.recentred import RealParameters
 
 POLES = 4
-"""Rightmost poles, to whose corners a step leads."""
-SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-"""Where a parameter is tried between its ends."""
-STEPS = np.array([-0.1, -0.01, 0.01, 0.1])
-"""Shares of its range by which a parameter is moved."""
+"""Number of rightmost poles of which each proposes a corner."""
+GRID_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+"""Places at which each parameter is tried, as shares of the way from its lower to its upper end."""
+STEP_SHARES = np.array([-0.1, -0.01, 0.01, 0.1])
+"""Steps by which each parameter is moved, as shares of its range."""
 MOST_MOVES = 40
-"""Most moves of one ascent."""
+"""Largest number of moves in one search."""
 
 
 def corners_of_poles(given: RealParameters, box: BoxPart, values: RealArray) -> RealArray:
@@ -33,7 +34,9 @@ def corners_of_poles(given: RealParameters, box: BoxPart, values: RealArray) -> 
 
 
 def drawn_corners(box: BoxPart) -> RealArray:
-    """All corners (k, p) of a box of few parameters, of one of many so many that are drawn."""
+    """All corners (k, p) of a box of few parameters; for many parameters, MOST_CORNERS random
+    ones.
+    """
     count = len(box.low)
     if 2**count <= MOST_CORNERS:
         signs = corner_signs(count)
@@ -45,7 +48,9 @@ def drawn_corners(box: BoxPart) -> RealArray:
 def unstable_member(
     given: RealParameters, box: BoxPart, start: RealArray, late: Callable[[], bool]
 ) -> RealArray | None:
-    """Unstable values (p,) in a box, found from others (p,); None where no move leads further."""
+    """Unstable values (p,) in a box, searched from ``start`` (p,); None if no move leads
+    further.
+    """
     values = np.clip(start, box.low, box.high)
     furthest = given.abscissae(values[None])[0]
     for _ in range(MOST_MOVES):
@@ -53,7 +58,9 @@ def unstable_member(
             return values
         if late():
             return None
-        tried = np.vstack([corners_of_poles(given, box, values)[:POLES], _moved(box, values)])
+        tried = np.vstack(
+            [corners_of_poles(given, box, values)[:POLES], _single_changes(box, values)]
+        )
         found = given.abscissae(tried)
         best = int(np.argmax(found))
         if not found[best] > furthest:
@@ -62,12 +69,12 @@ def unstable_member(
     return None
 
 
-def _moved(box: BoxPart, values: RealArray) -> RealArray:
-    """Values (k, p) that differ from those given (p,) in one parameter."""
+def _single_changes(box: BoxPart, values: RealArray) -> RealArray:
+    """Values (k, p) that differ from the given ones (p,) in one parameter."""
     places = np.hstack(
         [
-            box.low[:, None] + (box.high - box.low)[:, None] * SHARES,
-            values[:, None] + (box.high - box.low)[:, None] * STEPS,
+            box.low[:, None] + (box.high - box.low)[:, None] * GRID_SHARES,
+            values[:, None] + (box.high - box.low)[:, None] * STEP_SHARES,
         ]
     )
     places = np.clip(places, box.low[:, None], box.high[:, None])

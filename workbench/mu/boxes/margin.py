@@ -15,41 +15,51 @@ from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effec
 from workbench.mu.boxes.recentred import RealParameters
 
 BISECTIONS = 60
-"""Halvings of the size at which a direction becomes unstable."""
-WITHIN = 0.999
-"""Share of the wanted gap that a level is set for, so that rounding does not exceed it."""
+"""Number of bisections for the size at which a direction becomes unstable."""
+GAP_SHARE = 0.999
+"""A level lies this share of the wanted gap below the upper bound, so that rounding does not exceed
+the gap.
+"""
 LARGEST = 1e6
-"""A margin beyond this is looked for no further."""
+"""No margin beyond this size is searched for."""
 SMALLEST, SIZES, DECADE = 1e-12, 121, 10
-"""Least size, as a share of the largest, at which the directions of the corners are tried first,
-how many sizes, and how many of them a decade has."""
-NOTHING = 1e-15
-"""A size below which nothing is looked for."""
+"""The directions of the corners are first tried at sizes from SMALLEST, as a share of the largest
+size: how many sizes, and how many of them per decade.
+"""
+LEAST_SIZE = 1e-15
+"""The search ends when the size in question falls below this."""
 DECISIONS = 4
-"""Share of the parts at which a size is allowed no more is one over this."""
+"""A size is given at most about parts / DECISIONS parts; after that, the number is not raised any
+more.
+"""
 SIZE_ROUNDING = 1e-5
-"""Share by which the size of an unstable member, found by bisection in doubles, may be off: about
-eps^(1/3), by which rounding moves a triple pole."""
+"""Relative error of the size of an unstable member that bisection in doubles has found: about
+eps^(1/3), the amount by which rounding moves a triple pole.
+"""
 PARTS_EXCLUDED = "parts of the box hold stable members only"
 ONE_UNSTABLE = "one member of the box is unstable"
-"""What the bounds rest on."""
-TRIED = 4
-"""Unstable members of a part whose least sizes are looked for."""
-FALL = 1e3
-"""Factor from one size to the next while nothing is known of stability or of instability."""
-CLOSED = 0.75
-"""Share of the bounds' distance, logarithmic, that the next level closes."""
-MORE = 4
-"""Factor by which the parts that a size may take grow, from 1, when they did not suffice."""
+"""What the lower and the upper bound rest on."""
+BISECTED_MEMBERS = 4
+"""Number of a part's unstable members whose least unstable size is computed by bisection."""
+FIRST_RATIO = 1e3
+"""Ratio of two successive sizes while neither a stable size nor an unstable member is known."""
+CLOSED_SHARE = 0.75
+"""Share of the distance between the bounds, on a logarithmic scale, that the next level would
+close.
+"""
+PARTS_GROWTH = 4
+"""Factor by which the number of parts per size grows, from 1, whenever it did not suffice."""
 SHRINKS = (0.5, 0.2, 0.05, 0.01, 0.002)
-"""Shares by which the size of an unstable member is made less, in turn, to look for another."""
+"""Shares by which the upper bound is reduced, in turn, to look for a smaller unstable member."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoxMargin:
-    """Stable for every perturbation up to ``lower``; ``values`` (p,) of size ``upper`` are not.
+    """Bounds of the margin: all perturbations up to ``lower`` keep stability, ``values`` (p,) of
+    size ``upper`` do not.
 
-    ``values`` are None where no unstable member was found. ``parts`` is how many were examined.
+    ``values`` is None where no unstable member was found. ``parts`` is the number of parts
+    examined.
     """
 
     lower: float
@@ -59,27 +69,27 @@ class BoxMargin:
 
 
 class Growing:
-    """Boxes of p parameters that grow with their size: all of them about 0."""
+    """Boxes of p parameters about 0 that grow in all parameters at once."""
 
     def __init__(self, count: int) -> None:
         self.count = count
 
     def box(self, size: float) -> BoxPart:
-        """The box of a size."""
+        """The box with this size."""
         whole = np.full(self.count, size)
         return BoxPart(-whole, whole)
 
     def others(self, size: float) -> float:
-        """The size of what is no real parameter."""
+        """Size of the blocks that are no real parameters, for a box of this size."""
         return size
 
     def size(self, values: RealArray) -> RealArray:
-        """Size of the least box with the values (k, p)."""
+        """Size (k,) of the least box that contains each of the values (k, p)."""
         found: RealArray = np.abs(values).max(axis=1)
         return found
 
     def at(self, size: float, values: RealArray) -> RealArray:
-        """Values (k, p) moved to the border of the box of a size."""
+        """Values (k, p) moved to the border of the box of this size."""
         return values * (size / self.size(values)[:, None])
 
 
@@ -113,15 +123,16 @@ def box_margin(
 ) -> BoxMargin:
     """Bounds with upper / lower - 1 <= gap, or as close as parts and time allow.
 
-    No size above ``largest`` is looked at; the upper bound is infinite where that is reached. Each
-    round of the ``context`` has the bounds so far, which hold whenever its time limit ends them.
+    No size above ``largest`` is examined; the upper bound is infinite if none up to it is unstable.
+    Each round is recorded in ``context`` with the bounds so far, which hold whenever a time limit
+    ends the search.
     """
     search = _Search(given, boxes, parts, largest, context or Context())
     search.scan()
-    allowed, undecided = 1, math.inf  # parts for a size, and the least size that needs more
+    allowed, undecided = 1, math.inf  # parts allowed per size, and the least size that needs more
     while search.goes_on and search.upper > (1 + gap) * search.lower:
         highest, last = min(search.upper, undecided), allowed > parts // DECISIONS
-        if highest < NOTHING:
+        if highest < LEAST_SIZE:
             break
         if highest <= search.near(gap, last):
             if last:
@@ -130,7 +141,7 @@ def box_margin(
             continue
         level = search.level(gap, highest, first=math.isinf(undecided))
         if not search.decide(level, allowed):
-            allowed, undecided = MORE * allowed, level
+            allowed, undecided = PARTS_GROWTH * allowed, level
         search.tell()
     upper = math.inf if search.values is None else search.upper
     need_agreement(
@@ -140,13 +151,13 @@ def box_margin(
 
 
 def proven_stable(given: RealParameters, boxes: Growing, size: float, parts: int) -> bool:
-    """Whether so many parts prove that the box of a size holds stable members only."""
+    """Whether this many parts suffice to prove that the box of a size holds stable members only."""
     search = _Search(given, boxes, parts, math.inf, Context())
     return search.decide(size, parts) and search.lower == size
 
 
 class _Search:
-    """The bounds so far."""
+    """The search for the margin, with the bounds so far."""
 
     def __init__(
         self,
@@ -160,7 +171,7 @@ class _Search:
         self.lower, self.upper = 0.0, largest
         self.values: RealArray | None = None
         self.context = context
-        self._begun: dict[float, Partition] = {}  # what is left of the boxes of sizes
+        self._begun: dict[float, Partition] = {}  # the open parts of the boxes begun, by size
 
     @property
     def goes_on(self) -> bool:
@@ -168,79 +179,87 @@ class _Search:
         return self.left > 0 and not self.context.late
 
     def level(self, gap: float, highest: float, first: bool) -> float:
-        """The size to decide next: one begun before, or one below the least that needs more parts.
+        """The size to decide next: one already begun, or a new one below ``highest``.
 
-        The first of a round is one that is begun, whose parts are gone on with.
+        At the start of a round (``first``), the least size already begun is continued.
         """
         begun = [size for size in self._begun if self.lower < size < self.upper]
         if first and begun:
             return min(begun)
-        level = highest / (1 + WITHIN * gap)
+        level = highest / (1 + GAP_SHARE * gap)
         if self.lower:
-            return min(level, self.lower ** (1 - CLOSED) * highest**CLOSED)
+            return min(level, self.lower ** (1 - CLOSED_SHARE) * highest**CLOSED_SHARE)
         if first:
             return level
-        return highest / (FALL if self.values is None else 2.0)
+        return highest / (FIRST_RATIO if self.values is None else 2.0)
 
     def near(self, gap: float, last: bool) -> float:
-        """A size so close above the lower bound that those below it tell little."""
-        wide = 0.0 if last else self.lower**CLOSED * self.upper ** (1 - CLOSED)
+        """A size so close above the lower bound that deciding smaller ones would gain little."""
+        wide = 0.0 if last else self.lower**CLOSED_SHARE * self.upper ** (1 - CLOSED_SHARE)
         return max((1 + gap) * self.lower, wide)
 
     def _is_late(self) -> bool:
         return self.context.late
 
     def tell(self) -> None:
-        """Tell whoever watches of the bounds."""
+        """Record the bounds so far, and report progress."""
         examined = self.budget - self.left
         upper = math.inf if self.values is None else self.upper
         self.context.record({"parts": examined, "lower": self.lower, "upper": upper})
         self.context.progress("parts of the box", examined, self.budget)
 
     def scan(self) -> None:
-        """Bound the margin from above by corners, and by descent from there."""
+        """Find a first upper bound: from corners at growing sizes, then by descent from the
+        unstable member.
+        """
         unit = self.boxes.box(1.0)
         poles = corners_of_poles(self.given, unit, np.zeros(self.boxes.count))
         corners = np.vstack([poles, drawn_corners(unit)])
         sizes = np.geomspace(self.upper * SMALLEST, self.upper, SIZES)
         for size in sizes:
-            self._shrunk(self.boxes.at(size, corners))
+            self._bisect_unstable(self.boxes.at(size, corners))
             if self.values is not None:
                 break
         for size in sizes[::DECADE] if self.values is None else ():
             nominal = np.zeros(self.boxes.count)
             found = unstable_member(self.given, self.boxes.box(size), nominal, self._is_late)
             if found is not None:
-                self._bisected(found[None])
+                self._bisect(found[None])
                 break
         self.tell()
         self.descend(corners)
         self.tell()
 
     def descend(self, corners: RealArray) -> None:
-        """Lower the upper bound from its member, and where that ends from the corners (k, p)."""
+        """Lower the upper bound from its unstable member, and after that from the corners (k,
+        p).
+        """
         shrinks = list(SHRINKS)
         while self.values is not None and shrinks and not self.context.late:
-            if not self._found_below(shrinks[0], self.values):
+            if not self._lower_from(shrinks[0], self.values):
                 shrinks.pop(0)
         for corner in corners:
             if self.values is None or self.context.late:
                 return
-            while self._found_below(SHRINKS[-2], self.boxes.at(self.upper, corner[None])[0]):
+            while self._lower_from(SHRINKS[-2], self.boxes.at(self.upper, corner[None])[0]):
                 pass
 
-    def _found_below(self, shrink: float, start: RealArray) -> bool:
-        """Lower the upper bound by a share or more, from a member; False if none is found."""
+    def _lower_from(self, shrink: float, start: RealArray) -> bool:
+        """Try to lower the upper bound by this share or more, starting from a member; False if none
+        is found.
+        """
         box = self.boxes.box((1 - shrink) * self.upper)
         found = unstable_member(self.given, box, start, self._is_late)
         if found is None or not self.boxes.size(found[None])[0] > 0:
             return False
         before = self.upper
-        self._bisected(found[None])
+        self._bisect(found[None])
         return self.upper < before
 
     def decide(self, size: float, parts: int) -> bool:
-        """Raise the lower bound to a size, or lower the upper one to it; False if neither."""
+        """Decide a size: raise the lower bound to it, or lower the upper bound to it; False if
+        undecided.
+        """
         partition = self._begun.pop(size, None) or Partition(self.boxes.box(size))
         last = max(self.left - parts, 0)
         while partition:
@@ -250,7 +269,7 @@ class _Search:
             part, effects = partition.pop(), np.zeros(self.boxes.count)
             self.left -= 1
             corners = part.centre + corner_signs(self.boxes.count) * part.width
-            self._shrunk(np.vstack([part.centre, corners]))
+            self._bisect_unstable(np.vstack([part.centre, corners]))
             if self.upper <= size:
                 return True
             about = self.given.recentred(part, self.boxes.others(size))
@@ -263,16 +282,18 @@ class _Search:
         self.lower = size
         return True
 
-    def _shrunk(self, values: RealArray) -> None:
-        """Lower the upper bound to the least sizes at which the first of values are unstable."""
+    def _bisect_unstable(self, values: RealArray) -> None:
+        """Lower the upper bound by bisection along the smallest few unstable values of those
+        given.
+        """
         sizes = self.boxes.size(values)
         values = values[(sizes > 0) & (sizes <= self.upper)]
         unstable = values[self.given.unstable(values)] if len(values) else values
-        for one in unstable[np.argsort(self.boxes.size(unstable))][:TRIED]:
-            self._bisected(one[None])
+        for one in unstable[np.argsort(self.boxes.size(unstable))][:BISECTED_MEMBERS]:
+            self._bisect(one[None])
 
-    def _bisected(self, values: RealArray) -> None:
-        """Lower the upper bound to the least size at which values (1, p) are unstable."""
+    def _bisect(self, values: RealArray) -> None:
+        """Lower the upper bound by bisection along the direction of the values (1, p)."""
         low, high = 0.0, min(self.upper, float(self.boxes.size(values)[0]))
         if not self.given.unstable(self.boxes.at(high, values))[0]:
             return

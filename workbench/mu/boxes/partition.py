@@ -1,10 +1,10 @@
-"""The box of real parameters cut into parts, and of each part the frequencies still open.
+"""A box of real parameters cut into parts, with the frequencies that are still open for each part.
 
 A part whose bands are all closed is proven: no perturbation in it puts a pole on the axis, so that
 all of its members have as many poles right of it as its centre. Frequencies that a part closes are
-closed for both of its pieces, so that each piece looks at what is left only. As parts shrink,
-bounds of their recentred systems fall to 0, and so every set is decided whose members are all
-stable.
+closed for both of its pieces, so that each piece examines only the remaining ones. As parts shrink,
+bounds of their recentred systems fall to 0, so that every set with stable members only is decided
+in the end.
 
 Sources: R. de Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE
 TAC 33 (1988); M. Newlin and P. Young, "Mixed mu problems and branch and bound techniques", CDC
@@ -25,22 +25,28 @@ from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.structure import Real, Structure
 
 NARROWEST_WIDTH = 1e-9
-"""Half-width, relative to the whole box, below which a parameter is not cut again."""
+"""A parameter is not cut again once its half-width is below this share of the whole box's."""
 
 MOST_CORNERS = 64
-"""Corners of a part that are looked at; of one with more, those of its first parameters."""
+"""Number of a part's corners that are examined; a part with more has only the first parameters
+varied.
+"""
 
 CUT = 0.487
-"""Share of a part that is cut off. Borders of stability often stand at values such as a half, and a
-part that touches one is decided by no number of cuts."""
+"""Share of a part's width at which it is cut. It is not a half, since borders of stability often
+lie at round values, and a part that touches such a border would stay undecided after any number of
+cuts.
+"""
 
 Weight = Callable[[RealArray, RealArray], float]
-"""What a part from low to high, both (p,), counts."""
+"""Priority of the part from ``low`` to ``high``, both (p,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoxPart:
-    """Normalised parameters from ``low`` to ``high``, both (p,), and its open bands."""
+    """Normalised parameters from ``low`` to ``high``, both (p,), and the bands of frequency still
+    open.
+    """
 
     low: RealArray
     high: RealArray
@@ -48,7 +54,7 @@ class BoxPart:
 
     @property
     def centre(self) -> RealArray:
-        """Middles (p,)."""
+        """Centre (p,)."""
         return (self.low + self.high) / 2
 
     @property
@@ -58,12 +64,14 @@ class BoxPart:
 
     @property
     def reach(self) -> RealArray:
-        """Half-widths (p,) that overlap those of neighbours, so that rounding leaves no gap."""
+        """Half-widths (p,), enlarged so that neighbours overlap and rounding leaves no gap between
+        them.
+        """
         return self.width * (1 + 8 * EPS) + 8 * EPS * np.abs(self.centre)
 
 
 class Partition:
-    """The open parts of a box of parameters, those that count most first."""
+    """The open parts of a box of parameters, ordered by priority."""
 
     def __init__(self, whole: BoxPart, weight: Weight | None = None) -> None:
         self.whole = whole
@@ -82,13 +90,14 @@ class Partition:
         self._count += 1
 
     def pop(self) -> BoxPart:
-        """Take the open part that counts most."""
+        """Remove and return the open part of the highest priority."""
         return heapq.heappop(self._open)[2]
 
     def cut(self, part: BoxPart, effects: RealArray) -> bool:
-        """Put both pieces of a part back, cut where it matters most; False if it is too narrow.
+        """Cut a part along one parameter and put both pieces back; False if the part is too narrow.
 
-        ``effects`` (p,) tell how much each parameter matters; of equal ones the widest is cut.
+        ``effects`` (p,) tell how much each parameter matters, and the largest one is cut; among
+        equal ones the widest.
         """
         share = part.width / self.whole.width
         effects = np.where(share > NARROWEST_WIDTH, effects + np.finfo(float).eps * share, -1.0)
@@ -97,14 +106,16 @@ class Partition:
             return False
         border = part.low[j] + CUT * (part.high[j] - part.low[j])
         below, above = part.high.copy(), part.low.copy()
-        below[j] = above[j] = border  # the very same number, so that the pieces leave nothing out
+        # both pieces share the very same number, so that no gap is left between them
+        below[j] = above[j] = border
         self.put(BoxPart(part.low, below, part.bands))
         self.put(BoxPart(above, part.high, part.bands))
         return True
 
 
 def effects_in(response: ComplexArray, structure: Structure) -> RealArray:
-    """How much each real parameter of a part matters for a response (c, r), relative to the most.
+    """How much each real parameter of a part affects a response (c, r), relative to the largest
+    effect.
 
     The response is that of the recentred system, whose inputs have the part's half-widths.
     """
@@ -120,7 +131,7 @@ def effects_in(response: ComplexArray, structure: Structure) -> RealArray:
 
 
 def corner_signs(count: int) -> RealArray:
-    """Signs of the corners of a box of so many parameters (k, p)."""
+    """Signs (k, p) of the corners of a box with this many parameters."""
     free = min(count, int(np.log2(MOST_CORNERS)))
     signs = np.ones((2**free, count))
     signs[:, :free] = np.array(list(product((-1.0, 1.0), repeat=free)))

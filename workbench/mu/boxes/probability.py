@@ -1,7 +1,7 @@
-"""The probability that a member of a set is stable, or keeps a gain, between guaranteed bounds.
+"""Guaranteed bounds of the probability that a member of a set is stable, or keeps a gain.
 
-The parameters' box is cut into parts that hold good members only, parts that hold none, and parts
-left undecided, whose probability is the distance of the bounds.
+The parameters' box is cut into parts that hold good members only, parts that hold bad members only,
+and undecided parts. The probability of the undecided parts is the distance of the bounds.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from workbench.uncertainty.algebra.elements import RealElement
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 BELOW = 1 - 1e-6
-"""A gain is above its level where a bound of its reciprocal is below this."""
+"""A gain is above its level where the bound of its reciprocal is below this."""
 ROUNDING = 1e-12
-"""What one part's probability may be off by rounding of distribution functions."""
+"""Largest rounding error of the distribution functions in the probability of one part."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GuaranteedProbability(Answer):
-    """The probability of what was asked lies between ``lower`` and ``upper``.
+    """Bounds ``lower`` and ``upper`` of the probability that was asked for.
 
     ``parts`` is how many parts of the box of parameters were examined.
 
@@ -82,14 +82,14 @@ def guaranteed_probability(
 
     Samples give an estimate with a confidence; these bounds are proven, between samples too. The
     number of parts for a distance of the bounds grows as 1 / distance for two parameters, and as
-    its power p - 1 for p of them (as of all that cut a box: Thai, Roos and Biannic, Probabilistic
-    mu-analysis for stability and H-infinity performance, ACC 2019).
+    the power p - 1 of that for p parameters, as for all methods that cut a box ( Thai, Roos and
+    Biannic, Probabilistic mu-analysis for stability and H-infinity performance, ACC 2019).
 
     Parameters
     ----------
     system
-        An `UncertainSystem` whose elements are all real, stable at its nominal; or what stands for
-        one. Its parameters are independent.
+        An `UncertainSystem` whose elements are all real, stable at its nominal; or an object that
+        stands for one. Its parameters are independent.
     gain
         Level that the largest singular value over frequency has to stay below; None: members only
         have to be stable.
@@ -99,7 +99,7 @@ def guaranteed_probability(
     tolerance
         Distance of the bounds at which the search ends.
     parts
-        Most parts of the box that are examined.
+        Largest number of parts of the box that are examined.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def guaranteed_probability(
 
 @dataclass(frozen=True, eq=False)
 class ProbabilityChecker(RepeatedChecker):
-    """Computes the bounds again, and draws members whose share must not contradict them."""
+    """Computes the bounds again, and compares them with the share of good random members."""
 
     system: UncertainSystem
     gain: float | None
@@ -172,7 +172,7 @@ class ProbabilityChecker(RepeatedChecker):
 
 
 class _Question:
-    """Whether all members of a part are stable and keep a gain, or none of them."""
+    """Question about a part: do all of its members keep stability and gain, or none of them?"""
 
     def __init__(self, found: UncertainSystem, gain: float | None) -> None:
         structure, plant = found.structure, found.system
@@ -191,7 +191,9 @@ class _Question:
         )
 
     def asked_of(self, part: BoxPart) -> tuple[bool | None, BoxPart, RealArray]:
-        """The verdict, None for none; what is left of the part; how much each parameter matters."""
+        """The verdict (None: undecided), the part with its remaining bands, and how much each
+        parameter matters.
+        """
         effects = self._changes(part)
         if effects.any():
             return None, part, effects
@@ -216,7 +218,9 @@ class _Question:
         return (None if bands else False), part, effects
 
     def _changes(self, part: BoxPart) -> RealArray:
-        """Along how many edges of a part the answer changes, for each parameter, in doubles."""
+        """For each parameter, the number of edges of a part along which the answer changes, in
+        doubles.
+        """
         signs = corner_signs(len(part.width))
         values = part.centre + signs * part.width
         bad = self.parameters.unstable(values)
@@ -228,7 +232,9 @@ class _Question:
         return changes
 
     def _gains(self, values: RealArray) -> RealArray:
-        """Largest gains (k,) at values (k, p), over the level, at frequencies of the nominal."""
+        """Largest gains (k,) at values (k, p), divided by the level, over frequencies chosen for
+        the nominal.
+        """
         c, r = self.parameters.structure.columns, self.parameters.structure.rows
         M = self.response[None]
         Delta = self.parameters.perturbation(values)[:, None]
@@ -242,9 +248,10 @@ class _Question:
         return gains
 
     def _above(self, system: StableSystem) -> bool:
-        """Whether some entry of all members is proven to be above 1 at one frequency.
+        """Whether one entry of the response is proven to be above 1 at one frequency, for all
+        members.
 
-        1 / F of F = M22 + M21 Delta (I - M11 Delta)^-1 M12 is the LFT with that channel reversed.
+        For F = M22 + M21 Delta (I - M11 Delta)^-1 M12, 1 / F is the LFT with that channel reversed.
         """
         c, r = self.parameters.structure.columns, self.parameters.structure.rows
         M = system.response(starting_grid(system.poles))
@@ -265,12 +272,12 @@ class _Question:
 
 
 def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
-    """The probability of a part."""
+    """Function that gives the probability of a part."""
     elements: list[RealElement] = []
     for name, one in found.elements.items():
         if not isinstance(one, RealElement):
             raise InputError(
-                f"{name} is no real parameter; a probability is of numbers with a distribution"
+                f"{name} is no real parameter; only real parameters can have a distribution"
             )
         elements.append(one)
     for name, given in distributions.items():
@@ -287,17 +294,18 @@ def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
         shares = [f(b) - f(a) for f, a, b in zip(functions, low, high, strict=True)]
         if min(shares) < 0:
             name = elements[int(np.argmin(shares))].name
-            raise InputError(f"the cdf of {name} falls, which no distribution function does")
+            raise InputError(f"the cdf of {name} decreases, as no distribution function does")
         return float(np.prod(shares))
 
     return weight
 
 
 def _share_below(element: RealElement, given: Any) -> Callable[[float], float]:
-    """The probability that a parameter within its range is at most a normalised value.
+    """Function that gives the probability that a parameter, within its range, is at most a
+    normalised value.
 
-    The lower end of the range belongs to it, with whatever probability stands there alone: a part
-    is open at its lower end, but at the range's.
+    A part does not contain its lower end, except at the lower end of the range: a probability that
+    is concentrated there belongs to the range.
     """
     low, high = element.low, element.high
     if given is None:
@@ -306,7 +314,8 @@ def _share_below(element: RealElement, given: Any) -> Callable[[float], float]:
     whole = float(given.cdf(high)) - beneath
     if not whole > 0:
         raise InputError(
-            f"the distribution of {element.name} has nothing in its range, {low:g} to {high:g}"
+            f"the distribution of {element.name} has no probability between {low:g} and {high:g}, "
+            "the range of the parameter"
         )
 
     def share(delta: float) -> float:

@@ -1,7 +1,7 @@
-"""An uncertain system about other values of its real parameters, with rounding enclosed.
+"""An uncertain system recentred about other values of its real parameters, with rounding enclosed.
 
 In a box of real parameters with centre c and half-widths w, delta = c + w e with |e| <= 1. The
-system M that delta closes is then N = (I - M K)^-1 M W closed by e, where K has the centre in the
+system M closed by delta is then N = (I - M K)^-1 M W closed by e, where K has the centre in the
 blocks of real scalars and W scales the inputs.
 """
 
@@ -23,10 +23,10 @@ from workbench.structure import Real, Structure
 
 @dataclass(frozen=True, eq=False)
 class Recentred:
-    """An uncertain system about other values of its parameters; ``stable`` tells of its centre.
+    """An uncertain system about other parameter values; ``stable``: whether its centre is stable.
 
-    Of poles right of the axis the proofs on intervals of frequency ask only that they are not on
-    it, so that ``system`` may have them.
+    ``system`` may have poles right of the axis: the proofs on intervals of frequency only need that
+    no pole is on the axis.
     """
 
     system: StableSystem
@@ -59,7 +59,7 @@ class RealParameters:
 
     @property
     def places(self) -> list[int]:
-        """Numbers of the blocks that are real scalars."""
+        """Indices of the blocks that are real scalars."""
         return [k for k, block in enumerate(self.structure) if isinstance(block, Real)]
 
     def perturbation(self, values: RealArray) -> RealArray:
@@ -73,8 +73,8 @@ class RealParameters:
     def abscissae(self, values: RealArray) -> RealArray:
         """Largest real parts (k,) of the poles [rad/s] at values (k, p), in doubles.
 
-        Infinite where ill-posed, and for a negative det(I - D Delta) too: on the way there from the
-        nominal, where it is 1, a pole went through infinity.
+        Infinite where ill-posed. Infinite for a negative det(I - D Delta) too: the determinant is 1
+        for the nominal, so that on the way from there a pole went through infinity.
         """
         A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
         Delta = self.perturbation(values)
@@ -90,7 +90,7 @@ class RealParameters:
     def pole_slopes(self, values: RealArray) -> RealArray:
         """Slopes (k, p) of the real parts of the poles at values (p,), rightmost first, in doubles.
 
-        Each up to a positive factor; those of 1 / det(I - D Delta) come last.
+        Each slope is known up to a positive factor. The slopes of 1 / det(I - D Delta) come last.
         """
         from scipy.linalg import eig
 
@@ -112,15 +112,15 @@ class RealParameters:
 
     @property
     def _channels(self) -> list[tuple[slice, slice]]:
-        """Inputs and outputs of each parameter."""
+        """Indices of the inputs and outputs of each parameter."""
         places = zip(self.structure.row_slices, self.structure.column_slices, strict=True)
         real = (isinstance(block, Real) for block in self.structure)
         return [place for place, wanted in zip(places, real, strict=True) if wanted]
 
     def recentred(self, part: BoxPart, others: float = 1.0) -> Recentred | None:
-        """N about the centre of a part, the blocks that are no real scalars times `others`.
+        """N about the centre of a part; `others` scales the blocks that are no real scalars.
 
-        None where a pole at the centre cannot be told from the axis, or it is ill-posed there.
+        None where the centre is ill-posed or has a pole that rounding cannot tell from the axis.
         """
         loop = self._closed(exact(self.perturbation(part.centre)))
         if loop is None:
@@ -142,9 +142,9 @@ class RealParameters:
         return Recentred(system, self.structure, discs.rightmost < 0)
 
     def all_stable(self, part: BoxPart) -> bool | None:
-        """Whether all members of a part are stable, or none is, by discs of their poles at once.
+        """True if all members of a part are stable, False if none is; by discs around their poles.
 
-        None where the discs do not tell; they do for narrow parts.
+        None where the discs do not decide; for narrow parts they do.
         """
         centre, width = self.perturbation(part.centre), self.perturbation(part.reach)
         loop = self._closed(Enclosure(centre, np.abs(width)))
@@ -164,7 +164,9 @@ class RealParameters:
 
 
 def _discs(dynamics: Enclosure) -> Discs:
-    """Discs of the poles, none across the axis where that can be proven."""
+    """Discs that contain the poles, chosen so that none crosses the axis where that can be
+    proven.
+    """
     discs = pole_discs(dynamics)
     return separate_pole_discs(dynamics) if _undecided(discs) else discs
 

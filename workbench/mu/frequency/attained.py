@@ -1,4 +1,4 @@
-"""The lower bound of a peak of mu: perturbations found at frequencies, proven for the system."""
+"""Lower bound of a peak of mu: perturbations found at frequencies, proven for the system."""
 
 from __future__ import annotations
 
@@ -20,32 +20,34 @@ LOWER_BOUND_SHARE = 0.97
 """Lower bounds are computed at frequencies whose upper bound is above this share of the largest."""
 
 QUICK_FREQUENCIES = 60
-"""Most frequencies at which a quick lower bound is computed."""
+"""Largest number of frequencies at which a quick lower bound is computed."""
 
 THOROUGH_FREQUENCIES = 6
 """Number of these frequencies at which a thorough lower bound follows."""
 
 MOST_PROOFS = 8
-"""Number of the best proposals of which a proof is tried."""
+"""Number of the best proposals for which a proof is tried."""
 
 SCALE_BISECTIONS = 50
-"""Halvings of the interval of scales in which a perturbation begins to destabilise."""
+"""Number of bisections for the scale at which a perturbation begins to destabilise."""
 
 WORTHWHILE_GAIN = 1e-4
 """A proof over frequency is tried where it would raise the bound by more than this share."""
 
 PROVEN_SHARE = 1 - 1e-6
-"""Share of the mu that a perturbation says at which it is proven by a response that is sharp."""
+"""A proof counts as complete if it reaches this share of the mu that the perturbation claims;
+otherwise a more accurate response is tried.
+"""
 
-BEYOND = 1 + 1e-6
-"""Multiple of a perturbation on the stability boundary that lies beyond it."""
+BEYOND_BORDER = 1 + 1e-6
+"""A perturbation on the stability boundary, multiplied by this, lies beyond the boundary."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attained:
     """A proven lower bound of the peak, its frequency [rad/s] and its Delta (r, c).
 
-    Where nothing was proven, the value is 0, Delta is NaN, and the frequency that of the largest
+    If nothing was proven, the value is 0, Delta is NaN, and the frequency is that of the largest
     upper bound.
     """
 
@@ -60,7 +62,7 @@ def attained_peak(
     """The largest lower bound proven near the largest upper bounds.
 
     A Delta is proven at its frequency. Over the whole axis, a Delta that destabilises the loop
-    proves a bound too. With real blocks this may be larger than any at the given frequencies,
+    proves a bound too. With real blocks this bound may be larger than any at the given frequencies,
     because their mu may stand out at a single frequency between them.
     """
     order = np.argsort(-found.upper)[:QUICK_FREQUENCIES]
@@ -85,12 +87,14 @@ def attained_peak(
 
 
 def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> Attained:
-    """What Delta proves at a frequency; where that is less than it says, one of a sharper response.
+    """The bound that Delta proves at a frequency, with a sharper response where it proves too
+    little.
 
-    Of value 0 where nothing is proven.
+    The value is 0 if nothing is proven.
     """
     best = Attained(0.0, omega, np.full(Delta.shape, np.nan + 0j))
-    there = in_plane(system.angular(omega), system.period)  # where it is proven again
+    # the frequency at which the proof is repeated
+    there = in_plane(system.angular(omega), system.period)
     for sharper in (False, True):
         if sharper:
             M = sharp_response(system, there)
@@ -101,7 +105,8 @@ def _proven(system: StableSystem, structure: Structure, Delta: Array, omega: flo
             continue
         claimed = 1 / float(np.linalg.norm(Delta, 2))
         proven = min(said(proven_at(system, structure, Delta, there)), claimed)
-        if proven > 0 and proven >= best.value:  # of two alike, the sharper one is more singular
+        # of two equal bounds, that of the more accurate response is more singular
+        if proven > 0 and proven >= best.value:
             best = Attained(proven, omega, Delta)
         if proven >= PROVEN_SHARE * claimed:
             break
@@ -113,17 +118,18 @@ def destabilised(
     structure: Structure,
     Delta: Array,
     above: float = 0.0,
-    reach: float = BEYOND,
+    reach: float = BEYOND_BORDER,
 ) -> Attained:
-    """The bound of a multiple of Delta, up to `reach`, that begins to destabilise the loop.
+    """The bound proven by the least multiple of Delta, up to `reach`, that destabilises the loop.
 
-    Of value 0 where none does, or none proves a bound worth more than `above`.
+    The value is 0 if no multiple destabilises it, or if none proves a bound worth more than
+    `above`.
     """
     norm = float(np.linalg.norm(Delta, 2))
     none = Attained(0.0, 0.0, Delta)
     if not norm > 0:
         return none
-    # The size at which it must destabilise to be worthwhile, where there is a bound already.
+    # A destabilising multiple is worthwhile only up to this size, where there is a bound already.
     high = reach
     if above > 0:
         high = min(high, 1 / (norm * above * (1 + WORTHWHILE_GAIN)))

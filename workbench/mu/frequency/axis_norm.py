@@ -1,4 +1,4 @@
-"""The largest gain on the boundary of stability, of systems that need not be stable."""
+"""The largest gain on the boundary of stability, for systems that need not be stable."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from workbench.systems.realisation import matrices_of
 def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
     """The largest gain of a system over all frequencies, whether or not it is stable.
 
-    That of a stable system is its H-infinity norm. A pole on the imaginary axis (sampled: on the
-    unit circle), or so near that rounding of the entries may put it there, makes it infinite.
+    For a stable system it is the H-infinity norm. It is infinite if a pole lies on the imaginary
+    axis (sampled: on the unit circle), or so near that rounding of the entries may put it there.
 
     Parameters
     ----------
@@ -72,7 +72,9 @@ def linf_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> SystemNorm:
 
 
 def pole_on_boundary(system: StateSpace) -> complex | None:
-    """A pole that cannot be told from the boundary of stability by discs that contain the poles."""
+    """A pole that may lie on the boundary of stability: a disc known to contain it meets the
+    boundary.
+    """
     A = with_state_units(*matrices_of(system))[0]
     discs = separate_pole_discs(exact(A))
     distance = np.abs(discs.centre) - 1.0 if system.dt else discs.centre.real
@@ -82,7 +84,9 @@ def pole_on_boundary(system: StateSpace) -> complex | None:
 
 @dataclass(frozen=True, eq=False)
 class AxisGainChecker(PartsChecker):
-    """Checks the largest gain of an unstable system by the peak of a stable one with that gain."""
+    """Checks the largest gain of an unstable system by the peak of a stable system with the same
+    gain.
+    """
 
     system: StateSpace
 

@@ -1,4 +1,4 @@
-"""Systems as bounds are easy to prove of: channels of like sizes, balanced states, continuous."""
+"""Systems prepared for proofs: channels of like sizes, balanced states, continuous time."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ from workbench.uncertainty.algebra.reduction import without_channels
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 SELF_ROUNDING = 1e-13
-"""Gain of a channel to itself, without other loops, that rounding may leave where there is none.
-Such a loop is lost at 1e13 times its uncertainty only."""
+"""Gain of a channel to itself, without other loops, that may be mere rounding. A true loop with a
+smaller gain is lost; it would matter only at 1e13 times its uncertainty.
+"""
 FREQUENCIES = 12
 """Frequencies at which the scalings of the channels are compared."""
 
@@ -35,9 +36,9 @@ FREQUENCIES = 12
 def balanced_coordinates(A: RealArray, B: RealArray, C: RealArray) -> RealArray | None:
     """States (n, n), as columns, in which the Gramians of a stable system are equal.
 
-    Proofs on intervals of frequency need eigenvectors that are far from dependent, which those of
-    chains of equal lags are not; these coordinates are better. States that no channel sees come
-    last. None where doubles do not find them.
+    Proofs on intervals of frequency need eigenvectors that are far from dependent. Those of chains
+    of equal lags are nearly dependent; these coordinates are better. States that no channel sees
+    come last. None where doubles do not find them.
     """
     rate = speed(A, B, C)
     try:
@@ -51,10 +52,11 @@ def balanced_coordinates(A: RealArray, B: RealArray, C: RealArray) -> RealArray 
 def even_channels(system: StateSpace, structure: Structure) -> tuple[StableSystem, float]:
     """A stable system in continuous time with channels of like sizes, and its period [s].
 
-    The first channels belong to the structure; the signals of each block are multiplied by a power
-    of two and divided by it, which changes no bound of mu and no perturbation. A sampled system is
-    transformed by s = (2 / T) (z - 1) / (z + 1); the period of another is 0. Its errors enclose the
-    system as given, so that what is proven of it is proven of that one.
+    The first channels belong to the structure. The outputs of each block are multiplied and its
+    inputs divided by the same power of two, which changes no bound of mu and no perturbation. A
+    sampled system is transformed by s = (2 / T) (z - 1) / (z + 1); a continuous one has the period
+    0. The error bounds of the result enclose the given system, so that every proof holds for the
+    given system too.
     """
     rows, columns = np.arange(structure.columns), np.arange(structure.rows)
     parts = system.A, system.B[:, columns], system.C[rows], system.D[rows][:, columns]
@@ -70,7 +72,7 @@ def even_channels(system: StateSpace, structure: Structure) -> tuple[StableSyste
 
 
 def analysed(system: Any) -> UncertainSystem:
-    """The uncertain system; raises InputError for one whose robustness has no meaning."""
+    """The uncertain system; raises InputError if the question of its robustness has no meaning."""
     found = uncertain(system, "system")
     if not found.elements:
         raise InputError("the system has no uncertain element; there is nothing to be robust to")
@@ -83,8 +85,9 @@ def analysed(system: Any) -> UncertainSystem:
 def in_loops(found: UncertainSystem) -> UncertainSystem:
     """The system without repetitions, and without elements that cannot move its poles.
 
-    Such are those that cancel, as k in k - k, and those of which no channel lies in a loop: then
-    det(I - M Delta) has a factor for each loop, and none depends on them.
+    Elements without effect on the poles are those that cancel, as k in k - k, and those with no
+    channel in a loop: det(I - M Delta) is a product with a factor for each loop, and no factor
+    depends on them.
     """
     value = found.reduced().value
     inner = value.blocks[0]
@@ -99,7 +102,9 @@ def in_loops(found: UncertainSystem) -> UncertainSystem:
 
 
 def _powers(plane: StateSpace, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Powers of two for outputs (c,) and inputs (r,): means over frequency of what D does."""
+    """Powers of two for outputs (c,) and inputs (r,), from the median of the D scalings over
+    frequency.
+    """
     omega = frequencies_of(plane)
     omega = omega[:: max(len(omega) // FREQUENCIES, 1)]
     D = upper_bound(response(plane, omega), structure.complexified()).D_left

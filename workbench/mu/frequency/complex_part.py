@@ -1,4 +1,4 @@
-"""A complex part added to real scalars, without which mu is not continuous over frequency."""
+"""A complex part added to real scalars, because mu is not continuous in frequency without it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def with_complex_part(
 ) -> tuple[StableSystem, Structure]:
     """Add a complex scalar of size `complex_part` to every real scalar of a structure.
 
-    Real scalars delta become delta + complex_part * delta_c. The system and structure returned
-    have the added complex blocks last.
+    Real scalars delta become delta + complex_part * delta_c. In the returned system and structure,
+    the added complex blocks come last.
 
     Raises
     ------
@@ -64,7 +64,9 @@ def with_complex_part(
 
 
 def summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
-    """The perturbation of the original system that equals one of the system with complex parts."""
+    """The perturbation of the original system that has the same effect as one of the system with
+    complex parts.
+    """
     whole = Delta[: structure.rows, : structure.columns].copy()
     at = structure.rows, structure.columns
     for block, row, column in zip(
@@ -78,7 +80,8 @@ def summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
 
 
 def separated(Delta: Array, structure: Structure, complex_part: float) -> Array:
-    """The smallest perturbation of the system with complex parts whose sum is Delta (r, c).
+    """The smallest perturbation of the system with complex parts that has the same effect as Delta
+    (r, c).
 
     Each delta = a + j b is t + complex_part * z with real t; |t| and |z| are at most the least
     radius for which both reach it.

@@ -1,4 +1,4 @@
-"""Norms of systems between proven bounds: H-infinity and H2."""
+"""Proven bounds of norms of systems: H-infinity and H2."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import matrices_of
 
 SUM_ROUNDING = 1e-6
-"""Share by which a sum over samples in plain doubles may lie outside the bounds."""
+"""Relative distance by which a sum over samples in plain doubles may lie outside the bounds."""
 NORM_TOLERANCE = 1e-6
-"""Default relative distance of the bounds of a largest gain."""
+"""Default relative distance between the bounds of a largest gain."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SystemNorm(Answer):
     """The norm of a system lies between ``lower`` and ``upper``; both are infinite without one.
 
-    ``omega`` [rad/s] is a frequency of the largest gain, NaN of an H2 norm or without one.
+    ``omega`` [rad/s] is a frequency of the largest gain; NaN for an H2 norm, or if there is no
+    norm.
 
     Examples
     --------
@@ -67,15 +68,15 @@ def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> System
     Parameters
     ----------
     system
-        A StateSpace, TransferFunction or what else has states, of any number of inputs and outputs,
-        in continuous or sampled time.
+        A StateSpace, TransferFunction or other system with states, with any number of inputs and
+        outputs, in continuous or sampled time.
     tolerance
         Relative distance of the bounds.
 
     Raises
     ------
     InputError
-        It is improper, or it cannot be told from rounding whether a pole is stable.
+        The system is improper, or rounding hides whether a pole is stable.
 
     Examples
     --------
@@ -94,11 +95,11 @@ def h_infinity_norm(system: Any, *, tolerance: float = NORM_TOLERANCE) -> System
 
 
 def h2_norm(system: Any) -> SystemNorm:
-    """The H2 norm: the root of the energy of the impulse responses, or of the output's variance.
+    """The H2 norm: the root of the total energy of the impulse responses.
 
-    White noise of intensity 1 (sampled: of variance 1) at all inputs gives outputs of this root
-    mean square. It is infinite unless the system is stable and, in continuous time, without a
-    direct term.
+    It is also the root mean square of the outputs if all inputs are white noise of intensity 1
+    (sampled: of variance 1). It is infinite unless the system is stable and, in continuous time,
+    without a direct term.
 
     Parameters
     ----------
@@ -152,7 +153,8 @@ def _energy(system: StateSpace) -> tuple[float, float]:
     if D.any() and not dt:
         return math.inf, math.inf
     A, B, C, _ = matrices_of(system)
-    # In units of time and of signals, powers of two, in which squares stay within doubles.
+    # Time and signals are scaled by powers of two, so that squares stay within the range of
+    # doubles.
     root = 1.0 if dt else float(np.exp2(np.round(np.log2(speed(A, B, C)) / 2)))
     A, B, C, D = with_state_units(A / root**2, B / root**2, C, D)
     entering, leaving = (np.ldexp(1.0, np.frexp(abs(part).max(initial=0.0))[1]) for part in (B, C))
@@ -166,7 +168,7 @@ def _energy(system: StateSpace) -> tuple[float, float]:
 
 
 class GainChecker(PartsChecker):
-    """Checks an H-infinity norm by the peak that it is."""
+    """Checks an H-infinity norm as the peak of mu of one full complex block."""
 
     @property
     def quantifier(self) -> str:

@@ -20,7 +20,7 @@ from workbench.structure import Real, Structure
 from workbench.systems.range_hints import warn_far_frequencies
 
 INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
-"""What upper bounds of a peak rest on."""
+"""What the upper bound of a peak rests on."""
 
 
 def peak(
@@ -42,7 +42,8 @@ def peak(
     structure
         Blocks of Delta.
     tolerance
-        Relative distance that the bound may lie above the largest upper bound at any one frequency.
+        Relative distance by which the bound may lie above the largest upper bound at any one
+        frequency.
     complex_part
         Complex uncertainty added to every real scalar, as a share of it; see `with_complex_part`.
     band
@@ -115,7 +116,7 @@ def covered(
     at = partial(bounds_at, stable, structure)
     sweep = PeakSweep(stable, structure, band)
     found = refined_bounds(sweep, stable.poles, sweep.settled)
-    # Without G: over frequency these multipliers of real scalars change less.
+    # G is left out: without it, these multipliers of real scalars change less over frequency.
     real = any(isinstance(block, Real) for block in structure)
     plain = partial(bounds_at, stable, structure.complexified()) if real else None
     cover = BandCover(stable, at, tolerance, found, plain, sweep.holds)
@@ -123,7 +124,7 @@ def covered(
 
 
 def _ends(band: Any) -> tuple[float, float]:
-    """The lower and the upper end of a band; raises InputError for what is none."""
+    """The lower and the upper end of a band; raises InputError if it is no band."""
     ends = as_list(band, "band")
     if not (len(ends) == 2 and all(map(is_real, ends)) and 0.0 <= ends[0] < ends[1]):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Bounds of the supremum of mu over frequency, and the checks that prove them without a search."""
+"""Bounds of the supremum of mu over frequency, and checks that prove them without a search."""
 
 from __future__ import annotations
 
@@ -32,11 +32,13 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
 NEAR_SINGULAR = 1e-4
-"""Smallest singular value of I - M Delta, as a share of M Delta, at the frequency of Delta where a
-proof over all frequencies takes the place of one at that frequency."""
+"""Where the smallest singular value of I - M Delta, as a share of M Delta, is above this at the
+frequency of Delta, a proof over all frequencies replaces the proof at that frequency.
+"""
 REPROVEN_LOWER = 1e-9
-"""Share by which a lower bound may exceed what its perturbation proves again, on a machine that
-rounds the loop's realisation in another way."""
+"""Relative excess of a lower bound over a repeated proof that is accepted, since another machine
+rounds the loop's realisation differently.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,12 +47,11 @@ class Peak(Answer):
 
     ``Delta`` (r, c) makes I - M(j omega) Delta singular up to rounding and proves the lower bound;
     it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
-    Delta, or where there is none the frequency of the largest upper bound. ``intervals`` cover the
-    band unless upper is infinite.
-    ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
-    holds for this larger set of perturbations.
-    Of a system with sampling time ``period`` [s] the band ends at half the sampling rate, and
-    intervals are over v = 2 / period tan(omega period / 2).
+    Delta or, without a Delta, that of the largest upper bound. ``intervals`` cover the band unless
+    upper is infinite. ``complex_part`` is the complex uncertainty added to real scalars, as a share
+    of them; the peak holds for this larger set of perturbations. For a system with sampling time
+    ``period`` [s] the band ends at half the sampling rate, and the intervals are in the frequency v
+    = 2 / period tan(omega period / 2).
     """
 
     lower: float
@@ -66,7 +67,8 @@ class Peak(Answer):
 
     @property
     def proof(self) -> PeakProof | None:
-        """What `proves` of `workbench.certify.proofs` proves again; None for an infinite bound.
+        """The proof of the upper bound, for `proves` of `workbench.certify.proofs`; None if it is
+        infinite.
 
         Where there is a complex part, it is a proof for `with_complex_part` of the system.
         """
@@ -81,7 +83,9 @@ class Peak(Answer):
         return low, high
 
     def multipliers(self, structure: Structure) -> tuple[Array, Array, Array] | None:
-        """D_left (c, c), D_right (r, r) and G (r, c) of the proof at ``omega``; None: none."""
+        """D_left (c, c), D_right (r, r) and G (r, c) that prove the bound at ``omega``; None: no
+        proof.
+        """
         of = next((one for one in self.intervals if one.low <= self.omega <= one.high), None)
         if of is not None:
             return of.multipliers(self.omega)
@@ -121,11 +125,11 @@ class PeakChecker(Checker):
         return f"from {low:.6g} to {high:.6g} rad/s, for every perturbation of the structure"
 
     def checks(self, answer: Peak, tolerance: float) -> list[Check]:
-        system, structure, Delta = self._claimed_of(answer)
+        system, structure, Delta = self._claim_parts(answer)
         return peak_checks(system, structure, answer.lower, answer.upper, answer, Delta)
 
     def second_opinion(self, answer: Peak) -> list[Check]:
-        system, structure, Delta = self._claimed_of(answer)
+        system, structure, Delta = self._claim_parts(answer)
         omega = answer.omega
         if isinstance(system, StableSystem):
             system, omega = realised_in_doubles(system), system.plane(omega)
@@ -138,7 +142,7 @@ class PeakChecker(Checker):
 
     def figures(self, answer: Peak) -> dict[str, Figure]:
         """Bounds of mu over frequency, and the level that is proven at every frequency."""
-        system, structure, _ = self._claimed_of(answer)
+        system, structure, _ = self._claim_parts(answer)
         figure = mu_figure(frequency_sweep(system, structure), answer.upper)
         return {"mu": figure}
 
@@ -148,16 +152,20 @@ class PeakChecker(Checker):
     def restored_answer(self, name: str, data: Dataset) -> Peak | None:
         return restored_peak(data, name)
 
-    def _claimed_of(self, answer: Peak) -> tuple[Any, Structure, Array]:
-        """System, structure and perturbation of the claim, with the complex part that it adds."""
+    def _claim_parts(self, answer: Peak) -> tuple[Any, Structure, Array]:
+        """The claim's system, structure and perturbation, with the complex part that the claim
+        adds.
+        """
         if not answer.complex_part:
             return self.system, self.structure, answer.Delta
         larger = with_complex_part(self.system, self.structure, answer.complex_part)
         return *larger, separated(answer.Delta, self.structure, answer.complex_part)
 
 
-def _there(stable: StableSystem, Delta: Array, omega: float) -> bool:
-    """Whether Delta makes the loop singular near omega; a real one may destabilise it elsewhere."""
+def _is_singular_near(stable: StableSystem, Delta: Array, omega: float) -> bool:
+    """Whether Delta makes the loop singular near omega; a real Delta may destabilise it
+    elsewhere.
+    """
     if not Delta.imag.any():
         return True
     turn = stable.response(np.array([stable.plane(omega)]))[0] @ Delta
@@ -189,7 +197,7 @@ def peak_checks(
     lower, upper
         The claimed bounds.
     found
-        What proves them; None: nothing does.
+        The peak that proves them; None: no proof.
     Delta
         The perturbation of the lower bound; None: that of ``found``.
     """
@@ -201,7 +209,7 @@ def peak_checks(
         Delta = found.Delta if Delta is None else Delta
         if lower > 0 and np.isfinite(Delta).all():
             proven = proven_at(stable, structure, Delta, in_plane(found.omega, stable.period))
-            if proven < lower and _there(stable, Delta, found.omega):
+            if proven < lower and _is_singular_near(stable, Delta, found.omega):
                 proven = max(proven, proven_over_frequency(stable, structure, Delta))
     short = 0.0 if lower <= proven else excess(lower, proven)
     return [

@@ -1,4 +1,4 @@
-"""Upper bounds over frequency as the peak needs them: least where they are the largest only."""
+"""Upper bounds over frequency as the peak needs them: least only where they are the largest."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Full, Structure
 
 FIRST_LARGEST, FIRST_SPACING = 8, 16
-"""The first level is the largest bound among those of this many largest responses, and among every
-so-manyth."""
+"""The first level is the largest bound at this many frequencies with the largest responses, and at
+every so-manyth frequency.
+"""
 
 FEW_FREQUENCIES = 100
-"""So few bounds take no time worth saving, except with repeated scalars."""
+"""Up to this many bounds, saving time is not worthwhile, except with repeated scalars."""
 
 
 def with_least_near_top(
     found: FrequencyBounds, structure: Structure, share: float
 ) -> FrequencyBounds:
-    """The bounds, with all that are above a share of the largest as the least ones."""
+    """The bounds, with each bound above a share of the largest replaced by the least one."""
     level = share * float(found.upper.max(initial=0.0))
     loose = ~found.is_least & (found.upper > level)
     if not loose.any():
@@ -36,9 +37,10 @@ def with_least_near_top(
 
 
 class PeakSweep:
-    """Bounds at frequencies whose largest is the least one; all others are only below it.
+    """Bounds at frequencies, of which the largest is the least upper bound; all others are only
+    known to be below it.
 
-    Each call takes the largest bound of those before as the level.
+    Each call takes the largest bound of the calls before as its level.
     """
 
     def __init__(
@@ -50,9 +52,10 @@ class PeakSweep:
         self.system, self.structure, self.band, self.level = system, structure, band, 0.0
 
     def __call__(self, omega: RealArray) -> FrequencyBounds:
-        """Bounds at those of frequencies [rad/s] (F,), increasing, in the band, and at its ends.
+        """Bounds at the increasing frequencies [rad/s] (F,) that lie in the band, and at its ends.
 
-        Larger bounds beyond the band say nothing of the level within.
+        Frequencies beyond the band are left out: larger bounds there say nothing about the level
+        inside.
         """
         low, high = self.band
         omega = omega[(omega >= low) & (omega <= high)]
@@ -79,7 +82,7 @@ class PeakSweep:
         return found if first.all() else found.joined(self._bounded(omega[~first], M[~first]))
 
     def settled(self, found: FrequencyBounds) -> BoolArray:
-        """Whether multipliers of one of two neighbouring frequencies hold at both (F - 1,)."""
+        """Whether the multipliers of one of two neighbouring frequencies hold at both (F - 1,)."""
         place = np.arange(len(found.omega) - 1)
         level = (1 + MAXIMUM_TOLERANCE) * self.level or 1.0
         settled = np.zeros(len(place), bool)

@@ -19,11 +19,13 @@ from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.structure import Structure
 
 SCALINGS_PROVE = "scalings that are functions of frequency prove it"
-"""What upper bounds of such a peak rest on."""
+"""What the upper bound of such a peak rests on."""
 WHOLE_AXIS = (0.0, math.inf)
 """The band [rad/s] of such a peak."""
 REST_TOLERANCE, REST_STEPS = 1e-4, 20
-"""Tolerance and most steps of the intervals that cover what scalings leave open."""
+"""Tolerance, and largest number of steps, for covering by intervals the part of the axis that
+scalings leave open.
+"""
 
 
 def scaled_peak(
@@ -38,7 +40,7 @@ def scaled_peak(
     structure
         Blocks of Delta. Real scalars count as complex ones in the upper bound.
     scalings
-        Of the first blocks.
+        Scalings of the first blocks.
     upper
         The bound to prove.
 
@@ -54,7 +56,7 @@ def scaled_peak(
     if ends is None:
         return None
     sweep = PeakSweep(stable, structure)
-    # Only maxima are refined, for the lower bound: nothing has to be proven between frequencies.
+    # Only maxima are refined, for the lower bound; nothing has to be proven between frequencies.
     found = refined_bounds(sweep, stable.poles, lambda some: np.ones(some.omega.size - 1, bool))
     at = partial(bounds_at, stable, structure)
     cover = BandCover(stable, at, REST_TOLERANCE, found, holds=sweep.holds)

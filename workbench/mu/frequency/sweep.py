@@ -31,9 +31,9 @@ from workbench.systems.conversion import as_system
 from workbench.systems.range_hints import warn_far_frequencies
 
 RESPONSE_ROUNDING = 1e-6
-"""Difference of responses that are computed in two ways, relative."""
+"""Largest relative difference allowed between responses that are computed in two ways."""
 MET = 1e-3
-"""Relative distance at which a lower bound meets the upper one, and no further search is made."""
+"""A lower bound this close to the upper one, relative, is accepted without a further search."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +91,7 @@ def mu_figure(found: Sweep, level: float | None = None) -> Figure:
 
 
 def _same_response(M: ComplexArray, claimed: ComplexArray) -> Check:
-    """The response, relative to its largest entry at each frequency."""
+    """Check of the responses, relative to the largest entry at each frequency."""
     size = np.abs(M).max(axis=(1, 2), initial=0.0)
     apart = np.abs(M - claimed).max(axis=(1, 2), initial=0.0) / np.where(size > 0, size, 1.0)
     statement = "largest difference of the response that was bounded, relative"
@@ -118,7 +118,7 @@ def frequency_sweep(
     lower
         Method of `lower_bound` for the frequencies at which ``"power"`` stays below the upper one.
     executor
-        Where upper bounds are computed, 200 frequencies a task, such as that of
+        Executor that computes the upper bounds, 200 frequencies per task, such as that of
         `workbench.connect`; None: threads. The bounds are the same.
 
     Returns
@@ -170,11 +170,14 @@ def frequency_sweep(
 def _below(
     found: FrequencyBounds, structure: Structure, method: str
 ) -> tuple[RealArray, ComplexArray]:
-    """Lower bounds (F,) and their Deltas; a slower method searches where the fast leaves a gap."""
+    """Lower bounds (F,) and their Deltas; a slower method searches where the fast one leaves a
+    gap.
+    """
     fast = lower_bound(found.M, structure, "power")
     value, Delta = fast.value, fast.Delta
     apart = value < found.upper * (1.0 - MET)
-    if method != "power":  # also without a gap: a method that does not exist is named
+    # called even without a gap, so that the name of a method that does not exist is refused
+    if method != "power":
         searched = lower_bound(found.M[apart], structure, method)
         better = searched.value > value[apart]
         place = np.flatnonzero(apart)[better]
@@ -199,6 +202,7 @@ def bounds_at(
     """Upper bounds at frequencies [rad/s] (F,), increasing."""
     M = system.response(omega)
     bound = upper_bound(M, structure, executor=executor)
-    # Bounds hold for the part of multipliers that the structure allows, so proofs store this part.
+    # Bounds need only the part of the multipliers that the structure allows, so proofs store this
+    # part.
     multipliers = structured(structure, bound.D_left, bound.D_right, bound.G)
     return FrequencyBounds(omega, M, bound.value, *multipliers)

@@ -1,1 +1,1 @@
-"""Loops of one channel in exact arithmetic: crossings, dead time as it is, least distances."""
+"""Loops of one channel in exact arithmetic: crossings, exact dead time, distances from -1."""

@@ -1,4 +1,4 @@
-"""Characteristic functions of loops with dead times, exact from the entries of their parts.
+"""Exact characteristic functions of loops with dead times, from the entries of their parts.
 
 With states x, delayed signals and loop signals as channels, all of them linear in each other by a
 matrix Q, the closed loop's poles are the zeros of
@@ -26,17 +26,17 @@ from workbench.mu.loops.quasi_polynomials import QuasiPolynomial
 
 ZERO = Fraction(0)
 MOST_DELAYS = 8
-"""Most channels with dead time: determinants are as many as their sets."""
+"""Largest number of channels with dead time: one determinant is computed for each set of them."""
 STANDINGS = (fmpq(1), fmpq(1, 2), fmpq(1, 3), fmpq(2, 3), fmpq(3, 7))
-"""Numbers that stand for exponentials, in turn where a determinant is singular with one."""
+"""Numbers put in place of the exponentials; the next one is tried if a determinant is singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class LateChannels:
     """Signals of a loop and how they depend on each other.
 
-    ``Q`` (n + d + c, n + d + c) leads from states, delayed signals and loop signals to the
-    derivatives of the states, to what is delayed, and to the loop signals; ``delays`` (d,) [s].
+    ``Q`` (n + d + c, n + d + c) maps states, delayed signals and loop signals to the derivatives of
+    the states, the signals to be delayed, and the loop signals; ``delays`` (d,) [s].
     """
 
     Q: RealArray
@@ -79,7 +79,8 @@ class LateChannels:
         )
 
     def _combined(self, kept: Sequence[int], standing: fmpq) -> QuasiPolynomial | None:
-        """The polynomials from all sets of delayed channels, a number being each exponential.
+        """The function, from the determinants of all sets of delayed channels, with a number in
+        place of each exponential.
 
         None where a determinant is singular with that number.
         """
@@ -90,7 +91,7 @@ class LateChannels:
             p = self._determinant([n + i for i in sorted(chosen)], kept, standing)
             if p is None:
                 return None
-            for other, part in parts.items():  # what smaller sets already give
+            for other, part in parts.items():  # subtract the contribution of smaller sets
                 if other < chosen:
                     p -= part * standing ** len(other)
             p *= 1 / standing ** len(chosen)
@@ -101,7 +102,9 @@ class LateChannels:
     def _determinant(
         self, late: Sequence[int], kept: Sequence[int], standing: fmpq
     ) -> fmpq_poly | None:
-        """det with these channels only, the late ones times a number; None where singular."""
+        """Determinant with these channels only, the delayed ones times a number; None where
+        singular.
+        """
         n, channels = self.states, [*late, *kept]
         states = range(n)
         A, C = self._part(states, states), self._part(channels, states)

@@ -1,9 +1,9 @@
-"""Loops with dead time of several channels, or not in series: one channel, the others closed.
+"""Loops of one channel with the others closed, for several channels or dead times not in series.
 
-With f the characteristic function of all loops closed, and f_k that with channel k opened, the
-loop of the channel is L = (f - f_k) / f_k, a quotient of quasi-polynomials with exact coefficients.
-Where |L| is 1 and where it is real is found on bands of frequency in balls, so that no crossing is
-missed up to where |L| stays small.
+With f the characteristic function of all loops closed, and f_k that with channel k opened, the loop
+of the channel is L = (f - f_k) / f_k, a quotient of quasi-polynomials with exact coefficients. The
+frequencies where |L| is 1 and where L is real are isolated on bands of frequency in ball
+arithmetic. So no crossing is missed, up to the frequency beyond which |L| stays small.
 """
 
 from __future__ import annotations
@@ -35,19 +35,20 @@ from workbench.mu.loops.quasi_polynomials import (
 )
 
 SLOWEST = 2.0**-60
-"""Least frequency of a crossing beside 0, over the one from which on |L| stays small."""
+"""Least frequency of a nonzero crossing, relative to the frequency beyond which |L| stays small."""
 LEVELS = [2.0**-k for k in range(2, 52, 3)]
-"""|L| down to which crossings of the real axis are told, in turn until a factor above 1 is found:
-with dead time there are endlessly many."""
+"""Crossings of the real axis are reported down to these sizes |L|, in turn until a factor above 1
+is found. With dead time there are infinitely many crossings.
+"""
 ABOVE_LIMIT = 1.5
-"""Least level over the size that |L| keeps at infinite frequency."""
+"""Least level, relative to the size that |L| keeps at infinite frequency."""
 MODULUS_TOLERANCE = 1e-4
-"""Share by which a modulus may be below the least distance."""
+"""Largest relative distance of a proven modulus below the least distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoupledLoops:
-    """Loops that are closed with negative feedback, and what belongs to all of them."""
+    """Loops closed with negative feedback, and quantities that all of them share."""
 
     channels: LateChannels
 
@@ -58,9 +59,10 @@ class CoupledLoops:
 
     @cached_property
     def stable(self) -> bool:
-        """Whether all loops closed are stable, and stay so under rounding.
+        """Whether the system with all loops closed is stable, and remains so under rounding.
 
-        Raises InputError where gains that return with dead time are too large at infinity.
+        Raises InputError if the gains that return with dead time are too large at infinite
+        frequency.
         """
         if zeros_right_of_axis(self.channels.closed) != 0:
             return False
@@ -96,17 +98,19 @@ class CoupledLoop:
 
     @property
     def numerator(self) -> QuasiPolynomial:
-        """N, without what it shares with D."""
+        """N without the factors that it shares with D."""
         return self._quotient[0]
 
     @property
     def denominator(self) -> QuasiPolynomial:
-        """D, without what it shares with N."""
+        """D without the factors that it shares with N."""
         return self._quotient[1]
 
     @cached_property
     def _in_series(self) -> ExactLoop | DelayedLoop | None:
-        """The loop where its dead time is in series with the rest, or has no effect on it."""
+        """The loop as R exp(-s T), if its dead time is in series with the rest or has no effect on
+        it; else None.
+        """
         N, D = self._quotient
         if len(N.terms) > 1 or len(D.terms) > 1:
             return None
@@ -125,14 +129,15 @@ class CoupledLoop:
         return [one for one in found if self._seen(one)]
 
     def real_crossings(self) -> list[Crossing]:
-        """Where L is negative and |L| above a level that shows the nearest factor above 1.
+        """Crossings with L negative and |L| above a level, low enough to show the nearest factor
+        above 1.
 
-        A limit of |L| at infinity that is not 0 is approached there.
+        If |L| does not fall to 0 at infinite frequency, its limit is added as a crossing there.
         """
         if self._in_series:
             return self._in_series.real_crossings()
         start, limit = self._limit_without_delay, self.limit
-        if 2 * start > limit:  # L stays right of the axis from some frequency on
+        if 2 * start > limit:  # beyond some frequency, Re L stays positive
             rest = self.numerator - self.denominator.scaled(start)
             return self._real_above(0.0, self._end(rest, start / 2))
         found: list[Crossing] = []
@@ -143,39 +148,39 @@ class CoupledLoop:
         return [*found, Crossing(math.inf, complex(-limit))] if limit else found
 
     def stable(self) -> bool:
-        """Whether all loops closed are stable, and stay so under rounding."""
+        """Whether the system with all loops closed is stable, and remains so under rounding."""
         return self.whole.stable
 
     def modulus(self) -> float:
-        """A proven lower bound of |1 + L| at all frequencies, near the least one."""
+        """A proven lower bound of |1 + L| over all frequencies, close to the least value."""
         return self.least_delta(1.0, False, MODULUS_TOLERANCE).lower
 
     def exceeds(self, modulus: float) -> bool:
-        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        """Whether |1 + L| is proven to be at least ``modulus`` at every frequency."""
         return modulus <= self.modulus()
 
     def least_delta(self, skew: float, pair: bool, tolerance: float) -> LeastDelta:
-        """Bounds of the least factor of a disk in this channel that breaks the loop."""
-        assert not pair  # two channels are two loops here
+        """Bounds of the least disk factor in this channel that makes the loop unstable."""
+        assert not pair  # here two channels are two loops
         closed = self.numerator + self.denominator
-        # b D + a N with b = a + 1
+        # h = b D + a N with b = a + 1
         h = self.denominator + closed.scaled((skew - 1.0) / 2.0)
         return least_quotient(closed, h, tolerance)
 
     def response(self, omega: RealArray) -> ComplexArray:
-        """L at frequencies [rad/s] (F,), at infinity the limit of its size, negative."""
+        """L at frequencies [rad/s] (F,); at infinity the negative of the limit of its size."""
         with ctx.workprec(BITS):
             values = [self._value(w) if w < math.inf else -self.limit for w in omega.tolist()]
             return np.array([complex(value) for value in values], dtype=complex)
 
     @property
     def longest_delay(self) -> Fraction:
-        """The longest dead time [s] of a way round all loops."""
+        """The longest dead time [s] along a path around all loops."""
         return max(self.whole.channels.closed.terms)
 
     @property
     def limit(self) -> float:
-        """The largest size that |L| has at infinite frequency, of no more than its terms allow."""
+        """An upper bound of |L| at infinite frequency, from the sizes of its terms."""
         n = self.denominator.order
         others = self.denominator.leading(n)
         first = abs(others.pop(min(others)))
@@ -190,38 +195,38 @@ class CoupledLoop:
 
     @property
     def _limit_without_delay(self) -> float:
-        """L at infinite frequency without its terms with delay."""
+        """L at infinite frequency, with all delayed terms left out."""
         N, D = (one.undelayed[self.denominator.order] for one in self._quotient)
         return float(arb(N / D))
 
     def _end(self, above: QuasiPolynomial, share: float) -> float:
-        """A frequency [rad/s] from which on a numerator is below a share of D."""
+        """A frequency [rad/s] beyond which ``above`` stays below a share of D in size."""
         end = radius_where(lambda R: self._is_below(above, self.denominator, share, R))
         assert end is not None
         return end
 
     def _end_of_unit(self) -> float:
-        """A frequency [rad/s] from which on |L| stays on one side of 1."""
+        """A frequency [rad/s] beyond which |L| stays on one side of 1."""
         N, D = self._quotient
         end = radius_where(lambda R: self._is_below(N, D, 1.0, R) or self._is_below(D, N, 1.0, R))
         if end is None:
             raise InputError(
-                f"|L| of channel {self.channel + 1} comes near to 1 at infinite frequency, where "
-                "dead time turns it endlessly: it crosses the unit circle again and again; a lag "
-                "in plant or controller mends it"
+                f"|L| of channel {self.channel + 1} comes close to 1 at infinite frequency, where "
+                "dead time turns L around 0: it crosses the unit circle again and again; add a lag "
+                "to plant or controller"
             )
         return end
 
     def _is_below(
         self, N: QuasiPolynomial, D: QuasiPolynomial, share: float, radius: float
     ) -> bool:
-        """Whether |N| is below a share of |D| from a frequency on."""
+        """Whether |N| is below a share of |D| beyond a radius [rad/s]."""
         n = self.denominator.order
         first, others = D.sums(radius, n)
         return bool(sum(N.sums(radius, n), arb(0)) < share * (first - others))
 
     def _real_above(self, level: float, end: float) -> list[Crossing]:
-        """Where L is negative and |L| above a level, up to a frequency [rad/s]."""
+        """Crossings with L negative and |L| above a level, up to the frequency ``end`` [rad/s]."""
         with ctx.workprec(BITS):
             function = _Imaginary(self.numerator, self.denominator, level)
             omega = [arb(0), *function.roots(SLOWEST * end, end)]
@@ -231,7 +236,7 @@ class CoupledLoop:
 
     @staticmethod
     def _seen(one: Crossing) -> bool:
-        """Whether a gain that is no rounding makes the response -1."""
+        """Whether the crossing is more than rounding, so that a finite gain moves it to -1."""
         return ROUNDINGS * EPS * abs(one.value) < 1.0
 
 
@@ -242,7 +247,9 @@ def _static() -> StateSpace:
 
 
 class _Size(RealFunction):
-    """|N|^2 - |D|^2, left out where |N| is below |D| for any phases of the exponentials."""
+    """|N|^2 - |D|^2; bands are skipped where |N| is below |D| for all phases of the
+    exponentials.
+    """
 
     level = 1.0
 
@@ -270,7 +277,7 @@ class _Size(RealFunction):
 
 
 class _Imaginary(_Size):
-    """Im(N D*), left out where |L| is below a level."""
+    """Im(N D*); bands are skipped where |L| is below a level."""
 
     def __init__(self, N: QuasiPolynomial, D: QuasiPolynomial, level: float) -> None:
         super().__init__(N, D)
@@ -293,7 +300,7 @@ class _Imaginary(_Size):
 
 
 def _slope(f: QuasiPolynomial, g: QuasiPolynomial, low: float, high: float) -> acb:
-    """What holds the derivative of f g* over frequency on a band."""
+    """A ball that contains the derivative of f g* over frequency on a band."""
     j = acb(0, 1)
     band = arb(low).union(arb(high))
     F, G = f.on(low, high), g.on(low, high)

@@ -1,10 +1,10 @@
 """Crossings of a loop's response with the unit circle and the real axis, by exact arithmetic.
 
-Every double is a rational number, so the transfer function of a system is known exactly, and with
-s = j omega both |L|^2 - 1 and the imaginary part of L are polynomials of x = omega^2 over positive
-ones. All their roots are isolated, so that no crossing is missed, and nothing is made of rounding:
-an integrator has its pole at 0. A sampled loop is taken to the plane s = (z - 1) / (z + 1) first,
-which moves z = 1 to 0.
+Every double is a rational number, so the transfer function of a system is known exactly, and with s
+= j omega both |L|^2 - 1 and the imaginary part of L are polynomials of x = omega^2 over positive
+ones. All their roots are isolated: no crossing is missed, and none is an effect of rounding; an
+integrator has its pole exactly at 0. A sampled loop is mapped to the plane s = (z - 1) / (z + 1)
+first, which moves z = 1 to 0.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.axis_poles import pole_may_be_at
 
 PRECISION = 192
-"""Bits in which roots are isolated and responses are evaluated there."""
+"""Precision [bits] at which roots are isolated and responses are evaluated there."""
 MODULUS_ROUNDING = 1e-12
 """Share by which a modulus is rounded down."""
 TOUCHING = 1e-7
-"""Roots x this near to each other or to the real axis, relative to their size, are one crossing:
-a curve that touches its line in exact arithmetic has such roots in doubles."""
+"""Roots x closer than this to each other or to the real axis, relative to their size, count as one
+crossing: a curve that touches its line in exact arithmetic has such roots in doubles.
+"""
 ROUNDINGS = 4
-"""Multiple of the relative rounding error of every entry of the loop's realisation within which a
-response counts as zero."""
+"""A response counts as zero if it could be caused by this multiple of the relative rounding error
+in every entry of the loop's realisation.
+"""
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,12 @@ class ExactLoop:
     period: float
 
     def unit_crossings(self) -> list[Crossing]:
-        """Where |L| is 1, from low to high frequencies."""
+        """Crossings with |L| = 1, from low to high frequencies."""
         L = self.function
         return self._at_roots(exact_square(L.numerator) - exact_square(L.denominator))
 
     def real_crossings(self) -> list[Crossing]:
-        """Where L is real and not 0, from frequency 0 to infinity, or half the sampling rate."""
+        """Crossings with L real and not 0, up to infinity or to half the sampling rate."""
         L = self.function
         inside = self._at_roots(products(L.numerator, L.denominator)[1])
         ends = [self._at_zero(), self._at_infinity()]
@@ -71,7 +73,7 @@ class ExactLoop:
         return sorted((one for one in real if self._seen(one)), key=lambda one: one.omega)
 
     def stable(self) -> bool:
-        """Whether the loop closed with negative feedback is stable, and stays so under rounding."""
+        """Whether the loop with negative feedback is stable, and remains so under rounding."""
         closed = self.function.numerator + self.function.denominator
         degree = max(self.function.numerator.degree(), self.function.denominator.degree())
         if closed.degree() < degree or self.function.denominator.degree() < self.system.nstates:
@@ -85,7 +87,7 @@ class ExactLoop:
         return not any(self.may_be_unstable(omega) for omega in nearest)
 
     def modulus(self) -> float:
-        """The least |1 + L| of a stable loop, from where its derivative is 0, rounded down.
+        """The least |1 + L| of a stable loop, found where its derivative is 0, rounded down.
 
         The polynomials are those of x, and the bound is proven by `exceeds`.
         """
@@ -98,7 +100,7 @@ class ExactLoop:
         return min([*map(float, sizes), *ends]) * (1.0 - MODULUS_ROUNDING)
 
     def exceeds(self, modulus: float) -> bool:
-        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        """Whether |1 + L| is proven to be at least ``modulus`` at every frequency."""
         above, below = self._squares()
         rest = above - exact_rational(modulus) ** 2 * below
         signs = [rest[0], rest[max(rest.degree(), 0)]]
@@ -119,7 +121,7 @@ class ExactLoop:
             return np.array([complex(acb(value)) for value in values], dtype=complex)
 
     def _plane(self, omega: float) -> acb:
-        """s of the plane at a frequency [rad/s] of the loop itself."""
+        """s in the plane, for a frequency [rad/s] of the loop itself."""
         return acb(0, (arb(omega) * self.period / 2).tan() if self.period else arb(omega))
 
     def _at_roots(self, polynomial: fmpq_poly) -> list[Crossing]:
@@ -139,7 +141,7 @@ class ExactLoop:
         return self.function.numerator[power] / self.function.denominator[power]
 
     def _angular(self, x: arb) -> float:
-        """The frequency [rad/s] of the loop itself."""
+        """The frequency [rad/s] of the loop itself, for one in the plane."""
         root = x.sqrt()
         return float(root.atan() * 2 / self.period) if self.period else float(root)
 
@@ -156,7 +158,9 @@ class ExactLoop:
         return Crossing(end, complex(_double(self._ratio(degree))))
 
     def _seen(self, at: Crossing) -> bool:
-        """Whether a gain that is no rounding makes the response -1, and the response is none."""
+        """Whether a crossing is more than rounding: a finite gain moves it to -1, and the response
+        is not all rounding.
+        """
         if not ROUNDINGS * EPS * abs(at.value) < 1.0:  # or a pole, up to rounding
             return False
         if not self.system.nstates or not math.isfinite(at.omega):
@@ -171,7 +175,7 @@ class ExactLoop:
     def _terms(self, omega: float) -> tuple[acb, arb]:
         """The response of the realisation, and the sum of the sizes of its terms.
 
-        Beside a pole that is made of rounding, the resolvent of doubles has no digit.
+        Close to a pole that exists only by rounding, the resolvent in doubles has no correct digit.
         """
         L, n = self.system, self.system.nstates
         turn = arb(omega) * self.period
@@ -185,7 +189,7 @@ class ExactLoop:
         return value, size
 
     def may_be_unstable(self, omega: float, gain: float = 1.0) -> bool:
-        """Whether rounding of the entries of L makes a pole of the loop with a gain at omega."""
+        """Whether rounding of L's entries, with a gain, may put a closed-loop pole at omega."""
         L, factor = self.system, gain / (1.0 + gain * self.system.D[0, 0])
         entries = np.abs(L.A) + abs(factor) * np.abs(L.B) @ np.abs(L.C)
         return pole_may_be_at(self._point(omega), L.A - factor * L.B @ L.C, entries)
@@ -196,7 +200,7 @@ class ExactLoop:
 
 
 def exact_loop(given: Any, L: StateSpace) -> ExactLoop:
-    """The loop with the coefficients of what was given: a transfer function's, or those of L."""
+    """The loop with the exact coefficients of a given transfer function, or of L."""
     import control
 
     if isinstance(given, control.TransferFunction):
@@ -215,19 +219,21 @@ def exact_loop(given: Any, L: StateSpace) -> ExactLoop:
 def _characteristic(
     A: RealArray, B: RealArray, C: RealArray, D: float
 ) -> tuple[fmpq_poly, fmpq_poly]:
-    """Numerator and denominator of a realisation: det(s I - A + B C) + (D - 1) det(s I - A)."""
+    """Exact numerator and denominator of a realisation, by det(s I - A + B C) + (D - 1) det(s I -
+    A).
+    """
     if not len(A):
         return exact_rational(D) * fmpq_poly([1]), fmpq_poly([1])
     n = len(A)
     ratios = [[float(x).as_integer_ratio() for x in part.ravel()] for part in (A, B, C)]
     bits = [max((q.bit_length() - 1 for _, q in part), default=0) for part in ratios]
-    scale = max(bits[0], bits[1] + bits[2])  # of A; B and C share it
+    scale = max(bits[0], bits[1] + bits[2])  # common denominator of A; B and C share theirs
     powers = scale, bits[1], scale - bits[1]
     a, b, c = (
         fmpz_mat(len(part), part.shape[1], [p * (1 << power) // q for p, q in ratio])
         for part, ratio, power in zip((A, B, C), ratios, powers, strict=True)
     )
-    unit = fmpq_poly([0, 1 << scale])  # s to eigenvalues of the matrix of integers
+    unit = fmpq_poly([0, 1 << scale])  # scale s to the eigenvalues of the integer matrix
     poles, zeros = (fmpq_poly(M.charpoly())(unit) / (1 << n * scale) for M in (a, a - b * c))
     return zeros + (exact_rational(D) - 1) * poles, poles
 
@@ -242,11 +248,12 @@ def _bilinear(polynomial: fmpq_poly, order: int) -> fmpq_poly:
 
 
 def positive_roots(polynomial: fmpq_poly) -> list[arb]:
-    """Positive roots, each once, and positive parts of those that are as good as real."""
+    """Positive roots, each once, and positive real parts of roots that are real up to rounding."""
     if polynomial.degree() < 1:
         return []
     found: list[arb] = []
-    roots: Any = polynomial.complex_roots()  # its type in python-flint leaves multiplicities out
+    # python-flint's type annotation leaves multiplicities out
+    roots: Any = polynomial.complex_roots()
     for root, _ in roots:
         x, y = root.real.mid(), root.imag.mid()
         if x > 0 and abs(y) <= TOUCHING * x:

@@ -1,15 +1,15 @@
 """Crossings and stability of a loop L = R exp(-s T) of one channel, R rational and T known.
 
-|L| = |R|, so that its crossings of the unit circle are roots of a polynomial. The phase of L has
-the slope Re(R' / R) - T over frequency, a rational function of omega^2: between its zeros, and the
-frequencies at which R crosses an axis, the phase is monotone within a quadrant of R's, so that no
-crossing of the real axis is missed.
+Since |L| = |R|, crossings of the unit circle are roots of a polynomial. The phase of L has the
+slope Re(R' / R) - T over frequency, a rational function of omega^2: between its zeros, and the
+frequencies at which R crosses an axis, the phase of L is monotone and R stays in one quadrant, so
+that no crossing of the real axis is missed.
 
 The poles of the closed loop right of the axis are counted: those of 1 + R, and for every crossing
 of the unit circle at omega the pairs that cross the axis there at the delays tau + 2 pi m / omega
-up to T, to the right where |R| falls through 1 (K. L. Cooke, P. van den Driessche, On zeroes of
-some transcendental equations, Funkcialaj Ekvacioj 29 (1986) 77-90). With |R| >= 1 at infinity there
-would be endlessly many; such a loop is refused.
+up to T. They cross to the right where |R| falls through 1 (K. L. Cooke, P. van den Driessche, On
+zeroes of some transcendental equations, Funkcialaj Ekvacioj 29 (1986) 77-90). With |R| >= 1 at
+infinity there would be infinitely many crossings; such a loop is refused.
 """
 
 from __future__ import annotations
@@ -41,16 +41,17 @@ from workbench.mu.loops.crossings import (
 from workbench.mu.loops.delayed_modulus import LeastDelta, least_delta, least_distance
 
 HALVINGS = 80
-"""Halvings of the stretch on which a crossing of the real axis lies."""
-ENDS = 3
-"""Crossings of the negative real axis that are told at either end of a stretch on which gain and
-phase are monotone: there are endlessly many in all."""
-SAME = 2.0**-100
-"""Relative distance of roots of several polynomials, such as poles on the axis, that are one."""
-INSIDE = 2.0**-90
-"""Share by which a stretch ends before what bounds it, such as a pole on the axis."""
+"""Number of bisections for a crossing of the real axis within an interval of frequency."""
+CROSSINGS_PER_END = 3
+"""Number of crossings of the negative real axis that are reported at either end of an interval on
+which gain and phase are monotone; in all there are infinitely many.
+"""
+SAME_ROOT = 2.0**-100
+"""Roots of several polynomials within this relative distance are one, such as poles on the axis."""
+END_MARGIN = 2.0**-90
+"""An interval of frequency ends this share before its limit, such as a pole on the axis."""
 BORDER = 2.0**-140
-"""Distance from a whole number at which a count of crossings is not decided."""
+"""A count of crossings this close to a whole number is undecided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +62,22 @@ class DelayedLoop:
     delay: Fraction
 
     def unit_crossings(self) -> list[Crossing]:
-        """Where |L| is 1, from low to high frequencies."""
+        """Crossings with |L| = 1, from low to high frequencies."""
         found = self.rational.unit_crossings()
         values = self.response(np.array([one.omega for one in found]))
         return [Crossing(o.omega, complex(v)) for o, v in zip(found, values, strict=True)]
 
     def real_crossings(self) -> list[Crossing]:
-        """Where L is negative, of endlessly many the nearest to the ends of monotone stretches.
+        """Crossings with L negative; of infinitely many, those at the ends of monotone intervals.
 
-        A limit of |L| at infinity that is not 0 is approached there.
+        If |L| does not fall to 0 at infinite frequency, its limit is added as a crossing there.
         """
         start = self.rational._at_zero()
         found = [start] if start and start.value.real < 0 else []
         with ctx.workprec(PRECISION):
             breaks = [arb(0), *self._breaks()]
             for low, high in zip(breaks, [*breaks[1:], None], strict=True):
-                found += [self._crossing(omega) for omega in self._turned(low, high)]
+                found += [self._crossing(omega) for omega in self._negative_real_omegas(low, high)]
         limit = self._limit
         if limit:
             found.append(Crossing(math.inf, complex(-float(limit))))
@@ -84,7 +85,7 @@ class DelayedLoop:
         return [one for k, one in enumerate(every) if not k or one.omega > every[k - 1].omega]
 
     def stable(self) -> bool:
-        """Whether the loop closed with negative feedback is stable, and stays so under rounding."""
+        """Whether the loop with negative feedback is stable, and remains so under rounding."""
         closed = self._numerator + self._denominator
         hidden = self.rational.function.denominator.gcd(self.rational.function.numerator)
         if not closed[0] or self._limit >= 1 or self._right(hidden) or self._on_axis(hidden):
@@ -94,21 +95,21 @@ class DelayedLoop:
         )
 
     def modulus(self) -> float:
-        """A proven lower bound of |1 + L| at all frequencies, near the least one."""
+        """A proven lower bound of |1 + L| over all frequencies, close to the least value."""
         return least_distance(self._numerator, self._denominator, self.delay, self._tail())
 
     def exceeds(self, modulus: float) -> bool:
-        """Whether |1 + L| is proven to be at least so large at every frequency."""
+        """Whether |1 + L| is proven to be at least ``modulus`` at every frequency."""
         return modulus <= self.modulus()
 
     def least_delta(self, skew: float, pair: bool, tolerance: float) -> LeastDelta:
-        """Bounds of the least factor of a disk that breaks the loop; as `least_delta`."""
+        """Bounds of the least disk factor that makes the loop unstable; see `least_delta`."""
         N, D = self._numerator, self._denominator
         tail = self._tail()
         return least_delta(N, D, self.delay, tail, skew=skew, pair=pair, tolerance=tolerance)
 
     def response(self, omega: RealArray) -> ComplexArray:
-        """L at frequencies [rad/s] (F,), 0 at infinity or the limit of its size, negative."""
+        """L at frequencies [rad/s] (F,); at infinity 0, or minus the limit of its size."""
         with ctx.workprec(PRECISION):
             return np.array(
                 [complex(self._value(arb(w))) if w < math.inf else -float(self._limit)
@@ -117,7 +118,7 @@ class DelayedLoop:
             )  # fmt: skip
 
     def may_be_unstable(self, omega: float, gain: float = 1.0) -> bool:
-        """Whether rounding of the entries of R makes L -1 / gain at a frequency."""
+        """Whether rounding of the entries of R may make L = -1 / gain at a frequency."""
         L = self.rational.system
         size = abs(L.D[0, 0])
         if L.nstates:
@@ -166,7 +167,7 @@ class DelayedLoop:
         return R * acb(0, -omega * arb(self._exact_delay)).exp()
 
     def _flat(self) -> fmpq_poly:
-        """Zero where |R| is stationary, a polynomial of x."""
+        """Polynomial of x whose zeros are the stationary points of |R|."""
         above, below = exact_square(self._numerator), exact_square(self._denominator)
         return above.derivative() * below - above * below.derivative()
 
@@ -176,7 +177,9 @@ class DelayedLoop:
             return max((float(x.sqrt()) for x in positive_roots(self._flat())), default=0.0)
 
     def _breaks(self) -> list[arb]:
-        """Frequencies between which |R| and the phase of L are monotone, and R in a quadrant."""
+        """Frequencies between which |R| and the phase of L are monotone, and R stays in one
+        quadrant.
+        """
         N, D = self._numerator, self._denominator
         even, odd = products(N, D)  # N D* = even + j omega odd
         square = exact_square(N) * exact_square(D)
@@ -186,27 +189,33 @@ class DelayedLoop:
         parts = (even, odd, square, turning, self._flat(), crossed)
         every: list[Any] = [x.sqrt().mid() for part in parts for x in positive_roots(part)]
         every.sort()
-        return [one for k, one in enumerate(every) if not k or one > every[k - 1] * (1 + SAME)]
+        return [one for k, one in enumerate(every) if not k or one > every[k - 1] * (1 + SAME_ROOT)]
 
     # --- crossings of the negative real axis ---------------------------------------------------
 
-    def _turned(self, low: arb, high: arb | None) -> list[arb]:
-        """Frequencies of a stretch at which L is negative, nearest to its ends; None: no end."""
+    def _negative_real_omegas(self, low: arb, high: arb | None) -> list[arb]:
+        """Frequencies in an interval at which L is negative, nearest to its ends; ``high`` None: no
+        end.
+        """
         quadrant = self._quadrant(low * 2 + 1 if high is None else (low + high) / 2)
-        low = low * (1 + INSIDE) if low > 0 else arb(2) ** -PRECISION
+        low = low * (1 + END_MARGIN) if low > 0 else arb(2) ** -PRECISION
         first = float(self._phase(low, quadrant))
         if high is None:
             if not self.delay:
                 return []
-            last = first - 2 * math.pi * (ENDS + 1)
-            high = low + 2 * math.pi * (ENDS + 3) / arb(self._exact_delay)
+            last = first - 2 * math.pi * (CROSSINGS_PER_END + 1)
+            high = low + 2 * math.pi * (CROSSINGS_PER_END + 3) / arb(self._exact_delay)
         else:
-            high = high * (1 - INSIDE)
+            high = high * (1 - END_MARGIN)
             last = float(self._phase(high, quadrant))
         down, up = sorted([first, last])
         turns = range(math.floor((down / math.pi - 1) / 2), math.ceil((up / math.pi - 1) / 2) + 1)
         wanted = [k for k in turns if down < (2 * k + 1) * math.pi < up]
-        chosen = wanted if len(wanted) <= 2 * ENDS else [*wanted[:ENDS], *wanted[-ENDS:]]
+        chosen = (
+            wanted
+            if len(wanted) <= 2 * CROSSINGS_PER_END
+            else [*wanted[:CROSSINGS_PER_END], *wanted[-CROSSINGS_PER_END:]]
+        )
         return [self._at_phase(low, high, (2 * k + 1), quadrant, last < first) for k in chosen]
 
     def _quadrant(self, omega: arb) -> float:
@@ -216,14 +225,14 @@ class DelayedLoop:
         return (math.floor(turn / (math.pi / 2)) + 0.5) * math.pi / 2
 
     def _phase(self, omega: arb, quadrant: float) -> arb:
-        """The phase [rad] of L, its part of R counted from the quadrant's."""
+        """The phase [rad] of L; the phase of R is counted from the middle of its quadrant."""
         s = acb(0, omega)
         above, below = acb_poly(self._numerator)(s), acb_poly(self._denominator)(s)
         R: acb = above * below.conjugate() * acb(0, -quadrant).exp()
         return R.arg().mid() + quadrant - omega * arb(self._exact_delay)
 
     def _at_phase(self, low: arb, high: arb, turns: int, quadrant: float, falls: bool) -> arb:
-        """The frequency at which the phase is so many half turns."""
+        """The frequency at which the phase is this many half turns."""
         wanted = arb.pi() * turns
         for _ in range(HALVINGS):
             middle = ((low + high) / 2).mid()
@@ -240,7 +249,7 @@ class DelayedLoop:
     # --- poles of the closed loop --------------------------------------------------------------
 
     def unstable_poles(self) -> int | None:
-        """Poles of the closed loop right of the axis; None where one is on it, up to BORDER."""
+        """Number of closed-loop poles right of the axis; None if one is within BORDER of it."""
         count = self._right(self._numerator + self._denominator)
         square = exact_square(self._denominator) - exact_square(self._numerator)
         with ctx.workprec(PRECISION):
@@ -258,7 +267,7 @@ class DelayedLoop:
                     return None
                 pairs = max(whole + 1, 0)
                 if abs(turn) <= BORDER and after < before and pairs:
-                    pairs -= 1  # on the axis without delay, and left of it with any
+                    pairs -= 1  # it is on the axis without delay, and left of it with any delay
                 count += (after - before) * pairs
         return count
 
@@ -286,11 +295,11 @@ def _signs_between(polynomial: fmpq_poly, roots: list[arb]) -> list[int]:
 
 
 def _floor(value: arb) -> int:
-    whole: Any = math.floor(_rational(value))  # a fmpz, whose type says nothing
+    whole: Any = math.floor(_rational(value))  # a fmpz, which its annotation does not say
     return int(whole)
 
 
 def _rational(value: arb) -> fmpq:
-    """A dyadic number near to a ball's middle."""
+    """A dyadic rational near the middle of a ball."""
     mantissa, exponent = value.mid().man_exp()
     return fmpq(mantissa) * fmpq(2) ** int(exponent)

@@ -1,8 +1,8 @@
-"""Zeros of a quasi-polynomial right of the axis, counted by its turns about 0.
+"""Number of zeros of a quasi-polynomial right of the axis, from its turns about 0.
 
-Along the axis the turns are added up over bands on each of which the function is proven to lie in a
-half plane. Beyond a radius its highest power without delay is larger than all else, so that on the
-half circle there it turns as that power does.
+Along the axis the turns are added up over bands, on each of which the function is proven to lie in
+a half plane. Beyond a radius, its highest power without delay is larger than all other terms
+together, so that on the half circle there the function turns as that power does.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from workbench.errors import InputError
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
 MOST_BANDS = 40_000
-"""Most bands that are examined; where they do not suffice, a zero is on the axis or beside it."""
+"""Largest number of bands; if they do not suffice, a zero is on the axis or very close to it."""
 EXPONENT = 1000
-"""Power of 2 of the largest radius that is tried, and of the reciprocal of the smallest."""
+"""The largest radius tried is 2 to this power, and the smallest its reciprocal."""
 
 
 def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
     """The number of zeros with a positive real part; None where one may be on the axis.
 
-    Raises InputError as `need_decaying`.
+    Raises InputError as `need_decaying` does.
     """
     with ctx.workprec(BITS):
         n, end = f.order, need_decaying(f)
-        turned = _turned(f, end)
+        turned = _turn_angle(f, end)
         if turned is None:
             return None
         top = f.at(end) / (f.undelayed[n] * acb(0, end) ** n)
@@ -37,10 +37,10 @@ def zeros_right_of_axis(f: QuasiPolynomial) -> int | None:
 
 
 def need_decaying(f: QuasiPolynomial) -> float:
-    """A radius beyond which the highest power without delay is larger than all else.
+    """A radius beyond which the highest power without delay dominates all other terms.
 
-    Raises InputError where there is none: there are endlessly many zeros right of the axis then, or
-    they come as near to it as one likes.
+    Raises InputError if there is none: then infinitely many zeros lie right of the axis, or zeros
+    come arbitrarily close to it.
     """
     end = radius_where(lambda R: _dominates(f, R))
     if end is None:
@@ -48,16 +48,16 @@ def need_decaying(f: QuasiPolynomial) -> float:
         first = sizes.pop(Fraction(0))
         raise InputError(
             f"the gains that return with dead time add up to {sum(sizes.values()) / first:.6g} at "
-            "infinite frequency: the closed loop has endlessly many unstable poles, or may be on "
-            "their border; below 1 is needed, as a lag in plant or controller makes it"
+            "infinite frequency: the closed loop has infinitely many unstable poles, or may be on "
+            "the border to that; make the sum less than 1, for instance by a lag"
         )
     return end
 
 
 def radius_where(holds: Callable[[float], bool]) -> float | None:
-    """The least power of 2 from which on a condition holds; None where it never does.
+    """The least power of 2 from which on a condition holds; None if it never does.
 
-    What holds at a radius holds beyond it.
+    The condition must be monotone: if it holds at a radius, it holds beyond it.
     """
     low, high = -EXPONENT, EXPONENT
     if not holds(math.ldexp(1.0, high)):
@@ -73,8 +73,8 @@ def _dominates(f: QuasiPolynomial, radius: float) -> bool:
     return bool(others < first)
 
 
-def _turned(f: QuasiPolynomial, end: float) -> arb | None:
-    """The angle [rad] by which f turns from 0 to a frequency; None where a zero may be passed."""
+def _turn_angle(f: QuasiPolynomial, end: float) -> arb | None:
+    """The angle [rad] by which f turns from 0 to a frequency; None if a zero may lie on the way."""
     total, bands = arb(0), [(0.0, end)]
     for _ in range(MOST_BANDS):
         if not bands:

@@ -1,8 +1,8 @@
-"""Roots of a real function of frequency, isolated by its values and slopes on bands.
+"""Roots of a real function of frequency, isolated by bounds of its value and slope on bands.
 
-A band is left out where the function is proven not to be 0, and has one root at most where its
-slope is proven not to be 0. Where neither is proven of bands as narrow as digits go, the function
-touches 0 or nearly does.
+A band is skipped where the function is proven not to be 0, and has at most one root where the slope
+is proven not to be 0. If neither can be proven on the narrowest bands that the precision allows,
+the function touches 0 or nearly does.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ from typing import Any
 from flint import arb
 
 NARROW = 2.0**-32
-"""Relative width of a band that is not halved: two roots so near to each other are told as one, as
-a curve that touches its line in exact arithmetic has such in doubles."""
+"""Relative width of a band that is not halved any more. Two roots so close to each other are
+reported as one, since a curve that touches its line in exact arithmetic has such roots in doubles.
+"""
 TOUCHED = 2.0**-50
-"""Value, over the sum of the sizes of its terms, up to which a function touches 0."""
+"""The function touches 0 if its value, divided by the sum of the sizes of its terms, is below
+this.
+"""
 HALVINGS = 90
-"""Halvings of a band with one root."""
+"""Number of bisections of a band with one root."""
 
 
 class RealFunction(ABC):
-    """A real function of frequency [rad/s], by balls."""
+    """A real function of frequency [rad/s], evaluated in balls."""
 
     @abstractmethod
     def at(self, omega: Any) -> arb:
@@ -34,11 +37,11 @@ class RealFunction(ABC):
 
     @abstractmethod
     def excluded(self, low: float, high: float) -> bool:
-        """Whether the band has no root, or is not asked for."""
+        """Whether the band has no root, or its roots are not wanted."""
 
     @abstractmethod
     def slope(self, low: float, high: float) -> arb:
-        """What holds the derivative on a band."""
+        """A ball that contains the derivative on a band."""
 
     def roots(self, low: float, high: float) -> list[arb]:
         """Roots in (low, high], from low to high."""

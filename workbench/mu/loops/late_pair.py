@@ -1,4 +1,4 @@
-"""The channels of a plant and a controller with known dead time, all else nominal."""
+"""The channels of a nominal plant and a nominal controller with known dead time."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 def late_pair(G: UncertainSystem, K: UncertainSystem) -> CoupledLoops:
-    """The loops u = -K y, y = G u; channels are the plant's inputs and then its outputs.
+    """The loops of u = -K y, y = G u; the channels are the plant's inputs and then its outputs.
 
-    Raises InputError where the loop is not well posed, has too many dead times, or where gains that
+    Raises InputError if the loop is not well posed or has too many dead times, or if the gains that
     return with dead time are too large at infinite frequency.
     """
     late = dead_times({**G.elements, **K.elements})
@@ -27,7 +27,7 @@ def late_pair(G: UncertainSystem, K: UncertainSystem) -> CoupledLoops:
     states = [k for k, name in enumerate(whole.names) if name == INTEGRATOR]
     delayed = [k for k, name in enumerate(whole.names) if name in late]
     outputs, inputs = r + np.arange(p + m), r + np.arange(m + p)
-    # Outputs are y = G u and K y; what they lead to are the inputs u = -K y and y.
+    # The outputs are y = G u and K y. They are fed back to the inputs y and u = -K y.
     rows = [*states, *delayed, *outputs[p:], *outputs[:p]]
     Q = whole.M[np.ix_(rows, [*states, *delayed, *inputs])].copy()
     Q[len(Q) - m - p : len(Q) - p] *= -1.0

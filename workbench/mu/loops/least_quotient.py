@@ -1,7 +1,7 @@
-"""The least |f / h| along the axis of two quasi-polynomials, by branch and bound over frequency.
+"""The least |f / h| of two quasi-polynomials along the axis, by branch and bound over frequency.
 
 With the skew e, b = (1 + e) / 2 and a = b - 1, a channel's factor of `workbench.mu.margins.disk`
-breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 that is the distance of L
+breaks a loop L = N / D with |delta| = |N + D| / |b D + a N|; for e = 1 this is the distance of L
 from -1.
 """
 
@@ -14,24 +14,25 @@ from itertools import pairwise
 
 from flint import acb, arb, ctx
 
-from workbench.mu.loops.delayed_modulus import MOST, ROUNDED, LeastDelta, least_double
+from workbench.mu.loops.delayed_modulus import MOST_BANDS, OUTWARD_SHARE, LeastDelta, least_double
 from workbench.mu.loops.encirclements import EXPONENT, radius_where
 from workbench.mu.loops.quasi_polynomials import BITS, QuasiPolynomial
 
-FIRST = 16
-"""Bands of frequency that double, with which the search begins."""
-TRIED = 80
-"""Frequencies at which a small value is looked for first, in half octaves."""
+FIRST_BANDS = 16
+"""Number of first bands; each is twice as wide as the one before."""
+TRIED_OMEGAS = 80
+"""Number of frequencies, half an octave apart, at which a small value is searched for first."""
 FARTHEST = 2.0**EXPONENT
-"""Stands for an infinite radius."""
+"""Radius that stands for infinity."""
 LIMIT_SHARE = 2.0**-30
-"""Share by which bounds beyond a radius may be below those at infinity."""
+"""Relative distance by which bounds beyond a radius may be below the value at infinity."""
 
 
 def least_quotient(f: QuasiPolynomial, h: QuasiPolynomial, tolerance: float) -> LeastDelta:
     """Bounds of the least |f / h|, for f without zeros on the axis; infinite where h is 0.
 
-    Frequencies are halved until the bounds are as near as ``tolerance``, relative, or too many.
+    Bands are halved until the bounds agree to ``tolerance``, relative, or the number of bands is
+    too large.
     """
     with ctx.workprec(BITS):
         if not any(h.terms.values()):
@@ -44,15 +45,15 @@ class _Search:
         self.f, self.h = f, h
 
     def least(self, share: float) -> LeastDelta:
-        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._tried())])
-        wanted = min(first[0] * share, self._beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
-        end = radius_where(lambda R: self._beyond(R) >= wanted)
+        first = min([(self._limit(), math.inf), *((self._at(w), w) for w in self._first_omegas())])
+        wanted = min(first[0] * share, self._bound_beyond(FARTHEST) * (1.0 - LIMIT_SHARE))
+        end = radius_where(lambda R: self._bound_beyond(R) >= wanted)
         assert end is not None
-        edges = [0.0, *(end * 2.0**-k for k in range(FIRST, -1, -1))]
+        edges = [0.0, *(end * 2.0**-k for k in range(FIRST_BANDS, -1, -1))]
         bands = [(self._below(low, high), low, high) for low, high in pairwise(edges)]
         heapq.heapify(bands)
         taken = min(first, (self._at(0.0), 0.0))
-        for _ in range(MOST):
+        for _ in range(MOST_BANDS):
             bound, low, high = bands[0]
             middle = (low + high) / 2
             taken = min(taken, (self._at(middle), middle))
@@ -60,17 +61,18 @@ class _Search:
                 break
             heapq.heapreplace(bands, (self._below(low, middle), low, middle))
             heapq.heappush(bands, (self._below(middle, high), middle, high))
-        return LeastDelta(min(bands[0][0], self._beyond(end), taken[0]), *taken)
+        return LeastDelta(min(bands[0][0], self._bound_beyond(end), taken[0]), *taken)
 
-    def _tried(self) -> list[float]:
-        """Frequencies at which a small value is looked for first."""
-        end = radius_where(lambda R: self._beyond(R) > 0)
-        return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED)]
+    def _first_omegas(self) -> list[float]:
+        """Frequencies at which a small value is searched for first."""
+        end = radius_where(lambda R: self._bound_beyond(R) > 0)
+        return [] if end is None else [end * 2.0 ** (-k / 2) for k in range(TRIED_OMEGAS)]
 
     def _limit(self) -> float:
-        """A value that is approached at infinite frequency, where all delays are near whole turns.
+        """A value of the quotient that is approached at infinite frequency, where all delays are
+        close to whole turns.
 
-        Of a single delay, near half turns too.
+        With a single delay, half turns are tried too.
         """
         n = self.f.order
         found = []
@@ -83,8 +85,8 @@ class _Search:
         delays = {T for one in (self.f, self.h) for T in one.leading(n)} - {Fraction(0)}
         return min(found) if len(delays) == 1 else found[0]
 
-    def _beyond(self, end: float) -> float:
-        """A lower bound of the quotient from a frequency on."""
+    def _bound_beyond(self, end: float) -> float:
+        """A lower bound of the quotient beyond a frequency."""
         (first, others), parts = (one.sums(end, self.f.order) for one in (self.f, self.h))
         least, most = first - others, sum(parts, arb(0))
         if not least > 0:
@@ -94,14 +96,14 @@ class _Search:
     def _at(self, omega: float) -> float:
         """The quotient at a frequency, rounded up."""
         f, h = abs(self.f.at(omega)), abs(self.h.at(omega))
-        return float((f / h).abs_upper()) * (1 + ROUNDED) if h > 0 else math.inf
+        return float((f / h).abs_upper()) * (1 + OUTWARD_SHARE) if h > 0 else math.inf
 
     def _below(self, low: float, high: float) -> float:
         """A lower bound of the quotient on a band."""
         F, H = self.f.on(low, high), self.h.on(low, high)
         sizes = self.f.sizes(low, high)[0], self.h.sizes(low, high)[1]
         plain = F.abs_lower() / H.abs_upper(), sizes[0] / sizes[1]
-        bound = max(self._beyond(low) if low else 0.0, *map(least_double, plain))
+        bound = max(self._bound_beyond(low) if low else 0.0, *map(least_double, plain))
         if not abs(H) > 0:
             return bound
         band, m = arb(low).union(arb(high)), (arb(low) + arb(high)) / 2

@@ -1,8 +1,8 @@
 """Sums of polynomials times exponentials, sum p_k(s) exp(-s T_k), in exact and in ball arithmetic.
 
 The characteristic function of a loop with dead times is one: its zeros are the closed loop's poles.
-On a band of the imaginary axis it is enclosed by its mean value form, and in size by the sizes of
-its terms where the exponentials turn far.
+On a band of the imaginary axis it is enclosed by its mean value form; where the exponentials turn
+by a large angle, its size is bounded by the sizes of its terms.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class QuasiPolynomial:
         return QuasiPolynomial({T: exact * p for T, p in self.terms.items() if factor})
 
     def over(self, common: fmpq_poly) -> QuasiPolynomial:
-        """The function over a polynomial that divides all of its terms."""
+        """The function divided by a polynomial that divides all of its terms."""
         return QuasiPolynomial({T: p // common for T, p in self.terms.items()})
 
     @property
@@ -62,7 +62,7 @@ class QuasiPolynomial:
         return QuasiPolynomial({T: p for T, p in slopes.items() if p})
 
     def __getstate__(self) -> dict[str, Any]:
-        """What goes to another process: balls are made there."""
+        """State for another process: the balls are left out, since they are made there again."""
         return {"terms": self.terms}
 
     @cached_property
@@ -70,7 +70,7 @@ class QuasiPolynomial:
         return [(arb(_exact(T)), acb_poly(p)) for T, p in self.terms.items()]
 
     def at(self, omega: Any) -> acb:
-        """The value at s = j omega, of a number or a ball [rad/s]."""
+        """The value at s = j omega; omega [rad/s] is a number or a ball."""
         s = acb(0, arb(omega))
         total = acb(0)
         for T, p in self._balls:
@@ -78,7 +78,7 @@ class QuasiPolynomial:
         return total
 
     def on(self, low: float, high: float) -> acb:
-        """What holds the values on a band of frequency [rad/s]."""
+        """A ball that contains the values on a band of frequency [rad/s]."""
         plain = self.at(arb(low).union(arb(high)))
         middle = (arb(low) + arb(high)) / 2
         centred = self.at(middle.mid()) + self.derivative.at(arb(low).union(arb(high))) * acb(
@@ -98,8 +98,8 @@ class QuasiPolynomial:
     def sums(self, radius: Any, order: int) -> tuple[arb, arb]:
         """Bounds of f(s) / s^order for |s| >= radius right of the axis and on it.
 
-        The first is the size of the term of that power without delay, the second a bound of all
-        others, which does not grow with the radius.
+        The first bound is the size of the term with that power and no delay. The second one bounds
+        all other terms together; it does not grow with the radius.
         """
         R = arb(radius)
         first, parts = self._absolute(order)
@@ -122,14 +122,17 @@ class QuasiPolynomial:
         return {}
 
     def leading(self, order: int) -> dict[Fraction, float]:
-        """What f(s) / s^order tends to, a factor of each exponential, by delay."""
+        """Limit of f(s) / s^order at infinity: the factor of each exponential, by delay."""
         return {T: float(arb(p[order])) for T, p in self.terms.items() if p[order]}
 
 
 def without_common_factor(
     N: QuasiPolynomial, D: QuasiPolynomial
 ) -> tuple[QuasiPolynomial, QuasiPolynomial]:
-    """The same quotient N / D; where it is one of polynomials and one exponential, as that."""
+    """The quotient N / D with common factors removed.
+
+    If the quotient is a rational function times one exponential, it is returned in that form.
+    """
     if not N.terms:
         return N, QuasiPolynomial({Fraction(0): fmpq_poly([1])})
     T0 = min(N.terms)

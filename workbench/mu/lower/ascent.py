@@ -24,7 +24,7 @@ from workbench.mu.lower.realise import (
 )
 
 BFGS_STEPS = 60
-"""Most BFGS steps of one ascent."""
+"""Largest number of BFGS steps in one ascent."""
 STEP_LENGTHS = 8
 """Step lengths tried in one BFGS step, each 0.3 times the one before."""
 BLOCKED_LENGTHS = 3
@@ -32,17 +32,24 @@ BLOCKED_LENGTHS = 3
 SETTLED_GAIN = 1e-9
 """An ascent ends when a step raises the eigenvalue by less than this share."""
 SAME_DELTA = 0.03
-"""An ascent leads to a known Delta if it comes as near to it as this."""
+"""Two Deltas count as the same if no entries differ by more than this; an ascent ends at a known
+Delta.
+"""
 P, G, TRIAL, NEW, D, MOVED, CHANGE, HY, HELD, BOUNDED = range(10)
-"""Rows of the parameters and the gradient, of those that are tried, of the direction, of the last
-move, of the change of the gradient, of the inverse Hessian times that, and of marks: 1 for a
-parameter that is held at its bound, and for one that has bounds, as those of real blocks have."""
+"""Rows of the workspace: parameters, gradient, both of the trial point, direction, last move,
+change of the gradient, inverse Hessian times that change, and two rows of marks. A mark is 1 for a
+parameter that is held at its bound, and for one that has bounds, as those of real blocks do.
+"""
 INVERSE = 10
 """First row of the inverse Hessian of -lambda."""
 FRESH: bool = np.bool_(True)  # type: ignore[assignment]
-"""An ascent forgets its Hessian. Numba would compile once more for a constant of Python."""
+"""The ascent starts without its Hessian. A NumPy bool, because Numba would compile once more for a
+Python constant.
+"""
 UNKNOWN_GAIN = 1e-6
-"""Another ascent with a new unknown follows one that raised the eigenvalue by this share."""
+"""A further ascent with a new unknown follows an ascent that raised the eigenvalue by at least this
+share.
+"""
 
 
 @compiled
@@ -79,7 +86,9 @@ def _distance(first, second):  # type: ignore[no-untyped-def]
 
 @inlined
 def polished_perturbation(M, table, delta, value, w):  # type: ignore[no-untyped-def]
-    """Make a real eigenvalue real to rounding; Delta is kept where that does not succeed."""
+    """Move Delta so that a nearly real eigenvalue is real to rounding; Delta is kept if that
+    fails.
+    """
     set_sensitivity(M, w)
     there = w[LOOP + 2 * w.shape[1] :]
     copy_delta(delta, there)
@@ -98,7 +107,8 @@ def climb(M, table, delta, value, known, w, v):  # type: ignore[no-untyped-def]
 
     An ascent stops when a real block that is the unknown reaches an end of its interval; another
     ascent with a new unknown follows. ``known`` are the values (K,) and Deltas (K, rows, columns)
-    at which ascents ended before. One that comes near such a Delta from below ends with its value.
+    at which ascents ended before. An ascent that comes near such a Delta from below ends with its
+    value.
     """
     last = len(table)
     for _ in range(len(table)):
@@ -115,7 +125,7 @@ def climb(M, table, delta, value, known, w, v):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def _value_near(delta, best, known):  # type: ignore[no-untyped-def]
-    """The known value (0: none), no less than the best so far, at a Delta near this one."""
+    """The known value at a Delta near this one, if it is no less than the best so far; 0: none."""
     values, deltas = known
     for k in range(len(values)):
         if best <= values[k] and _distance(delta, deltas[k]) < SAME_DELTA:
@@ -204,8 +214,8 @@ def _climb_once(M, table, delta, value, free, known, w, v):  # type: ignore[no-u
 def _set_direction(v, best, fresh):  # type: ignore[no-untyped-def]
     """Set the direction of the next step, and return its first length.
 
-    0 where the gradient vanishes, -1 where the direction does not ascend. A fresh start forgets
-    the Hessian.
+    The length is 0 where the gradient vanishes, and -1 where the direction does not ascend.
+    ``fresh`` resets the Hessian.
     """
     count, slope, largest = v.shape[1], 0.0, 0.0
     for i in range(count):

@@ -59,7 +59,9 @@ def eigenvectors(A, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def eigenvalue_sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
-    """The q with d lambda = q* (d Delta) x for eigenvectors x, y of M Delta; 0 where defective."""
+    """The q with d lambda = q* (d Delta) x for eigenvectors x, y of M Delta; 0 for a defective
+    eigenvalue.
+    """
     product = np.vdot(y, x)
     q = np.conj(M.T) @ y
     if abs(product) < 1e-13:
@@ -144,7 +146,9 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
 
 @compiled
 def rotated(M, delta):  # type: ignore[no-untyped-def]
-    """Size of the largest eigenvalue of M Delta; Delta is turned in place to make it real."""
+    """Size of the largest eigenvalue of M Delta; Delta is turned in place so that it is real and
+    positive.
+    """
     values = np.linalg.eigvals(M @ delta)
     value = values[np.argmax(np.abs(values))]
     size = abs(value)
@@ -170,7 +174,7 @@ def _turned_radius(M_real, M_other, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def attained(M, table, delta):  # type: ignore[no-untyped-def]
-    """The largest real eigenvalue found along a direction with complex blocks, 0 for none.
+    """The largest real eigenvalue found along a direction with complex blocks; 0: none.
 
     ``delta`` is changed in place to the Delta that has it. The phase is eliminated: lambda is an
     eigenvalue for some phase where the spectral radius of (lambda I - M D_real)^-1 M D_other is 1.
@@ -205,7 +209,9 @@ def attained(M, table, delta):  # type: ignore[no-untyped-def]
 
 @compiled
 def innermost(table, delta):  # type: ignore[no-untyped-def]
-    """The real block farthest inside its interval; -1 where all real blocks are at the ends."""
+    """Index of the real block farthest inside its interval; -1 if all real blocks are at the
+    ends.
+    """
     place, least = -1, 1.0
     for k in range(len(table)):
         kind, r, _, c, _ = table[k]

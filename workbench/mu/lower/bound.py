@@ -30,9 +30,8 @@ def lower_bound(
     -------
     LowerBound
         ``value`` (...) and ``Delta`` (..., rows, columns), no larger than 1 / value. Where nothing
-        was found, or nothing that could be proven, the value is 0 and Delta is NaN. Its
-        `certificate` is made when somebody asks for it. `MuLowerBound` says how little a lower
-        bound means where all blocks are real.
+        was proven, the value is 0 and Delta is NaN. The `certificate` is made when it is first
+        asked for. `MuLowerBound` says how little a lower bound means where all blocks are real.
 
     Raises
     ------

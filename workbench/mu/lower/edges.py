@@ -19,14 +19,16 @@ from workbench.mu.lower.realise import NO_BLOCK, set_block, set_loop
 MOST_POINTS = 64
 """Largest number of vertices, with the points that divide intervals, whose edges are searched."""
 REPEATED_POINTS = 9
-"""Points of the interval of a repeated block."""
+"""Number of points that divide the interval of a repeated block."""
 LEVELS = 48
-"""Levels of lambda at which determinants are computed."""
+"""Number of levels of lambda at which determinants are computed."""
 
 
 @unchecked_kernel
 def point_count(table):  # type: ignore[no-untyped-def]
-    """Number of vertices and points between; more than MOST_POINTS says that edges are too many."""
+    """Number of vertices and points between them; more than MOST_POINTS means that the edges are
+    too many.
+    """
     count = 1
     for k in range(len(table)):
         count *= 2 if table[k, 2] == 1 else REPEATED_POINTS
@@ -37,10 +39,10 @@ def point_count(table):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def set_point(table, point, skipped, share, delta):  # type: ignore[no-untyped-def]
-    """Set Delta to a point of the grid, the block ``skipped`` a share of a step further.
+    """Set Delta to a point of the grid, with the block ``skipped`` moved on by a share of a step.
 
-    Returns the number of points by which the neighbour along that block is further; 0 where the
-    point is the last along it.
+    Returns the distance in point numbers to the neighbour along that block; 0 where the point is
+    the last one along it.
     """
     stride, step = 1, 0
     for k in range(len(table)):

@@ -27,32 +27,39 @@ from workbench.solvers import Options, Outcome
 from workbench.structure import Real, Structure
 
 FEW_STARTS, MANY_STARTS = 8, 32
-"""Most starts from which `"power"` and `"best"` make ascents."""
+"""Largest number of starts from which `"power"` and `"best"` make ascents."""
 RUN_KINDS = "MLHL"
-"""Kinds of run that lead to the starts, in turn: real blocks move in a power iteration (M), or are
-held, in a power iteration (H) or at a level (L)."""
+"""Kinds of runs that lead to starts, in turn. M: power iteration in which real blocks move; H:
+power iteration with held real blocks; L: search for an eigenvalue near a level, with held real
+blocks.
+"""
 RUN_LEVELS = 0.8, 1.8
-"""Levels at which an eigenvalue is looked for, as multiples of the best known one."""
+"""Levels at which an eigenvalue is searched for, as multiples of the best known one."""
 AGREEING_ASCENTS = {"mixed": 16, "complex": 8, "real": 6}
-"""Ascents that must reach the best value before a search ends early, by the kinds of block."""
+"""A search ends early once this many ascents have reached the best value, by the kinds of
+blocks.
+"""
 FEWEST_AGREEING, AGREEING_ROWS = 3, 64
-"""As many ascents must agree in any case, but for large matrices no more than so many over the
-number of rows: the larger the matrix, the fewer ascents reach the same value."""
+"""At least FEWEST_AGREEING ascents must agree, and for large matrices no more than AGREEING_ROWS
+over the number of rows: the larger the matrix, the fewer ascents reach the same value.
+"""
 MOST_COMPLEX_VERTICES = 8
-"""Most vertices of real blocks at which a complex matrix is looked at for real eigenvalues."""
+"""Largest number of vertices of real blocks that are searched for real eigenvalues of a complex
+matrix.
+"""
 NONLINEAR_STARTS = 6
-"""Random starts of the nonlinear program."""
+"""Number of random starts of the nonlinear program."""
 RUNNERS_UP = 2
-"""Earlier proposals for a matrix that are tried where the best one is not proven."""
+"""Number of earlier proposals for a matrix that are tried if the best one cannot be proven."""
 DEADLINE_MATRICES = 250
-"""Matrices computed between two checks of the deadline."""
+"""Number of matrices computed between two checks of the deadline."""
 
 FoundEigenvalue = tuple[float, np.ndarray]
 """A real eigenvalue of M Delta (0: none found) and its Delta."""
 
 
 def _has_real(program: MuLowerBound) -> str | None:
-    """Why a method for real blocks cannot take the program; None where it can."""
+    """Why a method for real blocks cannot take the program; None if it can."""
     if any(isinstance(block, Real) for block in program.structure):
         return None
     return "the structure has no real block; use 'power' or 'best'"
@@ -63,7 +70,7 @@ def proposals(
 ) -> LowerBound:
     """What ``"power"`` or ``"best"`` proposes for matrices (B, columns, rows), not proven.
 
-    Nothing that stands on it may be called a bound before the kernel has proven it.
+    A proposal may be called a bound only after the kernel has proven it.
     """
     search = _Search(MuLowerBound(M, structure), Context(options or Options()))
     {"power": _power_search, "best": _best_search}[method](search)
@@ -131,7 +138,9 @@ class _Search:
         self._earlier: list[list[FoundEigenvalue]] = [[] for _ in self.M]
 
     def ascend(self, count: int, agree: int) -> None:
-        """Keep the best of ascents from so many starts; fewer where so many agree."""
+        """Keep the best of ``count`` ascents; the search ends earlier once ``agree`` of them
+        agree.
+        """
         starts = self.varied_starts(count)
         places = range(0, len(self.M), DEADLINE_MATRICES)
         chunks = [slice(place, place + DEADLINE_MATRICES) for place in places]
@@ -145,7 +154,9 @@ class _Search:
         return unit_starts(count, self.structure.rows, rng), reals
 
     def varied_starts(self, count: int) -> tuple[np.ndarray, ...]:
-        """Starts of `search_batch` in turn: with moving real blocks, held ones, held at a level."""
+        """Starts of `search_batch` of three kinds in turn: real blocks move, are held, or are held
+        at a level.
+        """
         vectors, reals = self.starts(count)
         real = np.array([isinstance(block, Real) for block in self.structure])
         moving, levels = np.ones(count, bool), np.zeros(count)
@@ -161,19 +172,19 @@ class _Search:
         return vectors, reals, moving, levels
 
     def improve(self, chunk: slice, values: np.ndarray, deltas: np.ndarray) -> None:
-        """Keep values and Deltas of a chunk where they are better than those known."""
+        """Keep the values and Deltas of a chunk that are better than the known ones."""
         for index in np.flatnonzero(values > self.value[chunk]):
             self._keep(chunk.start + index, values[index], deltas[index])
 
     def each(self, description: str, find: Callable[[int], FoundEigenvalue]) -> None:
-        """Keep what `find` gives for each matrix where it is better than what is known."""
+        """Keep the result of `find` for each matrix whose known proposal it improves."""
         for index in self._context.track(range(len(self.M)), description):
             value, delta = find(index)
             if value > self.value[index]:
                 self._keep(index, value, delta)
 
     def _keep(self, index: int, value: float, delta: np.ndarray) -> None:
-        """Keep a better proposal for a matrix, and the last ones before it."""
+        """Keep a better proposal for a matrix, and also the last few earlier ones."""
         if self.value[index] > 0:
             before = *self._earlier[index], (self.value[index], self.delta[index].copy())
             self._earlier[index] = list(before[-RUNNERS_UP:])
@@ -193,10 +204,10 @@ class _Search:
         return max(found, key=lambda one: one[0])
 
     def from_exact_vertices(self) -> Callable[[int], FoundEigenvalue]:
-        """A function that gives the best Delta of one matrix with real blocks at their ends.
+        """Function that gives the best Delta of one matrix with all real blocks at their ends.
 
-        For real blocks only. A real M has eigenvalues there that are exactly real, and a complex
-        one may have some.
+        For structures of real blocks only. There a real M has exactly real eigenvalues; a complex M
+        may have some.
         """
         sizes = [block.rows for block in self.structure]
         few, many = (
@@ -212,7 +223,7 @@ class _Search:
         return find
 
     def from_nonlinear(self, context: Context) -> Callable[[int], FoundEigenvalue]:
-        """A function that gives the best Delta of one matrix found by the nonlinear program."""
+        """Function that gives the best Delta of one matrix found by the nonlinear program."""
         nonlinear = NonlinearSearch(self.structure, context)
 
         def find(index: int) -> FoundEigenvalue:
@@ -226,7 +237,7 @@ class _Search:
         return unscaled(self.value, self.delta, self._exponent)
 
     def _proven(self, M: np.ndarray, Delta: np.ndarray) -> np.ndarray:
-        """Bounds (B,) that Deltas prove, none above what the size of its Delta says; 0 for none."""
+        """Bounds (B,) that Deltas prove, each at most 1 over the size of its Delta; 0: no proof."""
         proven = proven_bounds(M, self.structure, Delta)
         size = np.linalg.norm(np.where(proven[:, None, None] > 0, Delta, 1.0), 2, axis=(1, 2))
         return np.minimum(said(proven), 1 / size)

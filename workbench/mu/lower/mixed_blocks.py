@@ -54,7 +54,7 @@ def gain_bound(
     Returns
     -------
     value, Delta
-        0 and zeros where no real eigenvalue was found.
+        0 and zeros if no real eigenvalue was found.
     """
     count = sum(isinstance(block, Real) for block in structure)
     half = sign_patterns(count, rng, MOST_VERTICES // 4)

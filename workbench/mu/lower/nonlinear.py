@@ -136,7 +136,7 @@ class NonlinearSearch:
         return value, trial
 
     def _places(self) -> list[tuple[int, slice, slice, Any]]:
-        """Number, rows, columns and block of each block."""
+        """Index, rows, columns and block of each block."""
         s = self._structure
         return list(zip(range(len(s)), s.row_slices, s.column_slices, s, strict=True))
 

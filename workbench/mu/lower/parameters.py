@@ -25,7 +25,7 @@ def set_parameters(delta, table, v, p):  # type: ignore[no-untyped-def]
             v[p, at] = min(max(delta[r, c].real, -1.0), 1.0)
             at += 1
         elif table[k, 0] == FULL:
-            # The largest row of u v* has the direction of v*; then u is what the dyad makes of v.
+            # The largest row of u v* has the direction of v*; then u is the dyad times v.
             row, most = r, -1.0
             for i in range(r, r + nr):
                 total = 0.0

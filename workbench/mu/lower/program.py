@@ -30,8 +30,7 @@ class LowerBound(Answer):
     """Proven lower bounds (...,) of mu and the Deltas (..., rows, columns) that prove them.
 
     Within rounding errors of each Delta lies one that makes I - M Delta exactly singular and is no
-    larger than 1 / value. Where the value is 0 nothing was found, or nothing that could be proven,
-    and Delta is NaN.
+    larger than 1 / value. Where nothing was proven, the value is 0 and Delta is NaN.
     """
 
     value: np.ndarray
@@ -144,7 +143,7 @@ class MuLowerBound(Program):
         return checks
 
     def _misfit(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:
-        """Number of blocks that are not of their kind plus number of entries outside blocks."""
+        """Number of blocks of the wrong kind, plus number of nonzero entries outside blocks."""
         wrong, outside = 0, Delta.copy()
         places = zip(
             self.structure, self.structure.row_slices, self.structure.column_slices, strict=True
@@ -164,7 +163,7 @@ class MuLowerBound(Program):
         return float(np.linalg.norm(Delta, 2)) * value - 1
 
     def _excess(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:
-        """The value over the bound that Delta proves, less 1; infinite for no proof."""
+        """The value over the bound that Delta proves, less 1; infinite without a proof."""
         proven = proven_bound(balls(M), self.structure, Delta)
         return value / proven - 1 if proven else np.inf
 

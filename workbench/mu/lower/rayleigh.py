@@ -15,19 +15,21 @@ import numpy as np
 
 from workbench.compiled import unchecked_kernel
 
-# Of NumPy: for each integer of Python that a function is given, Numba compiles it once more.
+# NumPy integers: Numba would compile a function once more for each Python integer that it is given.
 X, Y, Q = np.arange(3)
 """Rows of the right and left eigenvectors of M Delta, and of the eigenvalue's sensitivity q."""
 KEPT, BEST = np.array([3, 5])
-"""First of two rows each: eigenvectors to return to, and those of the best Delta."""
+"""First of two rows each: the eigenvectors to return to, and the eigenvectors of the best Delta."""
 EFFECTS, EXCHANGES = np.array([7, 8])
 """Rows of the effects q* x of blocks, and of the row exchanges of the elimination."""
 B, U = np.array([9, 10])
 """Rows of the two vectors of Delta's outputs in a power iteration."""
 LOOP = np.int64(11)
-"""First row of M Delta. After it follow its factors, and a Delta that is tried."""
+"""First row of M Delta. Its factors follow, and then a trial Delta."""
 TINY_PIVOT = 1e-15
-"""A pivot below this share of the largest entry is replaced by it: the shift is an eigenvalue."""
+"""A pivot below this share of the largest entry is replaced by that value: the shift is an
+eigenvalue then.
+"""
 
 
 @unchecked_kernel
@@ -136,9 +138,11 @@ def _solve(w, n):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def rayleigh_step(w, n, shift):  # type: ignore[no-untyped-def]
-    """Improve the eigenvectors of M Delta (n, n) at an estimate of the eigenvalue; the new one.
+    """Improve the eigenvectors of M Delta (n, n) at an estimate of the eigenvalue; return the new
+    eigenvalue.
 
-    NaN where the vectors have become orthogonal, as those of a defective eigenvalue are.
+    NaN if the left and right vectors have become orthogonal, as those of a defective eigenvalue
+    are.
     """
     _factor(w, n, shift)
     _solve(w, n)

@@ -17,9 +17,9 @@ from workbench.mu.lower.attain import block_table, turned
 from workbench.structure import Structure
 
 MOST_VERTICES = 128
-"""Most vertices that are tried; for more than eight real blocks they are drawn at random."""
+"""Largest number of vertices tried; with more than eight real blocks they are drawn at random."""
 EDGE_POINTS = 9, 129
-"""Least and most points of an edge at which eigenvalues are followed."""
+"""Least and largest number of points on an edge at which eigenvalues are followed."""
 EDGE_POINT_BUDGET = 1024
 """Number of points aimed at over all edges together."""
 REFINED_STARTS = 12
@@ -31,7 +31,7 @@ REAL_BLOCK_EIGENVALUE_TOLERANCE = 1e-13
 def sign_patterns(count: int, rng: np.random.Generator, limit: int = MOST_VERTICES) -> np.ndarray:
     """Vertices (P, count) of [-1, 1]^count up to a common sign.
 
-    All of them if they are at most `limit`, else a random choice.
+    All of them if there are at most `limit`; otherwise a random choice.
     """
     if 2 ** (count - 1) <= limit:
         return np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=count - 1)])
@@ -92,8 +92,8 @@ def edge_candidates(
 ) -> list[tuple[float, int, np.ndarray]]:
     """Points on edges of the box where the imaginary part of an eigenvalue changes its sign.
 
-    Each is an estimate of the real eigenvalue, the number of the block inside its interval, and
-    the diagonal of Delta.
+    Each is an estimate of the real eigenvalue, the index of the block inside its interval, and the
+    diagonal of Delta.
     """
     found = []
     count = EDGE_POINT_BUDGET // (len(sizes) * len(vertices))

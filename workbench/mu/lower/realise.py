@@ -1,8 +1,8 @@
 """Turn a nearby Delta into one for which M Delta has a real eigenvalue, by Newton's method.
 
 The unknown of Im lambda = 0 is the common phase of the complex blocks or the value of one real
-block, as in `workbench.mu.lower.attain`; but the eigenvalue is followed and not looked for among
-all, which takes a tenth of the time.
+block, as in `workbench.mu.lower.attain`; but one eigenvalue is followed, instead of being searched
+for among all, which takes a tenth of the time.
 """
 
 from __future__ import annotations
@@ -22,26 +22,29 @@ from workbench.mu.lower.rayleigh import (
 )
 
 NEWTON_STEPS = 12
-"""Most Newton steps towards a real eigenvalue."""
+"""Largest number of Newton steps towards a real eigenvalue."""
 REAL_BLOCK_ADVANTAGE = 3.0
 """A real block replaces the phase as the unknown if its effect is larger by this factor."""
 SEARCH_TOLERANCE, FINAL_TOLERANCE = 1e-10, 1e-14
 """Largest imaginary part of an eigenvalue that counts as real, as a share of its size: while Deltas
 are compared, and for the Delta that is returned."""
 NO_BLOCK: int = np.int64(-1)  # type: ignore[assignment]
-"""In place of the number of a real block. Numba would compile once more for an integer of Python.
+"""Stands for the absence of a real block. A NumPy integer, because Numba would compile once more
+for a Python integer.
 """
 FOLLOWED_CHANGE = 1e-5
-"""A Rayleigh quotient has settled once it changes by less than this share: its error is then of
-the order of the cube."""
+"""A Rayleigh quotient has settled once it changes by less than this share: its remaining error is
+of the order of the cube of that change.
+"""
 
 
 @compiled
 def workspace(table, rows, columns):  # type: ignore[no-untyped-def]
     """Arrays for searches with a structure of this `block_table` and size.
 
-    The first holds vectors and matrices, complex, as `workbench.mu.lower.rayleigh` numbers them;
-    the second vectors of parameters, real, as `workbench.mu.lower.ascent` numbers them.
+    The first array is complex and holds vectors and matrices, numbered as in
+    `workbench.mu.lower.rayleigh`; the second one is real and holds vectors of parameters, numbered
+    as in `workbench.mu.lower.ascent`.
     """
     count, width = 0, max(rows, columns)
     for k in range(len(table)):
@@ -71,9 +74,9 @@ def set_loop(M, table, delta, w):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def followed(M, table, delta, near, w):  # type: ignore[no-untyped-def]
-    """The eigenvalue of M Delta that is followed, after one more step from an estimate of it.
+    """The eigenvalue of M Delta nearest to an estimate, after one more Rayleigh step.
 
-    NaN where it is 0 or cannot be followed. Sets x, y, q and M Delta of the workspace.
+    NaN if it is 0 or cannot be followed. Sets x, y, q and M Delta of the workspace.
     """
     set_loop(M, table, delta, w)
     value = rayleigh_step(w, len(M), near)
@@ -153,7 +156,7 @@ def blocks_of(table):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def best_unknown(table, delta, w):  # type: ignore[no-untyped-def]
-    """The best unknown to keep the eigenvalue real: a real block, or NO_BLOCK for the phase."""
+    """The best unknown for keeping the eigenvalue real: a real block, or NO_BLOCK for the phase."""
     place, most = NO_BLOCK, REAL_BLOCK_ADVANTAGE * abs(phase_effect(delta, table, w).real)
     for k in range(len(table)):
         if table[k, 0] == REAL:
@@ -166,7 +169,7 @@ def best_unknown(table, delta, w):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def realise(M, table, delta, near, free, tolerance, w):  # type: ignore[no-untyped-def]
-    """Move Delta until the eigenvalue that is followed is real.
+    """Move Delta until the followed eigenvalue is real.
 
     Parameters
     ----------

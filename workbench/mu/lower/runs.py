@@ -1,8 +1,8 @@
 """Runs that lead from random vectors to a Delta for which M Delta has a real eigenvalue.
 
-A power iteration aligns the complex blocks. Real blocks are held at a vertex, or moved as the
-power iteration of mixed mu does. With real blocks only, the best Delta of the linearised problem is
-taken again and again instead. What remains of the imaginary part is removed by the real blocks
+A power iteration aligns the complex blocks. Real blocks are held at a vertex, or moved as in the
+power iteration of mixed mu. With real blocks only, the best Delta of the linearised problem is
+taken repeatedly instead. The remaining imaginary part is removed by moving all real blocks
 together.
 
 Sources: A. Packard, M. Fan and J. Doyle, "A power method for the structured singular value",
@@ -38,28 +38,35 @@ from workbench.mu.lower.realise import (
 )
 
 POWER_STEPS, FIRST_STEPS = 20, 1
-"""Most steps of a power iteration that settles, and of one that only starts a run at a level."""
+"""Largest number of steps of a power iteration that runs until it settles, and of one that only
+starts a run at a level.
+"""
 ALIGNING_STEPS = 6
-"""Steps that align complex blocks with the eigenvalue next to a level."""
+"""Number of steps that align complex blocks with the eigenvalue next to a level."""
 SETTLED_CHANGE = 1e-2
-"""A power iteration ends when its vectors change by less; an ascent follows."""
+"""A power iteration ends when its vectors change by less than this; an ascent follows."""
 LINEARISED_STEPS = 6
-"""Most steps to the best Delta of the linearised problem of real blocks."""
+"""Largest number of steps to the best Delta of the linearised problem of real blocks."""
 RESTORING_STEPS = 15
-"""Most steps that remove the imaginary part of an eigenvalue."""
+"""Largest number of steps that remove the imaginary part of an eigenvalue."""
 HELD = np.bool_(False)
-"""Real blocks do not move. Numba would compile once more for a constant of Python."""
+"""Real blocks do not move. A NumPy bool, because Numba would compile once more for a Python
+constant.
+"""
 NEARLY_REAL = 1e-3
-"""Share of an eigenvalue that its imaginary part may have where Newton's method takes over."""
+"""Newton's method takes over once the imaginary part of an eigenvalue is below this share of its
+size.
+"""
 
 
 @unchecked_kernel
 def realised_run(M, table, reals, moving, level, delta, order, w):  # type: ignore[no-untyped-def]
-    """A real eigenvalue (0: none) of the Delta at the end of one run, which is set.
+    """Set Delta by one run, and return its real eigenvalue (0: none).
 
-    The run starts from the rows B and U of the workspace and from values of the real blocks,
-    ``reals`` (blocks,), which it changes if ``moving``. A positive ``level`` is where it looks for
-    the eigenvalue, instead of following the power iteration. Its eigenvectors are left in X and Y.
+    The run starts from rows B and U of the workspace and from values of the real blocks, ``reals``
+    (blocks,), which it changes if ``moving``. If ``level`` is positive, the run searches for the
+    eigenvalue next to it; otherwise it follows the power iteration. The eigenvectors are left in X
+    and Y.
     """
     some_complex = blocks_of(table)[1]
     steps = FIRST_STEPS if level > 0 else POWER_STEPS
@@ -83,7 +90,7 @@ def realised_run(M, table, reals, moving, level, delta, order, w):  # type: igno
 
 @unchecked_kernel
 def _power_run(M, table, reals, moving, steps, delta, w):  # type: ignore[no-untyped-def]
-    """Growth at the end of a power iteration (0: it vanished); sets Delta, x and y."""
+    """Growth at the end of a power iteration (0: the vectors vanished); sets Delta, x and y."""
     columns, rows = M.shape
     growth = 0.0
     for i in range(columns):
@@ -164,8 +171,9 @@ def _align(table, reals, moving, delta, w):  # type: ignore[no-untyped-def]
 def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
     """Estimate of an eigenvalue (0: lost) after steps that align the complex blocks with it.
 
-    It is the one next to a level, with the real blocks held. Where complex blocks are weakly
-    coupled, or real ones repeated, there are large real eigenvalues that no power iteration finds.
+    The eigenvalue is the one next to a level, with the real blocks held. Where complex blocks are
+    weakly coupled, or real blocks repeated, there are large real eigenvalues that no power
+    iteration finds.
     """
     value = 0j
     for _ in range(ALIGNING_STEPS):
@@ -182,9 +190,10 @@ def _aligned(M, table, reals, level, delta, w):  # type: ignore[no-untyped-def]
 def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def]
     """Estimate of a real eigenvalue after steps to the best Delta of the linearised problem.
 
-    For real blocks only. lambda is near sum a_k t_k with effects a_k; the largest real value of
-    that with |t_k| <= 1 has t_k = sign Re((1 + i nu) a_k) for all but one block, a linear program
-    that sorting the ratios Re a_k / Im a_k solves. ``order`` (blocks,) is for that.
+    For real blocks only. lambda is near sum a_k t_k with effects a_k. The largest real value of
+    that sum with |t_k| <= 1 has t_k = sign Re((1 + i nu) a_k) for all but one block; this linear
+    program is solved by sorting the ratios Re a_k / Im a_k. ``order`` (blocks,) is scratch space
+    for sorting.
     """
     for _ in range(LINEARISED_STEPS):
         value = followed(M, table, delta, near, w)
@@ -203,7 +212,8 @@ def _linearised(M, table, delta, near, order, w):  # type: ignore[no-untyped-def
                 j -= 1
             order[j] = k
         # With nu below all ratios, t_k Im a_k is positive for every k. One block after the other
-        # changes its sign until the sum would be negative: that block stays between.
+        # changes its sign until the sum would be negative: that block takes a value between its
+        # ends.
         total, change, passed = 0.0, 0.0, False
         for place in range(len(table)):
             k = order[place]

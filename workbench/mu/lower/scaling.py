@@ -75,7 +75,7 @@ def _times_power(M: np.ndarray, exponent: np.ndarray) -> np.ndarray:
 
 
 def _channels(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the scalings that belong to each row and to each column of Delta."""
+    """Index of the scaling that belongs to each row and to each column of Delta."""
     row: list[int] = []
     column: list[int] = []
     count = 0

@@ -23,11 +23,13 @@ from workbench.mu.lower.realise import (
 from workbench.mu.lower.runs import realised_run
 
 SAME_VALUE = 1e-6
-"""Ascents whose ends differ by less than this share agree."""
+"""Ascents agree if their final values differ by less than this share."""
 REFINED_EDGES = 12
 """Number of the most promising edges from which ascents start."""
 KNOWN_ENDS = 6
-"""Number of the highest ends of ascents that are kept, so that others to them need not finish."""
+"""Number of the best final points of ascents that are kept, so that later ascents to the same
+points can stop early.
+"""
 
 
 @compiled
@@ -46,10 +48,10 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
     moving
         Whether a run moves the real blocks (S,).
     levels
-        Where a run looks for an eigenvalue, as a multiple of the best known one (S,); 0: a power
-        iteration leads to it.
+        Level at which a run searches for an eigenvalue, as a multiple of the best known one (S,);
+        0: the run is a power iteration.
     agree
-        The search ends early when so many ascents have reached the best value.
+        The search ends early once this many ascents have reached the best value.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def search_batch(Ms, table, starts, start_reals, moving, levels, agree):  # type
 
 @unchecked_kernel
 def _keep(value, delta, known):  # type: ignore[no-untyped-def]
-    """Keep the end of an ascent, unless it is known, in place of the lowest one."""
+    """Keep the end of an ascent in place of the lowest one kept, unless it is known already."""
     values, deltas = known
     lowest = 0
     for k in range(len(values)):
@@ -122,7 +124,7 @@ def _keep(value, delta, known):  # type: ignore[no-untyped-def]
 
 @unchecked_kernel
 def _search_edges(M, table, least, delta, polynomials, determinants, found, w):  # type: ignore[no-untyped-def]
-    """Set the crossings of edges above the level of what is known."""
+    """Set ``found`` to the crossings on edges above the level already known."""
     count = point_count(table)
     set_polynomials(M, table, count, delta, polynomials, w)
     # The norms of M bound its spectral norm, and that bounds mu.
@@ -139,7 +141,7 @@ def _search_edges(M, table, least, delta, polynomials, determinants, found, w): 
 
 @inlined
 def _edge_start(M, table, crossing, delta, least, w):  # type: ignore[no-untyped-def]
-    """The real eigenvalue (0: none above the least) of an edge's estimate; Delta is set."""
+    """The real eigenvalue (0: none above ``least``) near an estimate on an edge; sets Delta."""
     if not crossing[0] > least * (1 + SAME_VALUE):
         return 0.0
     block = int(crossing[2])

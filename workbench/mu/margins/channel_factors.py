@@ -1,4 +1,4 @@
-"""Gain, phase and delay of one channel of a loop as one more real parameter t, the last.
+"""Gain, phase and delay of one channel of a loop as one more real parameter t, the last one.
 
 The gain alone is a factor 1 + t or 1 / (1 + t), and the phase alone is (1 + j t) / (1 - j t) with
 t = tan(phi / 2). A delay is a phase that grows with frequency (`workbench.mu.margins.set_delay`).
@@ -16,7 +16,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 def _channel(loop: UncertainSystem, channel: int) -> StateSpace:
-    """The perturbations' channels and one of the loop's, in which what is added returns."""
+    """The perturbations' channels, and the loop channel in which the added signal returns."""
     whole, structure = loop.system, loop.structure
     out = [*range(structure.columns), structure.columns + channel]
     into = [*range(structure.rows), structure.rows + channel]
@@ -25,12 +25,12 @@ def _channel(loop: UncertainSystem, channel: int) -> StateSpace:
 
 
 def with_rise(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
-    """The factor 1 + t in a channel: t times the signal is added."""
+    """Factor 1 + t in a channel: t times the signal is added to it."""
     return _channel(loop, channel), Structure((*loop.structure, Real(1, "t")))
 
 
 def with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
-    """The factor 1 / (1 + t) in a channel: t times what leaves it is taken away."""
+    """Factor 1 / (1 + t) in a channel: t times the outgoing signal is subtracted."""
     one = _channel(loop, channel)
     B, D = one.B.copy(), one.D.copy()
     B[:, -1] *= -1.0
@@ -40,20 +40,22 @@ def with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structur
 
 
 def with_phase(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
-    """The factor (1 + j t) / (1 - j t) in a channel: 2 w is added, with w = j t (v + w)."""
-    return _turned(loop, channel, np.eye(1))
+    """Factor (1 + j t) / (1 - j t) in a channel: 2 w is added, with w = j t (v + w)."""
+    return _in_series(loop, channel, np.eye(1))
 
 
 def with_delay(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
-    """The square of the factor of `with_phase`: the second one turns what the first one gives."""
-    return _turned(loop, channel, np.array([[1.0, 0.0], [2.0, 1.0]]))
+    """The factor of `with_phase` twice in series: the second one turns the output of the first."""
+    return _in_series(loop, channel, np.array([[1.0, 0.0], [2.0, 1.0]]))
 
 
-def _turned(loop: UncertainSystem, channel: int, series: RealArray) -> tuple[StateSpace, Structure]:
-    """Factors in series, of which number i sees v + sum_k series[i, k] w_k.
+def _in_series(
+    loop: UncertainSystem, channel: int, series: RealArray
+) -> tuple[StateSpace, Structure]:
+    """Factors in series; factor i sees the signal v + sum_k series[i, k] w_k.
 
-    Each signal is two, its real and its imaginary part, and j is a matrix J. What is added in the
-    channel is 2 sum w_k, with w_i = t J (v + ...).
+    Each signal has two components, its real and its imaginary part, and j is a matrix J. The sum 2
+    sum w_k is added in the channel, with w_i = t J (v + ...).
     """
     one, n = _channel(loop, channel), len(series)
     into, out = np.ones((1, n)), np.ones((n, 1))
@@ -73,7 +75,7 @@ def _turned(loop: UncertainSystem, channel: int, series: RealArray) -> tuple[Sta
 
 
 def _doubled(block: Block) -> Block:
-    """A block of signals of two parts each."""
+    """A block of the same kind for signals with two components each."""
     if isinstance(block, Full):
         return Full(2 * block.outputs, 2 * block.inputs, block.name)
     if isinstance(block, Real):

@@ -1,7 +1,7 @@
 """Gain, phase, delay and modulus margins of a loop, with every crossing.
 
 The crossings are roots of polynomials with exact coefficients, so that none is missed and none is
-made of rounding (see `workbench.mu.loops.crossings`).
+an effect of rounding (see `workbench.mu.loops.crossings`).
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ NOT_TOLD = "the data do not tell whether the closed loop is stable"
 class ClassicalMargins(Answer):
     """Every crossing of a loop that is closed with negative feedback, and the least margins.
 
-    ``gains`` (K, 2): factors on the loop's gain with which the closed loop has a pole at a
-    frequency [rad/s]. ``phases_deg`` (K, 2): phase margin [deg] at each frequency with |L| = 1;
-    negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] with which the
-    closed loop has a pole at each of these. ``modulus`` is the distance of L from -1, a proven
-    lower bound; 0 where the loop is not ``stable``, or where rounding of its entries decides that.
-    ``dt`` [s] is the sampling time, 0 in continuous time.
+    ``gains`` (K, 2): gain factors that put a pole of the closed loop on the axis, each with the
+    frequency [rad/s] of that pole. ``phases_deg`` (K, 2): phase margin [deg] at each frequency with
+    |L| = 1; negative ones are margins against lead. ``delays`` (K, 2): the least delay [s] that
+    puts a pole of the closed loop at each of these frequencies. ``modulus`` is the distance of L
+    from -1, a proven lower bound; 0 if the loop is not ``stable``, or if rounding of its entries
+    decides on stability. ``dt`` [s] is the sampling time, 0 in continuous time.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class ClassicalMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest factors below and above 1; 0 and infinity where there is none."""
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         return nearest_factors(self.gains)
 
     @property
@@ -73,7 +73,7 @@ class ClassicalMargins(Answer):
 
     @property
     def phase_deg(self) -> float:
-        """The least phase margin [deg], negative against lead; infinite without a crossing."""
+        """The least phase margin [deg]; negative against lead, infinite without a crossing."""
         return least_phase(self.phases_deg)
 
     @property
@@ -82,7 +82,7 @@ class ClassicalMargins(Answer):
         return least_delay(self.delays)
 
     def lines(self) -> list[str]:
-        """The least margins with their frequencies, a line each."""
+        """The least margins with their frequencies, one per line."""
         low, high = (f"{factor:.4g}{_at(self.gains, factor)}" for factor in self.gain)
         late = delay_in_words(self.delay, self.dt)
         return [
@@ -99,31 +99,31 @@ class ClassicalMargins(Answer):
 
 
 def nearest_factors(gains: RealArray) -> tuple[float, float]:
-    """The nearest factors below and above 1 of a table of crossings; 0 and infinity without one."""
+    """The nearest factors below and above 1 in a table of crossings; 0 and infinity if none."""
     factors = gains[:, 0]
     low = factors[factors < 1].max(initial=0.0)
     return float(low), float(factors[factors > 1].min(initial=math.inf))
 
 
 def least_phase(phases: RealArray) -> float:
-    """The phase of least size of a table of crossings; infinite without one."""
+    """The phase of least size in a table of crossings; infinite for an empty table."""
     return float(min(phases[:, 0], key=abs, default=math.inf))
 
 
 def least_delay(delays: RealArray) -> float:
-    """The least delay of a table of crossings; infinite without one."""
+    """The least delay in a table of crossings; infinite for an empty table."""
     return float(delays[:, 0].min(initial=math.inf))
 
 
 def least_db(gain: tuple[float, float]) -> float:
-    """The least change of a gain, down or up to a factor [dB]."""
+    """The least change of a gain [dB], given the nearest factors below and above 1."""
     low, high = gain
     with np.errstate(divide="ignore"):
         return float(20 * min(np.log10(high), -np.log10(max(low, 0.0))))
 
 
 def delay_in_words(delay: float, dt: float) -> str:
-    """A delay [s] in words, of a sampled loop in samples too."""
+    """A delay [s] in words; for a sampled loop in samples too."""
     return f"{delay:.4g} s ({delay / dt:.4g} samples)" if dt else f"{delay:.4g} s"
 
 
@@ -133,7 +133,7 @@ def in_both_units(omega: float) -> str:
 
 
 def _at(rows: RealArray, value: float) -> str:
-    """Where a margin of a table is met."""
+    """The frequency at which a margin of a table occurs, in words."""
     omega = rows[rows[:, 0] == value, 1]
     return f" at {in_both_units(float(omega[0]))}" if omega.size else ""
 
@@ -144,14 +144,14 @@ def classical_margins(loop: Any) -> ClassicalMargins:
     Parameters
     ----------
     loop
-        L: StateSpace or TransferFunction, in continuous or sampled time; or what holds one. Known
-        dead time (`workbench.uncertainty.delay`) counts exactly as it is.
+        L: StateSpace or TransferFunction, in continuous or sampled time; or an object that holds
+        one. Known dead time (`workbench.uncertainty.delay`) is treated exactly.
 
     Raises
     ------
     InputError
-        L has several inputs or outputs, or is sampled with a sampling time that is not given; or
-        |L| with dead time is 1 or more at infinity.
+        L has several inputs or outputs, or is sampled without a given sampling time; or |L| with
+        dead time is 1 or more at infinity.
     """
     late = _late(loop)
     if late is None:
@@ -164,7 +164,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
         if L.D[0, 0] == -1.0:
             raise InputError(
                 "the loop is singular through its direct term: 1 + L is 0 at infinite frequency; a "
-                "lag in plant or controller mends it"
+                "lag in plant or controller removes that"
             )
         exact: ExactLoop | DelayedLoop = exact_loop(system_of(loop, "loop"), L)
         return margins_of(exact).checked_by(ClassicalChecker(exact, L))
@@ -172,7 +172,7 @@ def classical_margins(loop: Any) -> ClassicalMargins:
 
 
 def _late(loop: Any) -> UncertainSystem | None:
-    """The loop where it has known dead time."""
+    """The loop if it has known dead time; else None."""
     part = part_of(loop, "loop")
     return part if isinstance(part, UncertainSystem) and dead_times(part.elements) else None
 
@@ -195,13 +195,14 @@ def late_loop(loop: UncertainSystem) -> DelayedLoop | CoupledLoop:
     _need_single(loop)
     names = ", ".join(dead_times(loop.elements))
     delayed, rational = rational_part(loop)
-    if delayed is None:  # not in series with the rest: some path goes round it, or leads back
+    # not in series with the rest: some path goes round the dead time, or leads back
+    if delayed is None:
         return late_pair(loop, uncertain(1.0)).loops[0]
     R = rational.nominal
     if abs(R.D[0, 0]) >= 1.0:
         raise InputError(
             f"|L| is {abs(R.D[0, 0]):.6g} at infinity: with the dead time {names} the closed loop "
-            "has endlessly many unstable poles, or is on their border; below 1 is needed"
+            "has infinitely many unstable poles, or is on the border to that; below 1 is needed"
         )
     return DelayedLoop(exact_loop(R, R), delayed)
 

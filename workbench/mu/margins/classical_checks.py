@@ -1,4 +1,4 @@
-"""Checks of the crossings of a loop: each is one, and none is missed at frequencies tried."""
+"""Checks of the crossings of a loop: each claimed one is a crossing, and none is missed."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.systems.realisation import realisation
 
 CROSSING_ROUNDING = 1e-6
-"""Distance from -1, or from the unit circle, up to which a response counts as lying there."""
-GAINS = 7
-"""Gains between the least and the largest at which the closed loop is tried."""
+"""A response counts as -1, or as lying on the unit circle, if its distance is at most this."""
+TRIED_GAINS = 7
+"""Number of gains between the least and the largest at which the closed loop is tried."""
 POLE_STEP = 1e-9
-"""Relative step from the frequencies of poles."""
-WITHIN = 1e-3
-"""Share of the range of gains, in logarithms, that is left out at either end."""
-WIDEST = 1e3
-"""Largest factor of a gain that is tried."""
+"""Relative step away from the frequencies of poles."""
+RANGE_MARGIN = 1e-3
+"""Share of the logarithmic range of gains that is left out at either end."""
+LARGEST_FACTOR = 1e3
+"""Largest gain factor tried."""
 
 
 def closed(L: StateSpace, gain: float = 1.0) -> StateSpace | None:
@@ -92,11 +92,11 @@ class ClassicalChecker(CrossingChecker):
         return found
 
     def _missed(self, crossings: RealArray) -> Check:
-        """Between two frequencies where |L| passes 1 lies a crossing."""
+        """Check that a crossing lies between any two frequencies between which |L| passes 1."""
         loop = closed(self.loop)
         every = [np.linalg.eigvals(one.A) for one in (self.loop, loop) if one is not None]
         omega = tried_frequencies(np.concatenate(every), dt=self.loop.dt)
-        # Beside undamped poles, those at z = 1 too, where a response is infinite.
+        # Beside undamped poles (also at z = 1), where the response is infinite.
         least = POLE_STEP / float(self.loop.dt) if self.loop.dt else 0.0
         omega = omega[(omega > least) & np.isfinite(omega)] * (1.0 + POLE_STEP)
         above = self._sizes(omega) - 1.0
@@ -122,7 +122,7 @@ class ClassicalChecker(CrossingChecker):
         return found
 
     def _certain(self, omega: RealArray, above: RealArray) -> bool:
-        """Whether |L| - 1 in doubles is more than what rounding of L's entries can make of it."""
+        """Whether the sign of |L| - 1 in doubles is certain in spite of rounding of L's entries."""
         L, n = self.loop, self.loop.nstates
         points = np.exp(1j * omega * float(L.dt)) if L.dt else 1j * omega
         for s, value in zip(points, above, strict=True):
@@ -135,21 +135,21 @@ class ClassicalChecker(CrossingChecker):
         return True
 
     def _between(self, low: float, high: float) -> Check:
-        """The loop is stable for gains between the nearest factors."""
-        ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
-        room = WITHIN * (ends[1] - ends[0])
+        """Check that the loop is stable for gains between the nearest factors."""
+        ends = np.log([max(low, 1 / LARGEST_FACTOR), min(high, LARGEST_FACTOR)])
+        room = RANGE_MARGIN * (ends[1] - ends[0])
         fastest = -math.inf
-        for gain in np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS)):
+        for gain in np.exp(np.linspace(ends[0] + room, ends[1] - room, TRIED_GAINS)):
             loop = closed(self.loop, float(gain))
             rate, rounding = (math.inf, 0.0) if loop is None else growth(loop.A, loop.dt)
             if loop is None or rate < rounding or not self._within_rounding(loop, float(gain)):
                 fastest = max(fastest, rate - rounding)
         statement = "logarithmic growth of a loop per sample, less its rounding"
-        over = f"for {GAINS} gains between the nearest factors"
+        over = f"for {TRIED_GAINS} gains between the nearest factors"
         return Check("stable between", statement, fastest, 0.0, over=over)
 
     def _within_rounding(self, loop: StateSpace, gain: float) -> bool:
-        """Whether rounding of L's entries decides on the stability with a gain."""
+        """Whether rounding of L's entries decides on stability with this gain."""
         poles = np.linalg.eigvals(loop.A)
         omega = np.abs(np.angle(poles) / float(loop.dt) if loop.dt else poles.imag)
         return any(self.exact.may_be_unstable(float(w), gain) for w in omega)
@@ -160,7 +160,9 @@ class DelayedChecker(ClassicalChecker):
     """Checks the `ClassicalMargins` of a loop with dead time; ``loop`` is its rational part."""
 
     def second_opinion(self, answer: Any) -> list[Check]:
-        """Crossings of |L| are those of |R|; poles of the closed loop are counted by turns."""
+        """Crossings of |L| are checked as those of |R|; poles of the closed loop are counted by
+        turns.
+        """
         assert isinstance(self.exact, DelayedLoop)
         T = float(self.exact.delay)
         found = [self._missed(answer.phases_deg[:, 1])]
@@ -172,12 +174,16 @@ class DelayedChecker(ClassicalChecker):
 
 @dataclass(frozen=True, eq=False)
 class CoupledChecker(CrossingChecker):
-    """Checks the `ClassicalMargins` of one of several channels, or of dead time in inner loops."""
+    """Checks the `ClassicalMargins` of one of several channels, or of a loop with dead time in
+    inner loops.
+    """
 
     exact: CoupledLoop
 
     def second_opinion(self, answer: Any) -> list[Check]:
-        """Responses in doubles pass 1 where is said, and turns count the closed loop's poles."""
+        """Responses in doubles must cross |L| = 1 where claimed; turns count the poles of the
+        closed loop.
+        """
         tried = tried_loop(self.exact)
         missed, count = tried.missed(answer.phases_deg[:, 1])
         statement = "number of crossings of the unit circle that are missed"
@@ -190,15 +196,17 @@ class CoupledChecker(CrossingChecker):
 
 
 def tried_loop(exact: CoupledLoop) -> TriedLoop:
-    """The loop by its entries alone."""
+    """The loop, rebuilt from its entries alone."""
     late = exact.whole.channels
     return TriedLoop(late.Q, late.states, np.array(late.delays, dtype=float), exact.channel)
 
 
 def _late_checks(answer: Any, counts: list[int], nearest: float) -> list[Check]:
-    """Checks of poles counted for gains between the nearest factors, and of a least distance."""
+    """Checks of the number of unstable poles for gains between the nearest factors, and of the
+    least distance.
+    """
     claimed = "number of closed-loop poles right of the axis, by the argument principle"
-    over = f"for {GAINS} gains between the nearest factors"
+    over = f"for {TRIED_GAINS} gains between the nearest factors"
     excess = answer.modulus / nearest - 1.0 if nearest else math.inf
     statement = "share by which |1 + L| is smaller than claimed where it is tried"
     return [
@@ -208,14 +216,14 @@ def _late_checks(answer: Any, counts: list[int], nearest: float) -> list[Check]:
 
 
 def _tried(low: float, high: float) -> RealArray:
-    """Gains between two factors, 1 among them."""
-    ends = np.log([max(low, 1 / WIDEST), min(high, WIDEST)])
-    room = WITHIN * (ends[1] - ends[0])
-    gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, GAINS))
+    """Gains between two factors, with 1 among them."""
+    ends = np.log([max(low, 1 / LARGEST_FACTOR), min(high, LARGEST_FACTOR)])
+    room = RANGE_MARGIN * (ends[1] - ends[0])
+    gains: RealArray = np.exp(np.linspace(ends[0] + room, ends[1] - room, TRIED_GAINS))
     return np.append(gains, 1.0)
 
 
 def _crossing(name: str, statement: str, distance: RealArray) -> Check:
-    """The largest distance of a claimed crossing from being one."""
+    """Check of the largest distance of a claimed crossing from a true one."""
     largest = float(distance.max(initial=0.0))
     return Check(name, statement, largest, CROSSING_ROUNDING, over=THIS_SYSTEM)

@@ -1,4 +1,4 @@
-"""A plant and a controller in a loop, of which dear margins are computed when asked for."""
+"""A plant and a controller in a loop; expensive margins are computed when they are asked for."""
 
 from __future__ import annotations
 
@@ -34,27 +34,31 @@ from workbench.uncertainty.algebra.dead_time import dead_times, pade_corner
 from workbench.uncertainty.algebra.rational_delays import nominal_but_late, without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
-if TYPE_CHECKING:  # what computes them is imported when it is asked for
+if TYPE_CHECKING:  # modules with expensive margins are imported only when they are needed
     from workbench.mu.margins.disk import DiskMargin
     from workbench.mu.margins.of_sets import SetMargins
 
 PADE_ORDERS = (6, 8, 10, 12, 14)
-"""Orders of the approximation of dead time in disks of sets; a higher one loses digits."""
+"""Orders of the Pade approximation of dead time in disks of sets; higher orders lose digits."""
 CORNER = 2.0
-"""Least frequency at which its error may be as large as it is, in highest crossovers."""
+"""The error bound of the approximation may reach its largest value only above this multiple of the
+highest crossover frequency.
+"""
 MEMBERS = 20
-"""Random plants of a set whose loops are drawn."""
+"""Number of random plants of a set whose loops are drawn."""
 PARTS = 4000
-"""Most parts of a box of real parameters that are examined for a margin."""
+"""Largest number of parts of the box of real parameters that are examined for one margin."""
 PARTS_WITH_DYNAMICS = 120
-"""The same where there are dynamics too: bounds then keep a distance that no number closes."""
+"""The same for a set with uncertain dynamics too: then the bounds keep a gap that no number of
+parts closes.
+"""
 SET_TOLERANCE = 1e-2
-"""Least relative distance between bounds of a gain, a phase or a delay that every plant bears."""
+"""Least relative distance between the bounds of a gain, phase or delay margin of a set."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """The loop u = -K y of a plant and a controller; the rest as of `loop_margins`."""
+    """The loop u = -K y of a plant and a controller; the other fields as in `loop_margins`."""
 
     plant: Any
     controller: Any
@@ -75,12 +79,12 @@ class ClosedLoop:
 
     @property
     def is_uncertain(self) -> bool:
-        """Whether anything beside known dead time is."""
+        """Whether the loop has an uncertain element other than known dead time."""
         return len(self._elements) > len(dead_times(self._elements))
 
     @cached_property
     def loops(self) -> dict[str, StateSpace | UncertainSystem]:
-        """The nominal L of each channel by name, opened there and closed elsewhere."""
+        """The nominal L of each channel by name: opened at that channel, closed at the others."""
         G, K = self.pair
         if self._single:
             one = G * K
@@ -96,22 +100,22 @@ class ClosedLoop:
         if self._late and not self._single:
             return {name: margins_of_late(one) for name, one in self._late_loops.items()}
         if not self._late:
-            _ = self._returned  # raises where the loop is singular
+            _ = self._returned  # raises InputError where the loop is singular
         if self._single:
             margins = classical_margins(next(iter(self.loops.values())))
             return dict.fromkeys(self.channels.values(), margins)
         return {name: classical_margins(one) for name, one in self.loops.items()}
 
     def disks(self) -> dict[str, DiskMargin]:
-        """The disk margin of each channel, of every plant where the plant is uncertain."""
+        """The disk margin of each channel; it holds for every plant of an uncertain set."""
         return self._disks_of({name: {k: name} for k, name in self.channels.items()})
 
     def together(self) -> dict[str, DiskMargin]:
-        """Disk margins of inputs, of outputs and of all channels at once."""
+        """Disk margins of the inputs, of the outputs and of all channels at once."""
         return self._disks_of(self._groups)
 
     def nominal_disks(self) -> dict[str, DiskMargin]:
-        """All disk margins of the nominal plant, where the plant is uncertain."""
+        """All disk margins of the nominal plant, if the plant is uncertain."""
         if not self.is_uncertain:
             return {}
         wanted = {name: {k: name} for k, name in self.channels.items()} | self._groups
@@ -125,11 +129,11 @@ class ClosedLoop:
         }
 
     def every_plant(self) -> dict[str, SetMargins]:
-        """What every plant of a set bears in each channel, gain, phase and delay alone."""
+        """Gain, phase and delay margins, each alone, that every plant keeps in each channel."""
         from workbench.mu.margins.of_sets import set_margins
 
         every = self.channels
-        if self._single:  # L is the same at either place
+        if self._single:  # with one input and one output, L is the same at both
             every = dict(list(every.items())[:1])
         loop = self.stable_loop
         real = all(isinstance(block, Real) for block in loop.structure)
@@ -140,17 +144,18 @@ class ClosedLoop:
         return {name: found.get(name, first) for name in self.channels.values()}
 
     def members(self) -> list[StateSpace]:
-        """Loops of random plants of a set, of a plant of one channel."""
+        """Loops of random plants of the set, for a plant with one channel."""
         if not (self._single and self.is_uncertain) or self._late:
             return []
         G, K = self.pair
         return (G * K).sample(MEMBERS)
 
-    # --- what it is -----------------------------------------------------------------------------
+    # --- properties of the loop
+    # -------------------------------------------------------------------
 
     @cached_property
     def _alone(self) -> bool:
-        """Whether the plant is all of a loop of one channel, with the coefficients it was given."""
+        """Whether the plant is the whole loop, with one channel and its own coefficients."""
         if not is_real(self.controller) or self.controller != 1:
             return False
         part = part_of(self.plant, "plant")
@@ -170,12 +175,12 @@ class ClosedLoop:
 
     @property
     def _late(self) -> str:
-        """Names of known dead time; empty without one."""
+        """Names of the known dead times, in words; empty without any."""
         return ", ".join(dead_times(self._elements))
 
     @property
     def _groups(self) -> dict[str, dict[int, str]]:
-        """Channels that are taken together."""
+        """Groups of channels that are perturbed together."""
         if len(self.channels) == 1:
             return {}
         m, p = self.pair[0].ninputs, self.pair[0].noutputs
@@ -197,13 +202,13 @@ class ClosedLoop:
 
     @cached_property
     def stable_loop(self) -> UncertainSystem:
-        """The loop with its channels opened for what is added; raises where it is not stable."""
+        """The loop seen from signals added in its channels; raises InputError if unstable."""
         need_stable_loop(self._returned.nominal)
         return self._returned
 
     @cached_property
     def _late_loops(self) -> Mapping[str, DelayedLoop | CoupledLoop]:
-        """L of each channel by name, with its dead time."""
+        """L of each channel by name, with its exact dead time."""
         G, K = self.pair
         if not self._single:
             every = late_pair(G, K).loops
@@ -212,7 +217,9 @@ class ClosedLoop:
 
     @cached_property
     def _exact(self) -> Mapping[str, DelayedLoop | CoupledLoop]:
-        """The same; raises InputError where the closed loop is not stable."""
+        """L of each channel by name, with its exact dead time; raises InputError if the closed loop
+        is unstable.
+        """
         first = next(iter(self._late_loops.values()))
         if not first.stable():
             raise InputError(
@@ -232,9 +239,9 @@ class ClosedLoop:
         }
         if self._late and not all(disk.lower > 0.0 for disk in found.values()):
             raise InputError(
-                f"the loop of the set with the dead time {self._late} keeps a size up to infinite "
-                "frequency, where no Pade approximation follows it, so that no disk of every plant "
-                "is proven; `nominal` has those of the nominal plant"
+                f"the loop of the set with the dead time {self._late} does not fall to 0 at "
+                "infinite frequency, where no Pade approximation is accurate, so that no disk of "
+                "every plant can be proven; `nominal` has the disks of the nominal plant"
             )
         return found
 
@@ -253,7 +260,7 @@ class ClosedLoop:
         return late_group(returned, part, self.skew, self.tolerance)
 
     def _pade_order(self) -> int:
-        """The order of the approximation of dead time in the proofs for a set."""
+        """The order of the Pade approximation of dead time in proofs for a set."""
         turn = max(
             float(one.longest_delay) * crossing.omega
             for one in self._exact.values()

@@ -1,9 +1,9 @@
-"""Disk margins: the set of gains and phases, a disk, that a loop bears in each of its channels.
+"""Disk margins: the disk of gain and phase factors that a loop tolerates in each channel.
 
 With the skew e, a channel's factor is f = (1 + (1 - e) delta / 2) / (1 - (1 + e) delta / 2) for
-|delta| < alpha, delta complex and different in each channel: for e = 0 gain may rise and fall by
-the same factor. For delta in all channels alpha is 1 / mu of S + (e - 1) / 2, S the sensitivity;
-over a set of plants it is 1 / the skewed mu with their uncertainty held at its size.
+|delta| < alpha, delta is complex and different in each channel. For e = 0 the gain may rise and
+fall by the same factor. With a delta in every channel, alpha is 1 / mu of S + (e - 1) / 2, S the
+sensitivity; over a set of plants it is 1 / the skewed mu with their uncertainty held at its size.
 
 Source: P. Seiler, A. Packard, P. Gahinet, "An introduction to disk margins", IEEE Control Systems
 Magazine 40 (2020) 78-95.
@@ -42,20 +42,19 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 INFINITE_FACTOR = 1e-6
-"""Denominator of a factor's direct term up to which the factor counts as infinite."""
+"""A factor counts as infinite if the denominator of its direct term is below this."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskMargin(Answer):
-    """What the loop bears in all of ``channels`` at once, each with a factor of its own.
+    """The disk of factors, one in each of ``channels`` at once, that a loop tolerates.
 
-    It is proven stable for every |delta| below ``lower``; at ``upper`` there are factors, ``worst``
-    by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None where one of them
-    is an infinite gain, where it is broken in the limit of infinite frequency only, or where none
-    is known and upper is infinite. ``proof`` has bounds of the reciprocals,
-    or is the margin itself. Over a set of plants
-    stability is proven for every one of them, and ``plant`` has the values of uncertain elements
-    that belong to the worst factors.
+    The loop is proven stable for every |delta| below ``lower``. At size ``upper`` there are
+    factors, ``worst`` by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None
+    if one of them is an infinite gain, if the loop breaks only in the limit of infinite frequency,
+    or if no factors are known and ``upper`` is infinite. ``proof`` has the bounds of the
+    reciprocals; it may be the margin itself. For a set of plants, stability is proven for every
+    plant, and ``plant`` has the values of the uncertain elements that belong to the worst factors.
     """
 
     channels: tuple[str, ...]
@@ -96,7 +95,8 @@ class DiskMargin(Answer):
 class DiskChecker(PartsChecker):
     """Checks a `DiskMargin` of a closed loop.
 
-    ``returned`` leads from what is added to the signals of the channels to the signals without it.
+    ``returned`` is the closed loop from signals added in the channels to the signals there, without
+    the added ones.
     """
 
     returned: UncertainSystem
@@ -119,7 +119,8 @@ class DiskChecker(PartsChecker):
         omega = np.array([answer.omega])
         changes = [plain_response(f, omega)[0, 0, 0] - 1.0 for f in answer.worst.values()]
         distance = peaks.regularity(plain_response(member, omega)[0] @ np.diag(changes))
-        if distance > peaks.NEARLY_SINGULAR and math.isfinite(answer.omega):  # or doubles blur it
+        # or doubles cannot resolve it
+        if distance > peaks.NEARLY_SINGULAR and math.isfinite(answer.omega):
             sharp = [precise_response(f, answer.omega)[0, 0] - 1.0 for f in answer.worst.values()]
             distance = peaks.precise_distance(member, np.diag(sharp), answer.omega)
         statement = "smallest singular value of the loop with the worst factors, relative"
@@ -136,14 +137,14 @@ class DiskChecker(PartsChecker):
 
 
 def disk_checks(answer: DiskMargin) -> list[Check]:
-    """Checks that bounds of a disk margin are no better than reciprocals of its proof's."""
+    """Checks that a disk margin is no better than the reciprocals of its proven peak's bounds."""
     lower, upper = reciprocal(answer.proof.upper), reciprocal(answer.proof.lower)
     statement = "by which share it is better than the reciprocal of a proven bound of the peak"
     return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
 
 def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
-    """Least and largest real factor of a disk; the largest is infinite for a half plane or more."""
+    """Least and largest real factor of a disk; the latter is infinite for a half plane or more."""
     need_numbers(alpha=alpha, skew=skew)
     up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
     if math.isinf(alpha):
@@ -154,7 +155,7 @@ def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
 
 
 def disk_phase(alpha: float, skew: float = 0.0) -> float:
-    """Largest phase [deg] of the factors of gain 1 in a disk."""
+    """Largest phase [deg] of factors with gain 1 in a disk."""
     need_numbers(alpha=alpha, skew=skew)
     if math.isinf(alpha):
         return 180.0
@@ -174,8 +175,8 @@ def disk_of(
     Parameters
     ----------
     returned
-        The closed loop, stable at its nominal, from what is added to the signals of its channels to
-        the signals without it: S - 1 for each channel by itself.
+        The closed loop, stable at its nominal, from signals added in its channels to the signals
+        there without the added ones: S - 1 for each channel by itself.
     channels
         Number and name of each channel that has a factor.
     """
@@ -208,7 +209,7 @@ def disk_of(
         )
     elif uncertain:
         plant = {}
-    omega = float(angular_frequency(omega, period))  # half the sampling rate of infinity
+    omega = float(angular_frequency(omega, period))  # half the sampling rate stands for infinity
     answer = DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
     return answer.checked_by(DiskChecker(part))
 
@@ -216,10 +217,12 @@ def disk_of(
 def _destabilising(
     N: StableSystem, structure: Structure, found: Peak | SkewedPeak, fixed: int
 ) -> StateSpace:
-    """The worst perturbation as a stable system: uncertain blocks of at most 1, then deltas."""
+    """The worst perturbation as a stable system: uncertain blocks, normalised to at most 1, then
+    the deltas.
+    """
     if isinstance(found, Peak):
         return destabilising(found, N, structure)
-    # With the varying blocks over their size, all are of at most 1.
+    # Varying blocks are divided by their size, so that all blocks are at most 1.
     rows = structure.row_slices[fixed].start
     columns = structure.column_slices[fixed].start
     outputs, inputs = (np.arange(count) for count in N.D.shape)

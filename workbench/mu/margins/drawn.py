@@ -18,9 +18,9 @@ from workbench.uncertainty.algebra.rational_delays import rational_part
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 POINTS = 400
-"""Points of a curve."""
+"""Number of points on a curve."""
 SHOWN = 3.0
-"""Half-width of the Nyquist figure."""
+"""Half-width of the Nyquist figure, in units of L."""
 MOST_DB = 40.0
 """Largest gain [dB] of the region of gains and phases."""
 
@@ -31,7 +31,7 @@ def figure_of(
     together: DiskMargin | None,
     members: Sequence[StateSpace],
 ) -> Figure:
-    """Nyquist curves of each channel with its disk, if it has one; gains and phases that it bears.
+    """Nyquist curves of each channel, with its disk if it has one; tolerated gains and phases.
 
     ``together`` is the disk of all channels at once, and ``members`` are loops of random plants.
     """
@@ -87,7 +87,7 @@ def measured_figure(values: ComplexArray, radius: RealArray | None) -> Figure:
 
 
 def _curve(loop: StateSpace | UncertainSystem) -> ComplexArray:
-    """The response over frequency, without what lies far outside the figure."""
+    """The response over frequency, without parts far outside the figure."""
     late = loop if isinstance(loop, UncertainSystem) else None
     omega = frequencies_of(rational_part(late)[1].nominal if late else loop)
     omega = omega[(omega > 0) & np.isfinite(omega)]

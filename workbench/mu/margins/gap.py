@@ -1,4 +1,4 @@
-"""Distances of plants as feedback sees them: the nu-gap, and the margin that it is measured by.
+"""Distances between plants in closed loop: the nu-gap, and the coprime margin to compare it with.
 
 With the coprime margin b of a loop (P1, K), K stabilises every P2 with a nu-gap below b, and
 arcsin b(P2, K) >= arcsin b(P1, K) - arcsin nu-gap(P1, P2).
@@ -44,9 +44,9 @@ from workbench.uncertainty.algebra.system import uncertain
 class NuGap(Answer):
     """Bounds of the nu-gap of two plants, from 0 to 1.
 
-    ``omega`` [rad/s] is where their chordal distance is largest. Where ``winding`` is False the
-    plants have no homotopy by which feedback could tell them alike, and the nu-gap is 1; None: that
-    is not decided, and ``upper`` is 1.
+    ``omega`` [rad/s] is the frequency of the largest chordal distance. ``winding`` is False if the
+    winding number condition fails; the nu-gap is 1 then. None: the condition is undecided, and
+    ``upper`` is 1.
     """
 
     lower: float
@@ -66,9 +66,10 @@ class CoprimeMargin(Answer):
 
 @dataclass(frozen=True, eq=False)
 class NuGapChecker(PartsChecker):
-    """Checks a `NuGap` of two plants in continuous time, which stand for sampled ones.
+    """Checks a `NuGap` of two plants in continuous time, which may stand for sampled ones.
 
-    ``distance`` is the peak of their chordal distance, ``period`` [s] that of the sampled ones.
+    ``distance`` is the peak of their chordal distance, ``period`` [s] the sampling time of sampled
+    plants.
     """
 
     first: StateSpace
@@ -92,7 +93,7 @@ class NuGapChecker(PartsChecker):
         return no_better(answer, lower, min(upper, 1.0), statement, RECIPROCAL_ROUNDING)
 
     def second_opinion(self, answer: NuGap) -> list[Check]:
-        """Check by the formula of both plants' responses, without coprime factors."""
+        """Check by the formula for the responses of both plants, without coprime factors."""
         poles = np.concatenate([one.poles() for one in (self.first, self.second)])
         omega = _inner(tried_frequencies(poles, bilinear_frequency(answer.omega, self.period)))
         chord = chordal_distance(self.first, self.second, omega)
@@ -110,7 +111,7 @@ class NuGapChecker(PartsChecker):
 
 @dataclass(frozen=True, eq=False)
 class CoprimeChecker(PartsChecker):
-    """Checks a `CoprimeMargin`; ``norm`` is the peak of which it is the reciprocal."""
+    """Checks a `CoprimeMargin`; ``norm`` is the peak whose reciprocal it is."""
 
     plant: StateSpace
     controller: StateSpace
@@ -149,9 +150,9 @@ class CoprimeChecker(PartsChecker):
 def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     """The nu-gap of two plants, proven between grid points for their computed coprime factors.
 
-    The supremum of the chordal distance counts only where det(N2~ N1 + M2~ M1) does not wind about
-    0: where it has as many zeros right of the axis as G2~ has poles. They are counted in discs that
-    are proven to hold them.
+    The supremum of the chordal distance is the nu-gap only if det(N2~ N1 + M2~ M1) does not wind
+    about 0, which means that it has as many zeros right of the axis as G2~ has poles. The zeros are
+    counted in discs that are proven to contain them.
 
     Parameters
     ----------
@@ -182,9 +183,9 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     G1, G2 = right_factors(P1, "first"), right_factors(P2, "second")
     left = transposed_system(
         right_factors(transposed_system(P2), "second")
-    )  # [N2 M2] from the left
+    )  # [N2 M2], coprime from the left
     p, m = P1.noutputs, P1.ninputs
-    # N2 M1 - M2 N1, the first from the left
+    # N2 M1 - M2 N1, the first plant's factors from the left
     turn = np.block([[np.zeros((m, p)), np.eye(m)], [-np.eye(p), np.zeros((p, m))]])
     chord = left * realisation((G1.A, G1.B, turn @ G1.C, turn @ G1.D), 0.0)
     found = peak(chord, Structure([Full(m, p)]), tolerance)
@@ -210,7 +211,7 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     m, p = P.ninputs, P.noutputs
     loop = returned_loop(uncertain(P), uncertain(K)).nominal
     need_stable_loop(loop)
-    # K y = -(u without what is added to it), and y with what is added.
+    # K y = -(u before the added signal), and y after the added signal.
     through = np.block([[np.zeros((m, m + p))], [np.zeros((p, m)), np.eye(p)]])
     signs = np.diag([-1.0] * m + [1.0] * p)
     whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
@@ -220,16 +221,17 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
 
 
 def _inner(omega: RealArray) -> RealArray:
-    """Frequencies (F,) other than 0 and infinity; any one where there are only these.
+    """The frequencies (F,) other than 0 and infinity; one arbitrary frequency if there is no other.
 
-    Gains alone are the same everywhere, and integrators have no frequency of their own.
+    The case occurs for static gains, whose response is the same everywhere, and integrators, which
+    have no frequency of their own.
     """
     found = omega[(omega > 0) & np.isfinite(omega)]
     return found if found.size else np.ones(1)
 
 
 def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:
-    """Whether det(G2~ G1) has as many zeros right of the axis as poles; None: not decided."""
+    """Whether det(G2~ G1) has as many zeros right of the axis as poles; None: undecided."""
     adjoint = realisation((-G2.A.T, G2.C.T, -G2.B.T, G2.D.T), 0.0)
     whole = adjoint * G1
     if singular(whole.D):  # the determinant is 0 at infinity

@@ -1,4 +1,4 @@
-"""Disk margins of a loop with known dead time, which counts exactly as it is."""
+"""Disk margins of a loop with known dead time, which is treated exactly."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from workbench.second_opinion import peaks
 from workbench.second_opinion.margins.dead_times import distance_at
 
 FAR = 1e150
-"""Stands for an infinite L in the factors that it breaks with."""
+"""Number that stands for an infinite L in the factors that break the loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def late_disk(
 
 
 def _deltas(exact: DelayedLoop | CoupledLoop, omega: float, skew: float, count: int) -> Array:
-    """The smallest deltas (count,) that break the loop at a frequency."""
+    """The smallest deltas (count,) that put a pole of the loop at a frequency."""
     L = complex(exact.response(np.array([omega])).item())
     L = L if np.isfinite(L) else FAR + 0j
     A = ((1.0 + skew) / 2.0 + (skew - 1.0) / 2.0 * L) / (1.0 + L)

@@ -1,8 +1,8 @@
-"""Disk margins of several channels at once with dead time: a factor in each, unknown and complex.
+"""Disk margins of several channels at once with dead time: one complex factor in each.
 
-The factors are dynamics of the loop that returns them, so that the margin is one of robust
-stability with known dead time (`workbench.mu.robust.late_margin`): from below by a rational set
-that contains the dead time, from above with the dead time itself.
+The factors are uncertain dynamics of the closed loop, so that the margin is one of robust stability
+with known dead time (`workbench.mu.robust.late_margin`): the lower bound uses a rational set that
+contains the dead time, the upper bound the dead time itself.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from workbench.uncertainty.algebra.lft import LFT
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 FACTOR = "factor_of_channel_"
-"""Begin of the names of the factors as uncertain elements."""
+"""Prefix of the names that the factors have as uncertain elements."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +50,9 @@ def late_group(
 ) -> DiskMargin:
     """The disk margin of several channels of a stable loop with known dead time.
 
-    ``returned`` leads from what is added in the channels to the signals without it, as for
-    `workbench.mu.margins.disk.disk_of`. Raises InputError where the loop keeps a size up to
-    infinite frequency.
+    ``returned`` is the closed loop from signals added in the channels to the signals there without
+    the added ones, as for `workbench.mu.margins.disk.disk_of`. Raises InputError if the loop does
+    not fall to 0 at infinite frequency.
     """
     part = returned[list(channels), list(channels)]
     shifted = part + (1.0 + skew) / 2.0 * np.eye(len(channels))
@@ -62,10 +62,10 @@ def late_group(
     margin = late_margin(UncertainSystem(LFT(shifted.value.M, names), elements, 0.0), tolerance)
     if margin.lower == 0.0:
         raise InputError(
-            f"the loop in {', '.join(channels.values())} keeps a size up to infinite frequency, "
-            "where no Pade approximation follows its dead time, so that no disk of several "
-            "channels is proven; `disks` has those of each channel alone, and a lag in plant or "
-            "controller mends it"
+            f"the loop in {', '.join(channels.values())} does not fall to 0 at infinite "
+            "frequency, where no Pade approximation of its dead time is accurate, so that no disk "
+            "of several channels can be proven; add a lag to plant or controller, or take the "
+            "disks of each channel alone from `disks`"
         )
     worst: dict[str, StateSpace] | None = None
     if margin.worst is not None and 0.0 < margin.upper < math.inf:

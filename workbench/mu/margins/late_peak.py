@@ -1,4 +1,4 @@
-"""The least factor of a disk that breaks a loop with dead time, and the checks that prove it."""
+"""The least disk factor that breaks a loop with dead time, and the checks that prove it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from workbench.mu.robust.margin_bounds import reciprocal
 from workbench.second_opinion.margins.dead_times import tried_size
 
 TRIED_ROUNDING = 1e-6
-"""Share by which a size that is tried in doubles may be below what is proven of all."""
+"""A size tried in doubles may be below the proven least size by this share."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatePeak(Answer):
     """Bounds of 1 over the least |delta| that breaks a loop with dead time, at ``omega`` [rad/s].
 
-    ``omega`` is infinite where the upper bound is approached at infinite frequency only.
+    ``omega`` is infinite if the upper bound is only approached at infinite frequency.
     """
 
     lower: float
@@ -47,7 +47,9 @@ class LatePeakChecker(Checker):
         return no_better(answer, again.lower, again.upper, statement, REPEATED_ROUNDING)
 
     def second_opinion(self, answer: LatePeak) -> list[Check]:
-        """Frequencies that are tried break with nothing smaller, by matrices in doubles."""
+        """Check with matrices in doubles: at the frequencies tried, no smaller factor breaks the
+        loop.
+        """
         if isinstance(self.exact, CoupledLoop):
             tried = tried_loop(self.exact).least_size(self.skew)
         else:

@@ -1,4 +1,4 @@
-"""All margins of a loop in one call: each channel at a time, all at once, over a set of plants."""
+"""All margins of a loop in one call: each channel by itself, all at once, over a set of plants."""
 
 from __future__ import annotations
 
@@ -22,43 +22,42 @@ def loop_margins(
 ) -> LoopMargins:
     """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
 
-    The crossings of the nominal loop are computed at once. Disks, and what every plant of an
-    uncertain set bears, are computed when they are asked for.
+    The crossings of the nominal loop are computed at once. Disks, and the margins that every plant
+    of an uncertain set keeps, are computed when they are asked for.
 
-    Known dead time counts exactly as it is, in any place of the loop; only what is proven of a set
-    with it rests on `without_dead_time`, a set that contains it, and what is lost is then that of
-    the approximation. So do lower bounds of disks of several channels at once. Of measured
-    responses the margins are those of the data, at their frequencies only, with ranges from
-    variances.
+    Known dead time is treated exactly, anywhere in the loop. Two results use `without_dead_time`, a
+    rational set that contains it, and lose what this approximation loses: proofs for a set of
+    plants, and lower bounds of disks of several channels at once. For measured responses, the
+    margins are those of the data, at their frequencies only, with ranges from variances.
 
     Parameters
     ----------
     plant
-        A system, or an uncertain one; of any number of channels, in continuous or sampled time. Or
-        a measured response of one channel: python-control's FrequencyResponseData, a
-        `ResponseEstimate` with its variances, or `Responses` of several plants, each of which has
-        margins of its own.
+        A system, or an uncertain one, with any number of channels, in continuous or sampled time.
+        Or a measured response of one channel: python-control's FrequencyResponseData, a
+        `ResponseEstimate` with its variances, or `Responses` of several plants, each of which gets
+        its own margins.
     controller
         K of u = -K y; for a loop L alone, 1.
     skew
         0: gain may rise and fall by the same factor; positive: more room to rise, negative: to
         fall. 1 is the disk of the sensitivity, -1 that of the complementary sensitivity.
     tolerance
-        Relative distance between the bounds of a disk margin; of what every plant bears, 0.01 or
-        this, if larger.
+        Relative distance between the bounds of a disk margin. For `every_plant` it is 0.01, or this
+        value if larger.
     parts
-        Most parts of the box of real parameters that are examined for each margin of a set. None:
-        4,000, or 120 where there are dynamics too, beside which the bounds keep a distance that no
-        number of parts closes.
+        Largest number of parts of the box of real parameters that are examined for each margin of a
+        set. None: 4,000, or 120 if the set has uncertain dynamics too, since the bounds then keep a
+        gap that no number of parts closes.
     time_limit
-        Seconds after which the bounds so far of what every plant bears are returned.
+        Time [s] after which `every_plant` returns its bounds so far.
 
     Raises
     ------
     InputError
         Plant and controller do not fit each other, or the loop is singular; its sampling time is
-        not given; or gains that return with known dead time add up to 1 or more at infinity. Where
-        the closed loop is unstable at the nominal, its disks raise it when they are asked for.
+        not given; or gains that return with known dead time add up to 1 or more at infinity. If the
+        nominal closed loop is unstable, its disks raise the error when they are asked for.
 
     Examples
     --------
@@ -87,7 +86,7 @@ def loop_margins(
 
 
 def _of_data(plant: Any, controller: Any) -> LoopMargins | None:
-    """The margins of measured responses; None of what is none."""
+    """The margins of measured responses; None if nothing is measured."""
     from workbench.mu.margins.measured import is_measured, loops_of, measured_margins
 
     if not is_measured(plant):

@@ -1,9 +1,9 @@
-"""Margins of measured loops: where the data cross, and how well their variances tell it.
+"""Margins of measured loops: where the data cross, and how accurately, by their variances.
 
-Between neighbouring frequencies ln |L| and the unwrapped phase are taken as linear in ln omega,
-which an integrator's and a lag's are. Ranges follow from the variances to first order: the errors
-of the two neighbours are independent and circular, so that ln |L| and the phase of each have the
-variance E|error|^2 / (2 |L|^2), and both move the crossing.
+Between neighbouring frequencies ln |L| and the unwrapped phase are taken as linear in ln omega, as
+they nearly are for an integrator or a lag. Ranges follow from the variances to first order: the
+errors of the two neighbours are independent and circular, so that ln |L| and the phase of each have
+the variance E|error|^2 / (2 |L|^2), and both move the crossing.
 """
 
 from __future__ import annotations
@@ -40,22 +40,27 @@ from workbench.systems.generalised_plant import response
 from workbench.uncertainty.responses.plants import Responses
 
 CONFIDENCE = 0.95
-"""Probability of the ranges."""
+"""Probability that a range contains the true margin."""
 REPEATED = 1e-9
-"""Share by which margins of data may differ from those computed again on another processor."""
+"""Relative difference allowed between margins of data and those computed again on another
+processor.
+"""
 CHORD = 1.0
-"""Distance of a crossing from where the chord of its two data crosses, as a share of the chord: it
-crosses between the same data."""
+"""Largest distance of a crossing from the crossing of the chord between its two data, as a share of
+the chord: the crossing must lie between the same data.
+"""
 SPREAD = 1.5
-"""Factor between a range and the spread of margins of redrawn data: both are to first order."""
+"""Largest ratio between a range and the spread of margins of redrawn data: both are first-order
+results.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredLoop:
     """Responses L (F,) of one loop at rising frequencies [rad/s] (F,).
 
-    ``variance`` is E|error|^2 (F,), None where it is not known, with so many real degrees of
-    freedom.
+    ``variance`` is E|error|^2 (F,), with the given number of real degrees of freedom; None if it is
+    unknown.
     """
 
     omega: RealArray
@@ -71,15 +76,16 @@ class MeasuredLoop:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasuredMargins(Answer):
-    """Margins of a measured loop that is closed with negative feedback, as far as data tell.
+    """Margins of a measured loop that is closed with negative feedback, as far as the data show
+    them.
 
     Each crossing is a row (K, 4): the margin, its frequency [rad/s], the lower and the upper end of
     its range. ``gains`` are factors on the gain at which L passes -1; ``phases_deg`` [deg] and
     ``delays`` [s] are the margins at |L| = 1. ``modulus`` (3,) is the least distance from -1 at the
-    data, and its range. Ranges have a probability of 95 % each, from the variances of the data to
-    first order; without variances they are NaN. ``band`` [rad/s] has the lowest and the highest
-    frequency of the data: outside there may be more crossings, and whether the closed loop is
-    stable data do not tell. ``dt`` [s] is the sampling time, 0 in continuous time.
+    data, and its range. Each range holds with a probability of 95 %, from the variances of the data
+    to first order; without variances ranges are NaN. ``band`` [rad/s] has the lowest and the
+    highest frequency of the data: outside there may be more crossings. The data do not tell whether
+    the closed loop is stable. ``dt`` [s] is the sampling time, 0 in continuous time.
 
     Examples
     --------
@@ -101,7 +107,7 @@ class MeasuredMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest factors below and above 1; 0 and infinity where there is none."""
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         return nearest_factors(self.gains)
 
     @property
@@ -116,12 +122,12 @@ class MeasuredMargins(Answer):
 
     def lines(self) -> list[str]:
         """The least margins with their ranges and frequencies, a line each."""
-        low, high = (f"{factor:.4g}{_told(self.gains, factor)}" for factor in self.gain)
+        low, high = (f"{factor:.4g}{_with_range(self.gains, factor)}" for factor in self.gain)
         late = delay_in_words(self.delay, self.dt)
         return [
             f"gain from {low} to {high}",
-            f"phase {self.phase_deg:.4g} degrees{_told(self.phases_deg, self.phase_deg)}",
-            f"delay {late}{_told(self.delays, self.delay)}",
+            f"phase {self.phase_deg:.4g} degrees{_with_range(self.phases_deg, self.phase_deg)}",
+            f"delay {late}{_with_range(self.delays, self.delay)}",
             f"modulus {self.modulus[0]:.4g}{_range(self.modulus[1:])}",
         ]
 
@@ -151,7 +157,9 @@ class MeasuredChecker(Checker):
         ]
 
     def second_opinion(self, answer: MeasuredMargins) -> list[Check]:
-        """Chords between the data cross nearby, and redrawn data spread as the ranges say."""
+        """Chords between the data must cross nearby, and redrawn data must spread as the ranges
+        say.
+        """
         omega, L = self.data.omega, self.data.values
         statement = "distance of a crossing from the chord of its neighbours, in chords"
         circle = [lies_on_chord(omega, L, w, on_circle=True) for w in answer.phases_deg[:, 1]]
@@ -177,11 +185,11 @@ class MeasuredChecker(Checker):
 
 
 TABLES = ("gains", "phases_deg", "delays", "modulus")
-"""What is told of a measured loop."""
+"""Tables of a measured loop that are checked."""
 
 
 def measured_margins(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
-    """The margins of one measured loop, with who checks them."""
+    """The margins of one measured loop, with their checker."""
     return margins_of_data(data, dt).checked_by(MeasuredChecker(data))
 
 
@@ -230,12 +238,12 @@ def margins_of_data(data: MeasuredLoop, dt: float = 0.0) -> MeasuredMargins:
 
 
 def _mixed(spread: RealArray, t: float) -> float:
-    """Standard deviation of what lies between two independent errors."""
+    """Standard deviation of an interpolated value between two independent errors."""
     return math.hypot((1 - t) * spread[0], t * spread[1])
 
 
 def _difference(one: RealArray, other: RealArray) -> float:
-    """The largest relative difference; infinite for tables of other sizes."""
+    """The largest relative difference of two tables; infinite if their sizes differ."""
     if one.shape != other.shape:
         return math.inf
     if not np.array_equal(np.isfinite(one), np.isfinite(other)):
@@ -244,8 +252,8 @@ def _difference(one: RealArray, other: RealArray) -> float:
     return float(np.nanmax(np.abs(one - other) / size, initial=0.0))
 
 
-def _told(rows: RealArray, value: float) -> str:
-    """Range and frequency of a margin of a table."""
+def _with_range(rows: RealArray, value: float) -> str:
+    """Range and frequency of a margin of a table, in words."""
     found = rows[rows[:, 0] == value]
     return f"{_range(found[0, 2:])} at {in_both_units(found[0, 1])}" if len(found) else ""
 
@@ -254,18 +262,18 @@ def _range(ends: RealArray) -> str:
     return "" if math.isnan(ends[0]) else f" ({ends[0]:.4g} to {ends[1]:.4g})"
 
 
-# --- loops of what is measured -----------------------------------------------------------------
+# --- loops of measured plants ------------------------------------------------------------------
 
 
 def is_measured(given: Any) -> bool:
-    """Whether something is a measured response: python-control's, `Responses`, or an estimate."""
+    """Whether something is a response of python-control, `Responses` or a `ResponseEstimate`."""
     return hasattr(given, "frdata") or isinstance(given, Responses | ResponseEstimate)
 
 
 def loops_of(plant: Any, controller: Any) -> tuple[dict[str, MeasuredLoop], float]:
     """The loops of measured plants and a controller, by the plants' names, and the sampling time.
 
-    Raises InputError where the plants have several channels, or times do not fit.
+    Raises InputError if the plants have several channels, or if sampling times do not agree.
     """
     dt = float(getattr(plant, "dt", 0.0) or 0.0)
     variances: dict[str, RealArray] = {}
@@ -305,8 +313,8 @@ def loops_of(plant: Any, controller: Any) -> tuple[dict[str, MeasuredLoop], floa
 def _need_one(shape: tuple[int, ...]) -> None:
     if tuple(shape) != (1, 1):
         raise InputError(
-            f"the measured response has {shape[0]} outputs and {shape[1]} inputs; its margins are "
-            "told of one of each: take a channel"
+            f"the measured response has {shape[0]} outputs and {shape[1]} inputs; margins need "
+            "one of each: take a channel"
         )
 
 

@@ -33,21 +33,23 @@ from workbench.structure import Real, Structure
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 LARGEST_CHANGE = 1e3
-"""Largest t of a gain that is looked for."""
+"""Largest t of a gain that is searched."""
 LARGEST_TURN = 1e3
-"""Largest t of a phase; it stands for 179.9 degrees."""
+"""Largest t of a phase; it corresponds to 179.9 degrees."""
 KINDS = 4
-"""Margins of a channel that share the time: gain up, gain down, phase and delay."""
-AGAIN = 4
-"""Parts by which a margin may be proven again, over those of the search that found it: on another
-processor a few parts may be cut once more."""
-SHORTER = 1 - REPEATED_ROUNDING
-"""Share of a margin that is proven again: a search stops where the proof has no room left."""
-DRAWN, DRAWN_ROUNDING = 20, 1e-6
-"""Plants that are drawn in a check, and the share by which their crossings may be off."""
+"""Number of margins per channel that share the time: gain up, gain down, phase and delay."""
+REPROOF_PARTS = 4
+"""A proof of a margin may use this many times the parts of the search that found it: on another
+processor a few more parts may be needed.
+"""
+REPROVEN_SHARE = 1 - REPEATED_ROUNDING
+"""Share of a margin that is proven again: the search stops where the proof has no room left."""
+DRAWN_PLANTS, DRAWN_ROUNDING = 20, 1e-6
+"""Number of plants drawn in a check, and the relative error allowed for their crossings."""
 LOST_ROUNDING = 1e-4
-"""Share by which the crossings of the plant that is lost first may be off: they are nearly double
-where the border of stability is touched."""
+"""Relative error allowed for the crossings of the plant that is lost first: they are nearly double
+where the stability border is touched.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,11 +57,11 @@ class SetMargins(Answer):
     """Margins of one channel that every plant of a set keeps.
 
     The loops of all plants are stable for a gain between the ends of ``gain``, for a phase up to
-    ``phase_deg`` [deg] of either sign, and for a delay up to ``delay`` [s]. Some plant is not at a
-    gain outside ``gain_lost``, at the phase ``phase_lost_deg`` [deg] and at the delay
-    ``delay_lost`` [s] (infinite, or 0 for a lower end, where none was found): ``plants`` has the
-    parameters of the plants that are lost first, by "rise", "fall", "phase" and "delay". ``dt`` [s]
-    is the sampling time, 0 in continuous time.
+    ``phase_deg`` [deg] of either sign, and for a delay up to ``delay`` [s]. Some plant's loop is
+    unstable at each end of ``gain_lost``, at the phase ``phase_lost_deg`` [deg], and at the delay
+    ``delay_lost`` [s]; where no such plant was found, these are infinite, or 0 for a lower end.
+    ``plants`` has the parameters of the plants that are lost first, by "rise", "fall", "phase" and
+    "delay". ``dt`` [s] is the sampling time, 0 in continuous time.
 
     Examples
     --------
@@ -110,12 +112,12 @@ def set_margins(
     channels
         Number and name of each channel.
     tolerance
-        Relative distance of the bounds of t. Where the set has dynamics too, upper bounds of mu
-        keep a distance that no number of parts closes.
+        Relative distance of the bounds of t. If the set has uncertain dynamics too, upper bounds of
+        mu keep a gap that no number of parts closes.
     parts
-        Most parts of the box of parameters that are examined for each margin.
+        Largest number of parts of the box of parameters that are examined for each margin.
     time_limit
-        Seconds after which the bounds so far are returned.
+        Time [s] after which the bounds so far are returned.
     """
     with shown_live("margins of every plant") as (progress, watch):
         shares = _shares(time_limit, KINDS * len(channels))
@@ -132,11 +134,14 @@ def set_margins(
 
 
 def _shares(time_limit: float | None, count: int) -> Iterator[float | None]:
-    """Seconds that each of so many searches may take: what one leaves goes to those after it."""
+    """Time [s] that each of ``count`` searches may take; time that one leaves unused goes to those
+    after it.
+    """
     end = None if time_limit is None else time.perf_counter() + time_limit
     for left in range(count, 0, -1):
         rest = 0.0 if end is None else (end - time.perf_counter()) / left
-        yield None if end is None else max(rest, math.ulp(0.0))  # a limit of 0 s is none
+        # a limit of 0 s would mean no limit
+        yield None if end is None else max(rest, math.ulp(0.0))
 
 
 def margins_of_channel(
@@ -146,7 +151,7 @@ def margins_of_channel(
     parts: int,
     next_context: Callable[[], Context] = Context,
 ) -> SetMargins:
-    """The margins of one channel; ``next_context`` has the time of each search."""
+    """The margins of one channel; ``next_context`` gives the time limit of each search."""
 
     def bounded(change: Any, largest: float) -> BoxMargin:
         given = _parameters(*change(loop, channel))
@@ -164,7 +169,7 @@ def margins_of_channel(
         "phase": turn,
         "delay": late,
     }
-    # Poles of the plants that are lost were found in doubles, so their sizes are known no better.
+    # The plants that are lost were found in doubles, so their sizes have that accuracy only.
     beyond = 1.0 + REPEATED_ROUNDING
     return SetMargins(
         (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
@@ -181,16 +186,20 @@ def margins_of_channel(
 def proven_again(
     loop: UncertainSystem, channel: int, claimed: SetMargins, tolerance: float, parts: int
 ) -> SetMargins:
-    """What is proven of claimed margins: each of them, or nothing; no search is repeated."""
+    """The claimed margins that can be proven again, each one or nothing; the search is not
+    repeated.
+    """
 
     def kept(change: Any, t: float) -> bool:
         given = _parameters(*change(loop, channel))
-        return t <= 0.0 or proven_stable(given, LastGrowing(len(given.places)), SHORTER * t, parts)
+        return t <= 0.0 or proven_stable(
+            given, LastGrowing(len(given.places)), REPROVEN_SHARE * t, parts
+        )
 
     low, high = claimed.gain
     given, delay_of = _parameters(*with_delay(loop, channel)), partial(_delay_of, loop, channel)
     late = claimed.delay <= 0.0 or bears_delay(
-        given, delay_of, SHORTER * claimed.delay, tolerance, parts
+        given, delay_of, REPROVEN_SHARE * claimed.delay, tolerance, parts
     )
     turned = kept(with_phase, math.tan(math.radians(claimed.phase_deg) / 2))
     gain = (
@@ -210,7 +219,7 @@ def proven_again(
 
 @dataclass(frozen=True, eq=False)
 class SetChecker(Checker):
-    """Checks the `SetMargins` of one channel; the rest as of `set_margins`."""
+    """Checks the `SetMargins` of one channel; the fields are arguments of `set_margins`."""
 
     loop: UncertainSystem
     channel: int
@@ -222,8 +231,8 @@ class SetChecker(Checker):
         return "for every plant of the set"
 
     def checks(self, answer: SetMargins, tolerance: float) -> list[Check]:
-        """Every margin is proven again from its number."""
-        parts = AGAIN * self.boxes
+        """Prove every margin again from its number."""
+        parts = REPROOF_PARTS * self.boxes
         again = proven_again(self.loop, self.channel, answer, self.tolerance, parts)
         kept = (
             ("least gain", again.gain[0], answer.gain[0]),
@@ -238,8 +247,10 @@ class SetChecker(Checker):
         ]
 
     def second_opinion(self, answer: SetMargins) -> list[Check]:
-        """Plants that are drawn keep the margins by their own crossings; the lost one does not."""
-        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN))]
+        """Random plants must keep the margins, by their own crossings; the plant that is lost must
+        not.
+        """
+        members = [self._crossings(member) for member in self.loop.sample(tries(DRAWN_PLANTS))]
         low = max(one.gain[0] for one in members)
         high = min(one.gain[1] for one in members)
         phase = min(abs(one.phase_deg) for one in members)
@@ -260,7 +271,7 @@ class SetChecker(Checker):
         ] + self._lost(answer)
 
     def _lost(self, answer: SetMargins) -> list[Check]:
-        """Checks that the plants that are lost first keep no more."""
+        """Check that the plants that are lost first keep no larger margin."""
         statement, found = "by which share the plant that is lost keeps more", []
         for kind, plant in answer.plants.items():
             own = self._crossings(self.loop.at(**plant))

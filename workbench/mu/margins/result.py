@@ -25,32 +25,33 @@ from workbench.mu.margins.closed_loop import ClosedLoop
 from workbench.tables import markdown
 from workbench.uncertainty.algebra.system import UncertainSystem
 
-if TYPE_CHECKING:  # what computes them is imported when it is asked for
+if TYPE_CHECKING:  # modules with expensive margins are imported only when they are needed
     from workbench.mu.margins.disk import DiskMargin
     from workbench.mu.margins.measured import MeasuredMargins
     from workbench.mu.margins.of_sets import SetMargins
 
 ALIKE = 1e-6
-"""Share by which margins of two channels may differ that are told as one: L of a single plant and
-its controller is the same at either place, but for rounding."""
+"""Margins of two channels that differ by no more than this share are printed once: with one input
+and one output, L is the same at both, except for rounding.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Answer):
     """Margins of the loop of a plant and a controller with negative feedback, u = -K y.
 
-    ``gain``, ``gain_db``, ``phase_deg``, ``delay`` and ``modulus`` are the least margins; of an
-    uncertain plant those that every plant of the set bears. ``gains``, ``phases_deg`` and
+    ``gain``, ``gain_db``, ``phase_deg``, ``delay`` and ``modulus`` are the least margins; for an
+    uncertain plant, those that every plant of the set keeps. ``gains``, ``phases_deg`` and
     ``delays`` have every crossing of the nominal loop. ``stable`` says whether the nominal closed
-    loop is; None where data do not tell.
+    loop is stable; None for measured data, which do not tell.
 
-    ``classical`` has the margins of each channel of the nominal loop by name; of measured responses
-    those of each plant, as `MeasuredMargins`. All else is computed when it is asked for:
-    ``disks`` are the disk margins of each channel, ``together`` those of "inputs", "outputs" and
-    "all" channels at once. Of an uncertain plant all disks hold for every plant of the set,
-    ``nominal`` has those of the nominal plant, and ``every_plant`` the gain, phase and delay that
-    every plant bears, each alone. The certificate is about the crossings and the disks, and about
-    ``every_plant`` where somebody asked for it.
+    ``classical`` has the margins of each channel of the nominal loop by name; for measured
+    responses those of each plant, as `MeasuredMargins`. The following are computed when asked for:
+    ``disks``, the disk margins of each channel; ``together``, those of "inputs", "outputs" and
+    "all" channels at once. For an uncertain plant all disks hold for every plant of the set,
+    ``nominal`` has the disks of the nominal plant, and ``every_plant`` the gain, phase and delay
+    margins, each alone, that every plant keeps. The certificate covers the crossings and the disks,
+    and ``every_plant`` once somebody has asked for it.
     """
 
     classical: Mapping[str, ClassicalMargins | MeasuredMargins]
@@ -61,7 +62,7 @@ class LoopMargins(Answer):
 
     @property
     def gain(self) -> tuple[float, float]:
-        """The nearest factors below and above 1; 0 and infinity where there is none."""
+        """The nearest destabilising factors below and above 1; 0 and infinity if there is none."""
         every = self._told
         return max(one.gain[0] for one in every), min(one.gain[1] for one in every)
 
@@ -72,40 +73,40 @@ class LoopMargins(Answer):
 
     @property
     def phase_deg(self) -> float:
-        """The least phase margin [deg]; negative where it is one of lead, infinite without one.
+        """The least phase margin [deg]; negative against lead, infinite without a crossing.
 
-        That of a set is borne as lag and as lead.
+        The margin of a set holds for lag and for lead.
         """
         return min((one.phase_deg for one in self._told), key=abs)
 
     @property
     def delay(self) -> float:
-        """The least delay margin [s]; infinite without one."""
+        """The least delay margin [s]; infinite if there is none."""
         return min(one.delay for one in self._told)
 
     @property
     def modulus(self) -> float:
-        """The least distance of the nominal L, or of the data, from -1; 0 of an unstable loop."""
+        """The least distance of the nominal L, or of the data, from -1; 0 for an unstable loop."""
         return min(float(np.ravel(one.modulus)[0]) for one in self.classical.values())
 
     # --- every crossing --------------------------------------------------------------------------
 
     @property
     def gains(self) -> RealArray:
-        """Factors on the gain and frequencies [rad/s] (K, 2): each crossing of the real axis.
+        """Gain factors and frequencies [rad/s] (K, 2): every crossing of the real axis.
 
-        Of data (K, 4), with the ends of the ranges.
+        For data (K, 4), with the ends of the ranges.
         """
         return self._only.gains
 
     @property
     def phases_deg(self) -> RealArray:
-        """Phase margins [deg] and frequencies [rad/s] (K, 2): each crossing of |L| = 1."""
+        """Phase margins [deg] and frequencies [rad/s] (K, 2): every crossing of |L| = 1."""
         return self._only.phases_deg
 
     @property
     def delays(self) -> RealArray:
-        """Delay margins [s] and frequencies [rad/s] (K, 2): each crossing of |L| = 1."""
+        """Delay margins [s] and frequencies [rad/s] (K, 2): every crossing of |L| = 1."""
         return self._only.delays
 
     # --- what is computed when asked for ---------------------------------------------------------
@@ -122,19 +123,19 @@ class LoopMargins(Answer):
 
     @cached_property
     def nominal(self) -> Mapping[str, DiskMargin]:
-        """All disk margins of the nominal plant; empty where no plant is uncertain."""
+        """All disk margins of the nominal plant; empty if the plant is not uncertain."""
         return self._loop.nominal_disks()
 
     @cached_property
     def every_plant(self) -> Mapping[str, SetMargins]:
-        """What every plant of a set bears in each channel; empty where no plant is uncertain."""
+        """Margins that every plant of the set keeps in each channel; empty for a known plant."""
         found = self._loop.every_plant() if self._is_set else {}
         vars(self).pop("certificate", None)  # it says nothing of them
         return found
 
     @cached_property
     def first(self) -> DiskMargin:
-        """The least disk margin: what breaks first."""
+        """The least disk margin: the channels that break first."""
         return min([*self.disks.values(), *self.together.values()], key=lambda one: one.lower)
 
     @property
@@ -144,15 +145,15 @@ class LoopMargins(Answer):
 
     @property
     def loops(self) -> Mapping[str, StateSpace | UncertainSystem]:
-        """The nominal L of each channel by name, opened there and closed elsewhere."""
+        """The nominal L of each channel by name: opened at that channel, closed at the others."""
         return self._loop.loops
 
     @property
     def _loop(self) -> ClosedLoop:
         if self.closed is None:
             raise InputError(
-                "measured responses tell nothing between their frequencies, so that no disk is "
-                "proven of them: fit a model or a cover first; `modulus` is the least distance "
+                "measured responses say nothing between their frequencies, so that no disk can be "
+                "proven for them: fit a model or a cover first; `modulus` is the least distance "
                 "from -1 at the data"
             )
         return self.closed
@@ -163,7 +164,7 @@ class LoopMargins(Answer):
 
     @cached_property
     def _refusal(self) -> str:
-        """Why there are no disks; empty where there are."""
+        """Why there are no disks; empty if there are."""
         try:
             _ = self.first
         except InputError as reason:
@@ -176,13 +177,13 @@ class LoopMargins(Answer):
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether all channels have the margins of the first."""
+        """Whether all channels have the same margins as the first one."""
         numbers = [[*one.gain, one.phase_deg, one.delay] for one in self.classical.values()]
         return bool(np.isclose(numbers, numbers[0], rtol=ALIKE, atol=0.0).all())
 
     @property
     def _only(self) -> ClassicalMargins | MeasuredMargins:
-        """The margins of the only loop there is; raises InputError where there are several."""
+        """The margins of the only loop; raises InputError if there are several."""
         if not self._alike:
             raise InputError(
                 f"each of {', '.join(self.classical)} has crossings of its own: take them from "
@@ -223,7 +224,7 @@ class LoopMargins(Answer):
         return "\n".join(lines)
 
     def _least(self) -> list[str]:
-        """The margins that are told first."""
+        """The margins that are printed first."""
         if self._alike:
             return next(iter(self.classical.values())).lines()
         every = self.classical.values()
@@ -263,7 +264,7 @@ class LoopMargins(Answer):
 
 
 class LoopChecker(PartsChecker):
-    """Checks `LoopMargins` by those of its parts; its figure has the disks that curves avoid."""
+    """Checks `LoopMargins` by its parts; the figure shows the disks that the curves avoid."""
 
     def parts(self, answer: LoopMargins) -> Mapping[str, Answer]:
         groups: dict[str, Mapping[str, Answer]] = {"margins": answer.classical}
@@ -278,7 +279,9 @@ class LoopChecker(PartsChecker):
         return {f"{kind} {name}": one for kind, of in groups.items() for name, one in of.items()}
 
     def figures(self, answer: LoopMargins) -> dict[str, Figure]:
-        """Nyquist curves with the disks that they avoid, and gains with phases that all bear."""
+        """Nyquist curves with the disks that they avoid, and gains with phases that all
+        tolerate.
+        """
         if answer.closed is None:
             first = next(iter(answer.classical.values()))
             return first._checked_by[0].figures(first) if first._checked_by else {}

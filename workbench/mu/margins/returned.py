@@ -1,4 +1,4 @@
-"""The loop of a plant and a controller, from what is added in its channels to what returns."""
+"""The closed loop of plant and controller, seen from signals added in its channels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workbench.uncertainty.algebra.system import UncertainSystem, with_channels
 
 
 def names_of_channels(G: UncertainSystem, K: UncertainSystem) -> dict[int, str]:
-    """Names of the channels of `returned_loop` at which the loop is opened, by number."""
+    """Names of the channels of `returned_loop` at which the loop is opened, by index."""
     m, p = G.ninputs, G.noutputs
     if m == p == 1 and not K.nstates and not K.elements:  # L alone: one place to open it
         return {m: "loop"}
@@ -34,7 +34,7 @@ def matched_pair(plant: Any, controller: Any) -> tuple[UncertainSystem, Uncertai
 
 
 def need_matching(plant: Any, controller: Any) -> None:
-    """Raise InputError unless the controller has the plant's channels, the other way round."""
+    """Raise InputError unless inputs and outputs of plant and controller match."""
     if (controller.noutputs, controller.ninputs) != (plant.ninputs, plant.noutputs):
         raise InputError(
             f"plant has {plant.noutputs} outputs and {plant.ninputs} inputs, controller "
@@ -43,11 +43,11 @@ def need_matching(plant: Any, controller: Any) -> None:
 
 
 def returned_loop(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
-    """From what is added to (u, y) to (u, y) without it, the loop u = -K y closed."""
+    """The closed loop u = -K y, from signals added to (u, y) to (u, y) before the addition."""
     m, p = G.ninputs, G.noutputs
     if singular(np.eye(p) + G.value.blocks[3] @ K.value.blocks[3]):
         raise not_well_posed("plant", G, "controller", K)
-    # (u, y) before = append(-K, G) times (y, u) after.
+    # (u, y) before the addition is append(-K, G) times (y, u) after it.
     swap = np.block([[np.zeros((p, m)), np.eye(p)], [np.eye(m), np.zeros((m, p))]])
     closed = feedback(append(-K, G), swap, sign=1)
     return closed @ swap
@@ -65,7 +65,7 @@ def need_stable_loop(loop: StateSpace) -> None:
 
 
 def _need_clearly_stable(loop: StateSpace) -> None:
-    """Raise InputError where rounding of the entries of a stable loop may make it unstable."""
+    """Raise InputError if rounding of the entries of a stable loop may make it unstable."""
     poles = loop.poles()
     boundary = np.exp(1j * np.angle(poles)) if loop.dt else 1j * poles.imag
     for pole, point in zip(poles, boundary, strict=True):
@@ -87,6 +87,7 @@ def channel_names(inputs: int, outputs: int) -> list[str]:
 def opened_channel(returned: UncertainSystem, channel: int) -> UncertainSystem:
     """L of a channel, from S - 1: the other channels stay closed."""
     closed = returned[[channel], [channel]]
-    # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, by positive feedback of what is returned.
+    # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, since the returned signal is fed back
+    # positively.
     opened: UncertainSystem = -1.0 * feedback(closed, 1.0, sign=-1)
     return opened

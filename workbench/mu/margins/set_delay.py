@@ -1,10 +1,10 @@
-"""The delay that every plant of a set bears in a channel, by branch and bound over frequency too.
+"""The delay that every plant of a set tolerates, by branch and bound that cuts frequency too.
 
-At a frequency omega delays up to T turn the channel by angles up to omega T: the factor is
-((1 + j t) / (1 - j t))^2 with t = tan(omega T / 4), at most 1 where a full half turn is reached.
+At a frequency omega, delays up to T turn the channel by angles up to omega T: the factor is ((1 + j
+t) / (1 - j t))^2 with t = tan(omega T / 4), and t is limited to 1, which is a full half turn.
 Frequencies are cut into bands so narrow that t hardly changes along them. In real coordinates a
-phase stands for both signs, so that the delay is proven for a lead as well; a loop that bears less
-lead than lag is given too small a margin, and its bounds stay apart.
+phase stands for both signs, so that the delay is proven for a lead as well. If a loop tolerates
+less lead than lag, its margin is therefore underestimated, and its bounds stay apart.
 """
 
 from __future__ import annotations
@@ -24,29 +24,35 @@ from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effec
 from workbench.mu.boxes.recentred import RealParameters
 
 FIRST_PARTS = 24
-"""Parts of the box from which the frequencies are found at which some plant can be turned to -1."""
+"""Number of parts of the box used to find the frequencies at which some plant can be turned to
+-1.
+"""
 STEP = 0.25
-"""Relative growth of the frequency along a band that is not cut again, in units of the wanted
-distance of the bounds; t grows by at most pi / 2 times as much."""
-NARROWED = 0.75
-"""Share of its turns down to which a part shrinks with its bands and is looked at again uncut."""
+"""A band is not cut again if the frequency grows along it by less than this, relative and in units
+of the wanted distance of the bounds; t grows by at most pi / 2 times as much.
+"""
+NARROWED_SHARE = 0.75
+"""A part whose range of t shrinks along its bands to at most this share is examined again before it
+is cut.
+"""
 DECISIONS = 6
-"""Share of the parts that one delay may take is one over this."""
+"""One delay may take the number of parts divided by this."""
 CROSSING_ROUNDING = 1e-5
-"""Share by which the delay of a member, found from its crossings in doubles, may be off: about
-eps^(1/3), by which rounding moves a triple one."""
+"""Relative error of a member's delay that is found from its crossings in doubles: about eps^(1/3),
+the amount by which rounding moves a triple crossing.
+"""
 EVERY_BAND = "parts exclude every frequency for every plant"
 ITS_CROSSING = "one plant has a crossing there"
-"""What the bounds rest on."""
-WITHIN = 0.999
-"""Share of the wanted distance of the bounds that a delay is set for."""
+"""What the lower and the upper bound rest on."""
+GAP_SHARE = 0.999
+"""A delay is chosen at this share of the wanted distance of the bounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class DelayBounds:
-    """Every plant bears delays up to ``lower`` [s]; that with ``values`` (p,) not ``upper``.
+    """Every plant tolerates delays up to ``lower`` [s], that at ``values`` (p,) not ``upper`` [s].
 
-    ``upper`` is infinite, and ``values`` None, where no plant is known that a delay destabilises.
+    ``upper`` is infinite and ``values`` None if no plant is known that a delay destabilises.
     """
 
     lower: float
@@ -82,7 +88,7 @@ def delay_bounds(
             highest = 2 * math.pi / search.frequency(region[0][0])
         if highest <= (1 + gap) * lower:
             break
-        level = highest / (1 + WITHIN * gap)
+        level = highest / (1 + GAP_SHARE * gap)
         if undecided <= search.upper:
             level = (lower + highest) / 2
         if search.decide(level, region):
@@ -102,7 +108,7 @@ def bears_delay(
     gap: float,
     parts: int,
 ) -> bool:
-    """Whether so many parts prove that every plant bears a delay [s]; else as `delay_bounds`."""
+    """Whether this many parts prove that every plant tolerates a delay [s]; see `delay_bounds`."""
     search = _DelaySearch(given, delay_of, gap, parts)
     search.share = parts
     region = search.region()
@@ -110,7 +116,7 @@ def bears_delay(
 
 
 class _DelaySearch:
-    """The bounds so far, and how many parts may still be examined."""
+    """The bounds so far, and the number of parts that may still be examined."""
 
     def __init__(
         self,
@@ -127,7 +133,7 @@ class _DelaySearch:
         self.upper = math.inf
         self.values: RealArray | None = None
         for values in np.vstack([np.zeros(self.count - 1), corner_signs(self.count - 1)]):
-            self._seen(values)
+            self._lower_to_member(values)
 
     @property
     def goes_on(self) -> bool:
@@ -135,11 +141,11 @@ class _DelaySearch:
         return self.left > 0 and not self.context.late
 
     def frequency(self, v: float) -> float:
-        """Frequency [rad/s] of one of the bilinear plane."""
+        """Frequency [rad/s] that belongs to a frequency of the bilinear plane."""
         return float(angular_frequency(v, self.given.system.period))
 
-    def _seen(self, values: RealArray) -> None:
-        """Lower the upper bound to the delay margin of a member."""
+    def _lower_to_member(self, values: RealArray) -> None:
+        """Lower the upper bound to the delay margin of a member, if that is less."""
         unstable = self.given.unstable(np.append(values, 0.0)[None])[0]
         found = 0.0 if unstable else self.delay_of(values)
         if found < self.upper:
@@ -151,7 +157,7 @@ class _DelaySearch:
         return BoxPart(low, high, bands)
 
     def region(self) -> list[Band]:
-        """Bands outside which no plant can be turned to -1, by any phase."""
+        """Bands outside which no plant can be turned to -1 by any phase."""
         partition, open_ = Partition(self._part(1.0, WHOLE)), []
         for _ in range(FIRST_PARTS):
             if not partition:
@@ -162,19 +168,21 @@ class _DelaySearch:
                 open_.append(left[0])
         while partition:
             open_.append(partition.pop())
-        return _joined([band for part in open_ for band in part.bands])
+        return _joined_bands([band for part in open_ for band in part.bands])
 
     def decide(self, delay: float, region: list[Band]) -> bool:
-        """Whether every plant is proven to bear a delay."""
+        """Whether it is proven that every plant tolerates a delay."""
         budget = self.share
-        open_ = [part for band in region for part in self._turned(self._part(1.0, (band,)), delay)]
+        open_ = [
+            part for band in region for part in self._parts_by_band(self._part(1.0, (band,)), delay)
+        ]
         while open_:
             part = open_.pop()
             budget -= 1
             left = self._examined(part)
             if left is None or not left[0].bands:
                 continue
-            self._seen(part.centre[:-1])
+            self._lower_to_member(part.centre[:-1])
             pieces = self._cut(*left, delay)
             if self.upper <= delay or budget <= 0 or self.context.late or not pieces:
                 return False
@@ -182,7 +190,7 @@ class _DelaySearch:
         return True
 
     def _examined(self, part: BoxPart) -> tuple[BoxPart, RealArray] | None:
-        """The part with the bands that stay open, and what matters in it."""
+        """The part with the bands that stay open, and the effect of each parameter in it."""
         self.left -= 1
         effects = np.zeros(self.count)
         about = self.given.recentred(part)
@@ -191,8 +199,8 @@ class _DelaySearch:
             part, effects = replace(part, bands=bands), effects_in(response, self.given.structure)
         return part, effects
 
-    def _turned(self, part: BoxPart, delay: float) -> list[BoxPart]:
-        """A part for each of its bands, with the turns that a delay makes along that band."""
+    def _parts_by_band(self, part: BoxPart, delay: float) -> list[BoxPart]:
+        """One part for each band, with the range of t that the delay needs along that band."""
         found = []
         for band in part.bands:
             high = part.high.copy()
@@ -202,29 +210,29 @@ class _DelaySearch:
         return found
 
     def _turn(self, v: float, delay: float) -> float:
-        """The largest t of delays up to one at a frequency of the bilinear plane."""
+        """The largest t for delays up to the given one, at a frequency of the bilinear plane."""
         angle = min(self.frequency(v) * delay, math.pi) if math.isfinite(v) else math.pi
         return math.tan(angle / 4)
 
     def _cut(self, part: BoxPart, effects: RealArray, delay: float) -> list[BoxPart]:
-        """Pieces of an open part; none where it is too narrow to be cut.
+        """Pieces of an open part; an empty list if it is too narrow to be cut.
 
-        What matters most is cut: a parameter, or the band, by the share of the turns that its
-        lower half does without.
+        The cut is made where it has the largest effect: in a parameter, or in frequency, whose
+        effect counts by the share of the range of t that the lower half of the band does not need.
         """
         found: list[BoxPart] = []
-        for one in self._turned(part, delay):
+        for one in self._parts_by_band(part, delay):
             ((low, high),) = one.bands
             spared = one.high[-1] - max(one.low[-1], self._turn(low, delay))
             share = spared / max(2 * part.width[-1], 1e-300)
             narrow = low > 0 and high / low <= 1 + STEP * self.gap
-            shrunk = 2 * one.width[-1] <= NARROWED * 2 * part.width[-1]
+            shrunk = 2 * one.width[-1] <= NARROWED_SHARE * 2 * part.width[-1]
             if shrunk:
                 found.append(one)
             elif not narrow and share * effects[-1] >= effects.max() / 2:
-                middle = _within(low, high)
+                middle = _inside_band(low, high)
                 halves = replace(one, bands=((low, middle), (middle, high)))
-                found += self._turned(halves, delay)
+                found += self._parts_by_band(halves, delay)
             else:
                 partition = Partition(one)
                 partition.pop()
@@ -235,15 +243,15 @@ class _DelaySearch:
         return found
 
 
-def _within(low: float, high: float) -> float:
+def _inside_band(low: float, high: float) -> float:
     """A frequency inside a band."""
     if math.isinf(high):
         return 2.0 * low if low > 0 else 1.0
     return math.sqrt(low) * math.sqrt(high) if low > 0 else high / 8.0
 
 
-def _joined(bands: list[Band]) -> list[Band]:
-    """Bands that touch, as one."""
+def _joined_bands(bands: list[Band]) -> list[Band]:
+    """The bands, with those that touch joined into one."""
     found: list[Band] = []
     for low, high in sorted(bands):
         if found and low <= found[-1][1]:

@@ -1,1 +1,1 @@
-"""Random members of an uncertain system, beside what is proven of all of them."""
+"""Random members of an uncertain system, shown with what is proven for all members."""

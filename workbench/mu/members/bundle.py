@@ -1,4 +1,4 @@
-"""Bode, Nyquist, step and pole figures of random members, with what is proven of all."""
+"""Bode, Nyquist, step and pole figures of random members, with what is proven for all members."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from workbench.uncertainty.algebra.system import MOST_MEMBERS, UncertainSystem, 
 Kind = Literal["bode", "nyquist", "step", "poles"]
 """Kinds of panels."""
 POINTS = 300
-"""Points of a curve."""
+"""Number of points on a curve."""
 SETTLING = 8.0
-"""Time constants of the slowest nominal pole that a step response is drawn for."""
+"""Duration of a drawn step response, in time constants of the slowest nominal pole."""
 BOUND_TOLERANCE, MARGIN_TOLERANCE = 1e-2, 1e-3
-"""Tolerances of the worst-case gain and of the margin."""
+"""Tolerances of the worst-case gain and of the stability margin."""
 FAR = 10.0
-"""Ratio of sizes of poles up to which they are shown on a common linear scale."""
+"""Largest ratio of sizes of poles that are drawn on a linear scale."""
 GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 """Style of members."""
 
@@ -38,16 +38,16 @@ GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 def bundle_plot(
     system: Any, kinds: Sequence[Kind] = get_args(Kind), samples: int = 40, seed: int = 0
 ) -> Figure:
-    """Panels of the nominal and of random members of an uncertain system, and what is proven.
+    """Panels of the nominal and of random members of an uncertain system, with proven bounds.
 
-    The Bode panel has the proven worst-case gain, and the panel of poles the proven margin of
-    robust stability, both of a system that is stable at its nominal.
+    The Bode panel shows the proven worst-case gain, and the panel of poles the proven margin of
+    robust stability, both only if the nominal system is stable.
 
     Parameters
     ----------
     system
-        An `UncertainSystem`, or what stands for one; of several channels the Bode panel has the
-        largest singular value, the others the first channel.
+        An `UncertainSystem`, or an object that stands for one. With several channels the Bode panel
+        shows the largest singular value, and the others the first channel.
     kinds
         Any of "bode", "nyquist", "step", "poles".
 
@@ -148,7 +148,7 @@ def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -
         panel.plot(turn.real, turn.imag, color=figures.BLACK, linewidth=0.8)
     else:
         panel.axvline(0.0, color=figures.BLACK, linewidth=0.8)
-        # Poles far beyond the nominal ones, such as those of short delays, set no scale.
+        # Poles far beyond the nominal ones, such as those of short delays, do not set the scale.
         every = every[np.abs(every) <= FAR * np.abs(nominal).max(initial=1.0)]
         sizes = np.abs(nominal.real)[np.abs(nominal.real) > 0]
         if sizes.size and sizes.max() > FAR * sizes.min():

@@ -1,6 +1,7 @@
-"""Monte Carlo: a number of many random members, with quantiles and their confidence.
+"""Monte Carlo: a quantity of many random members, with quantiles and their confidence.
 
-Samples say how often; what holds for every member is proven elsewhere, and stands beside them.
+Samples say how often a value occurs. A bound for every member is proven elsewhere and shown beside
+them.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.system import MOST_MEMBERS, UncertainSystem, uncertain
 
 SHOWN = (0.5, 0.9, 0.99)
-"""Quantiles that are printed."""
+"""Probabilities of the quantiles that are printed."""
 BATCH = 25
-"""Members of a task."""
+"""Number of members per task."""
 BOUND_TOLERANCE = 1e-2
 """Tolerance of the proven bound."""
 
@@ -37,7 +38,7 @@ BOUND_TOLERANCE = 1e-2
 class MonteCarlo:
     """A quantity of random members, ``values`` (N,), infinite where a member has none.
 
-    ``bound`` is proven for every member, NaN where nothing is. ``confidence`` is that of the
+    ``bound`` is proven for every member, NaN if nothing is proven. ``confidence`` is that of the
     intervals.
 
     Examples
@@ -58,9 +59,9 @@ class MonteCarlo:
     bound: float
 
     def quantile(self, share: float) -> tuple[float, float, float]:
-        """The quantile of a share, and ends between which that of all members lies.
+        """The quantile of the sample, and the ends of the interval for the quantile of all members.
 
-        They are order statistics, and hold for any distribution; an end is infinite where there are
+        The ends are order statistics and hold for any distribution; an end is infinite if there are
         too few members.
         """
         _need_share(share, "share")
@@ -76,7 +77,9 @@ class MonteCarlo:
         )
 
     def probability(self, level: float) -> tuple[float, float, float]:
-        """The share of members up to a level, and ends of that of all (Clopper and Pearson)."""
+        """The share of members up to a level, and its interval for all members
+        (Clopper-Pearson).
+        """
         if not is_real(level) or math.isnan(level):
             raise InputError(f"level is {level!r}; a number is needed")
         n = len(self.values)
@@ -98,7 +101,7 @@ class MonteCarlo:
         return "\n".join(lines)
 
     def plot(self) -> Figure:
-        """The share of members up to each value, with the proven bound."""
+        """Figure of the share of members up to each value, with the proven bound."""
         figure, (panel,) = figures.axes()
         ordered = np.sort(self.values)
         share = np.arange(1, len(ordered) + 1) / len(ordered)
@@ -126,16 +129,16 @@ def monte_carlo(
     Parameters
     ----------
     system
-        An `UncertainSystem`, or what stands for one.
+        An `UncertainSystem`, or an object that stands for one.
     quantity
         A function from a member, a StateSpace, to a number; None: its largest gain over frequency,
-        infinite for an unstable member, beside which the proven worst-case gain is given.
+        which is infinite for an unstable member; the proven worst-case gain is then given too.
     count, seed
         Members number 0 to count - 1 of this seed; the same in any number of processes.
     confidence
-        Of the intervals of quantiles and shares.
+        Confidence of the intervals of quantiles and shares.
     executor
-        Where members are computed, such as that of `workbench.connect`; None: here.
+        Executor that computes the members, such as that of `workbench.connect`; None: this process.
 
     Raises
     ------

@@ -39,15 +39,17 @@ from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
 PARTS_AT_ONCE = 32
-"""Parts of the box whose bounds are computed together."""
+"""Number of parts whose bounds are computed together."""
 RECENTRING_ROUNDING = 1e-9
-"""Allowance for rounding errors of recentred matrices: their bounds must be below 1 by this."""
+"""Allowance for rounding errors of recentred matrices: their bounds must be below 1 by at least
+this.
+"""
 LEAST_RECIPROCAL_CONDITION = 1e-6
 """Least reciprocal condition number of I - M C at which a part is recentred."""
 PARTS_EXCLUDED = "multipliers exclude every part of the box of real blocks"
 """What upper bounds rest on."""
 NARROWEST_WIDTH = 1e-9
-"""Half-width, relative to the box, below which a block is not cut again."""
+"""A block is not cut again once its half-width, relative to the box, is below this."""
 
 Upper = Callable[[np.ndarray, Structure], Any]
 """An upper bound of mu for matrices (B, columns, rows): an object with ``value`` (B,)."""
@@ -144,7 +146,9 @@ def branch_and_bound(
 
 @dataclass(frozen=True, eq=False)
 class MatrixChecker(RepeatedChecker):
-    """Computes the `MuBounds` of one matrix again, and tries its perturbation."""
+    """Computes the `MuBounds` of one matrix again, and checks that its perturbation makes I - M
+    Delta singular.
+    """
 
     M: np.ndarray
     structure: Structure
@@ -187,7 +191,9 @@ class _Search:
         self.nodes = 1
 
     def decide(self, level: float) -> bool:
-        """Lower the upper bound to a level or raise the lower bound to it; false if neither."""
+        """Lower the upper bound to a level, or raise the lower bound to it; False if neither is
+        possible.
+        """
         count = len(self._real)
         parts = [(np.zeros(count), np.full(count, 1 / level))]
         while parts:
@@ -232,7 +238,7 @@ class _Search:
     def _lower_from(
         self, N: np.ndarray, centres: np.ndarray, widths: np.ndarray, level: float
     ) -> None:
-        """Raise the lower bound by lower bounds of the recentred matrices N."""
+        """Raise the lower bound, if a lower bound of a recentred matrix N allows it."""
         if not len(N):
             return
         found = proposals(N, self._structure, "power", self._options)

@@ -33,8 +33,9 @@ from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 
 COMPLEX_PART = 0.01
-"""Default complex part, as a share of real scalars, of structures that have real scalars only;
-without it mu is not continuous over frequency."""
+"""Default complex part, as a share of real scalars, for structures with real scalars only; without
+it mu is not continuous in frequency.
+"""
 CONDITIONS = ("nominal_performance", "robust_stability", "robust_performance")
 
 
@@ -42,10 +43,10 @@ CONDITIONS = ("nominal_performance", "robust_stability", "robust_performance")
 class Conditions(Answer):
     """The four conditions of a loop; each peak is certified between grid points.
 
-    ``pole`` is the rightmost pole of the nominal loop [rad/s], of a sampled loop the largest (None:
-    the loop has no states). Where it is unstable all peaks are None. Without a perturbation
-    ``robust_stability`` is None; without performance channels both performances are None. ``dt`` is
-    the sampling time [s], 0 for continuous time.
+    ``pole`` is the rightmost pole of the nominal loop [rad/s], for a sampled loop the pole of
+    largest size (None: the loop has no states). For an unstable loop all peaks are None. Without a
+    perturbation ``robust_stability`` is None; without performance channels both performances are
+    None. ``dt`` is the sampling time [s], 0 for continuous time.
 
     Examples
     --------
@@ -176,7 +177,7 @@ def conditions(
     tolerance
         As in `peak`.
     complex_part
-        As in `peak`, for robust stability where all scalars are real. It is not added elsewhere.
+        As in `peak`, for robust stability if all scalars are real. It is not added anywhere else.
 
     Raises
     ------
@@ -232,7 +233,7 @@ def conditions(
         found[name] = peak(part, blocks, tolerance, complex_part=complex_part if real else 0.0)
     nominal, stability, robust = (found[name] for name in CONDITIONS)
     if robust is not None and structure is not None:
-        # Both are peaks of smaller sets of perturbations: one block of the two is 0.
+        # Both are peaks over smaller sets of perturbations: one of the two blocks is 0.
         real = all(isinstance(block, Real) for block in structure)
         for smaller, word in ((nominal, "performance"), (None if real else stability, "stability")):
             if smaller is not None:
@@ -251,10 +252,10 @@ def conditions(
 def condition_systems(
     plant: GeneralisedPlant, controller: Any
 ) -> dict[str, tuple[StateSpace, Structure]]:
-    """System that a perturbation closes, and its structure, of each condition that there is.
+    """For each condition that applies, the system that a perturbation closes, and its structure.
 
-    They are what `conditions` asks `peak`, and what a `PeakChecker` certifies its peaks with. Take
-    `plant.channel` first for a part of the performance.
+    `conditions` passes them to `peak`, and a `PeakChecker` certifies the peaks with them. For a
+    part of the performance channels take `plant.channel` first.
 
     Raises InputError as `GeneralisedPlant.close`.
 

@@ -1,4 +1,4 @@
-"""Uncertain delays that a loop bears, in seconds: how long they may be, and what is too long."""
+"""Delays [s] that a loop with uncertain delays tolerates, and delays that are too long."""
 
 from __future__ import annotations
 
@@ -16,63 +16,69 @@ from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 SHORTEST, LONGEST = 1e-6, 1e6
-"""Delays that are tried, as shares of the longest one of the set."""
+"""Least and largest delay that is tried, as a multiple of the longest delay of the set."""
 BISECTIONS = 40
-"""Most delays that are tried for one bound."""
-GROWS = 1e-6
-"""Least growth in the time of a delay that counts as one: a pole at 0 is found to either side."""
+"""Largest number of delays tried for one bound."""
+LEAST_GROWTH = 1e-6
+"""Least growth during one delay that counts as unstable: in doubles, a pole at 0 is found on either
+side.
+"""
 PROOF_TOLERANCE = 1e-3
 """Tolerance of the peaks of mu that prove a delay."""
-STEP = 1.05
-"""Factor from one delay to the next in the search for one that is too long."""
-BESIDE = 1e-6
-"""Share by which a delay is told beside the one that puts a pole on the axis."""
+DELAY_RATIO = 1.05
+"""Ratio of one delay to the previous one in the search for a delay that is too long."""
+LOST_EXCESS = 1e-6
+"""The reported delay exceeds the delay that puts a pole on the axis by this share."""
 
 
 def delay_margins(found: UncertainSystem, tolerance: float) -> dict[str, tuple[float, float]]:
-    """Delays [s] by name: stable for all up to the first, unstable for the second.
+    """Two delays [s] by name: stable for all delays up to the first, unstable for the second.
 
-    The first is proven with all other uncertainty at its full size, by the cover of all delays up
-    to it; it is 0 where nothing is proven. Where nothing else is uncertain it is that of the delay
-    itself, exact but for a share of 1e-6, and infinite where every delay is borne. With the second,
-    all else nominal, the loop is unstable; it is infinite where none was found.
+    The first bound is proven with all other uncertainty at full size, by a cover of all delays up
+    to it; it is 0 if nothing is proven. If nothing else is uncertain, it is exact but for a share
+    of 1e-6, and infinite if the loop tolerates every delay. The second bound is a delay with which
+    the loop is unstable for nominal values of all other elements; it is infinite if none was found.
     """
     return {
-        name: (_borne(found, element, tolerance), _lost(found, element))
+        name: (_longest_proven(found, element, tolerance), _shortest_unstable(found, element))
         for name, element in found.elements.items()
         if isinstance(element, DelayElement)
     }
 
 
 def delay_is_borne(found: UncertainSystem, name: str, high: float) -> bool:
-    """Whether stability is proven for all delays up to one, whatever the other elements are."""
-    if len(found.elements) == 1 and (first := _first(found, name)) is not None:
+    """Whether stability is proven for delays up to ``high`` [s], whatever the other elements
+    are.
+    """
+    if len(found.elements) == 1 and (first := _first_on_axis(found, name)) is not None:
         return high < first or math.isinf(first)
-    return peak(*_up_to(found, name, high), PROOF_TOLERANCE).upper < 1.0
+    return peak(*_with_delays_up_to(found, name, high), PROOF_TOLERANCE).upper < 1.0
 
 
 def delay_is_lost(found: UncertainSystem, name: str, tau: float) -> bool:
-    """Whether the loop of the nominals is proven to be unstable with a delay."""
+    """Whether the loop with this delay, all other elements nominal, is proven to be unstable."""
     exact = loop_about(found, name)
     late = None if exact is None else with_delay_of(exact, tau)
     if late is not None:
         return (late.unstable_poles() or 0) > 0
     loop = found.at(**{name: tau})
     growth = np.asarray(loop.poles()).real.max(initial=-math.inf)
-    # Poles of times far apart come from doubles with the error of the fastest.
-    return bool(growth * tau > GROWS) and is_proven_unstable(np.asarray(loop.A), False)
+    # Doubles give poles of very different speeds with the absolute error of the fastest one.
+    return bool(growth * tau > LEAST_GROWTH) and is_proven_unstable(np.asarray(loop.A), False)
 
 
-def _first(found: UncertainSystem, name: str) -> float | None:
-    """The delay that first puts a pole on the axis, all else nominal; None where it is not seen."""
+def _first_on_axis(found: UncertainSystem, name: str) -> float | None:
+    """The least delay that puts a pole on the axis, all other elements nominal; None if it cannot
+    be computed.
+    """
     loop = loop_about(found, name)
     return None if loop is None else first_delay(loop)
 
 
-def _borne(found: UncertainSystem, element: DelayElement, tolerance: float) -> float:
+def _longest_proven(found: UncertainSystem, element: DelayElement, tolerance: float) -> float:
     """The longest delay up to which stability is proven."""
-    if (first := _first(found, element.name)) is not None and len(found.elements) == 1:
-        return (1 - BESIDE) * first
+    if (first := _first_on_axis(found, element.name)) is not None and len(found.elements) == 1:
+        return (1 - LOST_EXCESS) * first
     low, high = 0.0, math.inf
     tried = element.high
     for _ in range(BISECTIONS):
@@ -91,8 +97,10 @@ def _borne(found: UncertainSystem, element: DelayElement, tolerance: float) -> f
     return low
 
 
-def _up_to(found: UncertainSystem, name: str, high: float) -> tuple[StableSystem, Structure]:
-    """The system that Delta closes, where the set has this delay's values up to `high` only."""
+def _with_delays_up_to(
+    found: UncertainSystem, name: str, high: float
+) -> tuple[StableSystem, Structure]:
+    """The system that Delta closes, with the set's delay limited to `high`."""
     import control
 
     structure = found.structure
@@ -106,16 +114,18 @@ def _up_to(found: UncertainSystem, name: str, high: float) -> tuple[StableSystem
     return even_channels(filtered, structure)[0], structure
 
 
-def _lost(found: UncertainSystem, element: DelayElement) -> float:
-    """A delay with which the loop of all else nominal is unstable, near the shortest one."""
-    if (first := _first(found, element.name)) is not None:
+def _shortest_unstable(found: UncertainSystem, element: DelayElement) -> float:
+    """A delay near the shortest one with which the loop, all other elements nominal, is
+    unstable.
+    """
+    if (first := _first_on_axis(found, element.name)) is not None:
         if math.isinf(first):
             return first
-        if delay_is_lost(found, element.name, (1 + BESIDE) * first):
-            return (1 + BESIDE) * first
+        if delay_is_lost(found, element.name, (1 + LOST_EXCESS) * first):
+            return (1 + LOST_EXCESS) * first
     low = high = SHORTEST * element.high
     while not delay_is_lost(found, element.name, high):
-        low, high = high, high * STEP
+        low, high = high, high * DELAY_RATIO
         if high > LONGEST * element.high:
             return math.inf
     for _ in range(BISECTIONS):

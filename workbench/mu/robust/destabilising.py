@@ -27,8 +27,9 @@ from workbench.structure import Full, Real, Structure
 from workbench.systems.bilinear import bilinear_sampled
 
 END_OFFSET = 1e-6
-"""Instead of 0 a complex Delta is interpolated at this multiple of the slowest pole, instead of
-infinity at the fastest pole divided by this."""
+"""Where the peak is at frequency 0, a complex Delta is interpolated at this multiple of the slowest
+pole instead; at infinity, at the fastest pole divided by this.
+"""
 REAL_TOLERANCE, NEARLY_REAL_TOLERANCE = 1e-12, 1e-6
 """A value counts as real if its imaginary part is below the first share of it; a vector is replaced
 by its real part if its imaginary part is below the second share."""
@@ -36,8 +37,9 @@ DESTABILISING_TOLERANCE = 1e-6
 """A null vector of I - M Delta, balanced, is interpolated if its singular value is below this share
 of the norm of M Delta or of 1, whichever is larger."""
 PROVEN_SHARE = 1 - 1e-6
-"""The bound that a peak's Delta proves again must reach this share of 1 / |Delta|; a proof moves
-Delta by less."""
+"""A peak's Delta must prove again at least this share of 1 / |Delta|; a proof moves Delta by
+less.
+"""
 LARGEST_CONDITION = 1e10
 """Condition number of I - M Delta with real blocks only, above which these blocks alone make the
 loop singular."""
@@ -98,7 +100,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """
     if not isinstance(peak, Peak):
         raise InputError(
-            f"peak must be what `peak(system, structure)` gives, not {type(peak).__name__}"
+            f"peak must be a result of `peak(system, structure)`, not {type(peak).__name__}"
         )
     if not peak.lower > 0:
         raise InputError("the peak's lower bound is 0: no destabilising perturbation is known")
@@ -128,7 +130,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     if not 0.0 < omega < math.inf:
         real = _made_real(Delta, z, structure)
         if real is None:
-            omega = _beside(stable, omega)
+            omega = _nearby_frequency(stable, omega)
             M = _response(stable, omega)
         Delta = constant + _attained(M, constant, (Delta if real is None else real) - constant)
         z = null_vector(M, Delta)
@@ -158,7 +160,7 @@ def interpolated(
 
 
 def _response(stable: StableSystem, omega: float) -> Array:
-    """The response at a frequency, sharp where balls can tell it."""
+    """The response at a frequency, in ball arithmetic where that is sharp."""
     sharp = sharp_response(stable, omega)
     return stable.response([omega])[0] if sharp is None else sharp
 
@@ -215,8 +217,10 @@ def _made_real(Delta: Array, z: Array, structure: Structure) -> Array | None:
     return structure.diagonal(blocks)
 
 
-def _beside(system: StableSystem, omega: float) -> float:
-    """A frequency [rad/s] where the response is nearly that at `omega`, which is 0 or infinity."""
+def _nearby_frequency(system: StableSystem, omega: float) -> float:
+    """A frequency [rad/s] at which the response is nearly that at `omega`, which is 0 or
+    infinity.
+    """
     poles = np.abs(system.poles) if len(system.poles) else np.ones(1)
     return float(END_OFFSET * poles.min() if omega == 0.0 else poles.max() / END_OFFSET)
 
@@ -224,15 +228,16 @@ def _beside(system: StableSystem, omega: float) -> float:
 def _attained(M: Array, constant: Array, free: Array) -> Array:
     """The free part of Delta times the number near 1 that makes the loop singular."""
     loop = np.eye(len(M)) - M @ constant
-    if not free.any() or np.linalg.cond(loop) > LARGEST_CONDITION:  # the constants do it alone
+    # the constant blocks alone make it singular
+    if not free.any() or np.linalg.cond(loop) > LARGEST_CONDITION:
         return free
     seen = np.linalg.solve(loop, M) @ free
     values = np.linalg.eigvals(seen)
     value = values[np.argmin(np.abs(values - 1))]
     if not np.abs(value - 1) < LARGEST_EIGENVALUE_SHIFT:
         raise InputError(
-            "the peak lies at an end of the frequency axis with a complex Delta, which no real "
-            "system has there, and beside it nothing near that Delta makes the loop singular"
+            "the peak lies at frequency 0 or infinity with a complex Delta, which no real system "
+            "has there, and at a nearby frequency no Delta close to it makes the loop singular"
         )
     scaled: Array = free / value
     return scaled

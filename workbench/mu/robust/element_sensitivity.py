@@ -1,4 +1,4 @@
-"""How much each uncertain element counts for a margin of robustness."""
+"""How much each uncertain element contributes to a margin of robustness."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ Margin = StabilityMargin | PerformanceMargin
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MarginSensitivity(Answer, Mapping[str, tuple[float, float]]):
-    """Bounds, by name, of how much each uncertain element counts for a margin.
+    """Bounds, by name, of how much each uncertain element contributes to a margin.
 
-    ``margin`` is the one as it is, ``grown`` those with the uncertainty of one element larger by
-    ``growth``.
+    ``margin`` is the margin of the system itself; ``grown`` has the margins with the uncertainty of
+    one element increased by the share ``growth``.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class MarginSensitivity(Answer, Mapping[str, tuple[float, float]]):
 
 
 class SensitivityChecker(PartsChecker):
-    """Checks a `MarginSensitivity` by the margins that it is made of."""
+    """Checks a `MarginSensitivity` by the margins from which it is computed."""
 
     @property
     def quantifier(self) -> str:
@@ -96,21 +96,24 @@ class SensitivityChecker(PartsChecker):
 def margin_sensitivity(
     system: Any, gain: float | None = None, growth: float = 0.25, tolerance: float = 1e-4
 ) -> MarginSensitivity:
-    """Bounds, by name, of how much each element counts: 0 for not at all, 1 for all alone.
+    """Bounds, by name, of how much each element contributes: 0 for nothing, 1 for everything.
 
-    The reciprocal of the margin rises by a share, over that by which one element's uncertainty
-    grows: 0.75 says that with 25 % more of this uncertainty the rest may be 0.75 x 25 % less.
+    The number is the relative increase of the margin's reciprocal over the relative increase of one
+    element's uncertainty. At 0.75, with 25 % more of this uncertainty the rest may be 0.75 x 25 %
+    less.
 
     Parameters
     ----------
     system
         As in `robust_stability`.
     gain
-        None: the margin of robust stability; else that of robust performance at this level.
+        None: the margin of robust stability; otherwise the margin of robust performance at this
+        gain.
     growth
         The share by which the uncertainty of one element grows, the others unchanged.
     tolerance
-        Of the margins; their bounds over the growth are the width of the result.
+        Tolerance of the margins. The width of the result is the width of their bounds divided by
+        ``growth``.
 
     Raises
     ------
@@ -154,8 +157,10 @@ def margin_sensitivity(
 
 
 def _rises(own: Margin, grown: Margin, growth: float) -> tuple[float, float]:
-    """Bounds of the share by which the margin's reciprocal rises, over the growth of the set."""
-    # A margin does not rise where the set grows.
+    """Bounds of the relative increase of the margin's reciprocal, divided by the growth of the
+    set.
+    """
+    # A margin cannot rise when the set grows.
     low, high = max(own.lower / grown.upper - 1.0, 0.0), max(own.upper / grown.lower - 1.0, 0.0)
     return low / growth, high / growth
 

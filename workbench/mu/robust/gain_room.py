@@ -35,12 +35,12 @@ BELOW_ONE = math.nextafter(1.0, 0.0)
 
 @dataclass(frozen=True, repr=False)
 class GainRoom(Answer):
-    """Factors of a gain: ``low`` and ``high`` are proven to keep robust performance.
+    """Factors of a controller's gain: ``low`` and ``high`` are proven to keep robust performance.
 
-    At ``below`` and ``above`` it is proven not to be kept, by a perturbation or because the nominal
-    loop is unstable; they are 0 and infinite where no such factor was found. Of factors between
-    ``low`` and ``high`` nothing is proven. ``peak_low`` and its brothers are the peaks of mu at the
-    factors, with what proves them: None for an unstable loop, or without such a factor.
+    At ``below`` and ``above`` it is proven to be lost, by a perturbation or because the nominal
+    loop is unstable; they are 0 and infinite if no such factor was found. About factors between
+    ``low`` and ``high`` nothing is proven. ``peak_low`` and the other peaks are the peaks of mu at
+    these factors, with their proofs: None for an unstable loop, or if there is no such factor.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def gain_room(
     Returns
     -------
     GainRoom
-        None where robust performance is not proven with the gain as it is.
+        None if robust performance is not proven with the given gain.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def gain_room(
 
 @dataclass(frozen=True, eq=False)
 class RoomChecker(Checker):
-    """Checks a `GainRoom` by what proves the peaks of mu at its factors.
+    """Checks a `GainRoom` by the proofs of the peaks of mu at its factors.
 
     Examples
     --------
@@ -224,18 +224,18 @@ class RoomChecker(Checker):
         return GainRoom(**factors, peak_below=below, peak_low=low, peak_high=high, peak_above=above)
 
     def _at(self, factor: float) -> PeakChecker:
-        """What certifies the peak of mu with a factor of the gain."""
+        """The checker of the peak of mu with this factor of the gain."""
         loop = self.plant.close(factor * self.controller)
         return PeakChecker(loop, self.plant.performance_structure)
 
 
 def _named(end: str, checks: Sequence[Check]) -> list[Check]:
-    """Checks under the name of the factor that they are about."""
+    """Checks, renamed after the factor that they are about."""
     return [replace(check, name=f"{end}: {check.name}") for check in checks]
 
 
 class _Tried:
-    """Peaks of mu by factor of the gain; None where the nominal loop is unstable."""
+    """Peaks of mu for each factor of the gain; None for an unstable nominal loop."""
 
     def __init__(self, plant: GeneralisedPlant, K: Any) -> None:
         self.plant, self.K = plant, K
@@ -252,7 +252,7 @@ class _Tried:
     def edge(self, tolerance: float, most: float, direction: float) -> tuple[float, float]:
         """The last factor that keeps robust performance, and the first that does not."""
         inside, outside, step = 1.0, most, FIRST_STEP
-        while True:  # in factors upwards, inverted at the end where the direction is downwards
+        while True:  # factors upwards; they are inverted at the end if the direction is downwards
             kept = self.kept(min(step, most) ** direction)
             if kept is not True:
                 outside = step

@@ -1,10 +1,10 @@
 """Robust stability with known dead time, proven with exp(-s T) itself between all frequencies.
 
 With exp(-s T) = P (1 + W delta), |delta| at most 1 (`workbench.uncertainty.without_dead_time`), the
-dead time is one member of a rational set. Delta's block keeps its size while all else grows, so
-that the skewed mu of the set bounds the margin from below at every frequency. From above it is
-bounded by mu at single frequencies of the response with exp(-j omega T) as it is. Where the two are
-apart, W is made smaller by a higher order.
+dead time is one member of a rational set. The block of delta keeps its size while all other blocks
+grow, so that the skewed mu of the set gives a lower bound of the margin at every frequency. The
+upper bound comes from mu at single frequencies, with exp(-j omega T) itself in the response. If the
+bounds do not meet, a higher order makes W smaller.
 """
 
 from __future__ import annotations
@@ -43,23 +43,29 @@ from workbench.uncertainty.algebra.rational_delays import without_dead_time
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 ORDERS = (6, 10, 14)
-"""Orders of the approximation, in turn until the bounds meet."""
-BESIDE = np.geomspace(0.98, 1.02, 9)
-"""Frequencies at which mu is bounded from below, over the one of the largest upper bound."""
-SWEPT = 30
-"""Number of others, and 0: several peaks may be as high, and only some are those of a member."""
+"""Orders of the Pade approximation, tried in turn until the bounds meet."""
+NEARBY_RATIOS = np.geomspace(0.98, 1.02, 9)
+"""Frequencies at which lower bounds of mu are computed, relative to the frequency of the largest
+upper bound.
+"""
+SWEPT_FREQUENCIES = 30
+"""Number of further frequencies, in addition to 0: several peaks may be equally high, and only some
+belong to a member of the set.
+"""
 COVERED, ONE_LOST = "the set that contains the dead time is stable", "one member is not"
-"""What the bounds rest on."""
+"""What the two bounds rest on."""
 ROUNDING = 1e-9
-"""Share by which responses in doubles may lift a lower bound of mu."""
+"""Relative error of responses in doubles by which a lower bound of mu may be too large."""
 HALVINGS = 40
-"""Halvings of the size at which a corner of real parameters is lost."""
+"""Number of bisections for the size at which a corner of real parameters is lost."""
 SMALLEST, LARGEST = 1e-9, 1e3
 """Least and largest size of real parameters that are tried."""
-BEYOND = 1e-5
-"""Share by which the size that is told lies beyond the border, where poles are counted clearly."""
-MATRICES = 12
-"""Frequencies at which a second opinion turns the perturbations."""
+BORDER_EXCESS = 1e-5
+"""Relative distance of the reported size beyond the stability border, so that poles can be counted
+clearly.
+"""
+TURN_FREQUENCIES = 12
+"""Number of frequencies at which the second opinion counts turns of determinants."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +83,17 @@ class LateSystem:
 
     @property
     def fixed(self) -> list[int]:
-        """Numbers of the blocks that stand for errors of approximations."""
+        """Indices of the blocks that stand for errors of approximations."""
         return [k for k, name in enumerate(self.cover.elements) if name in self.known]
 
     @property
     def structure(self) -> Structure:
-        """The blocks of what is uncertain."""
+        """The blocks of the uncertain elements other than dead time."""
         blocks = enumerate(self.cover.structure)
         return Structure(block for k, block in blocks if k not in self.fixed)
 
     def matrices(self, omega: RealArray, seen: Any = response) -> Array:
-        """M (F, c, r) that what is uncertain closes, with exp(-j omega T) as it is."""
+        """M (F, c, r) that the uncertain elements close, with exp(-j omega T) itself."""
         structure = self.cover.structure
         N = seen(self.cover.system, omega)
         out, into = structure.column_slices, structure.row_slices
@@ -113,8 +119,8 @@ class LateSystem:
 class LateStabilityChecker(PartsChecker):
     """Checks a `StabilityMargin` of a system with known dead time.
 
-    ``attained`` proves the upper bound, or ``lost`` does: normalised real parameters by name with
-    which the loop is unstable.
+    The upper bound is proven by ``attained``, or by ``lost``: normalised real parameters by name
+    with which the loop is unstable.
     """
 
     late: LateSystem
@@ -138,9 +144,11 @@ class LateStabilityChecker(PartsChecker):
         return no_better(answer, lower, upper, statement, RECIPROCAL_ROUNDING)
 
     def second_opinion(self, answer: StabilityMargin) -> list[Check]:
-        """Determinants with the dead time itself do not go round 0 for what is smaller."""
+        """With the dead time itself, determinants for smaller perturbations must not turn around
+        0.
+        """
         slow, fast = _speeds(self.late.cover)
-        omega = np.geomspace(slow, fast, MATRICES)
+        omega = np.geomspace(slow, fast, TURN_FREQUENCIES)
         if math.isfinite(answer.omega) and answer.omega > 0:
             omega = np.append(omega, answer.omega)[::-1]
         matrices = answer.lower * self.late.matrices(omega, plain_response)
@@ -160,7 +168,7 @@ class LateStabilityChecker(PartsChecker):
 
 
 def late_margin(given: UncertainSystem, tolerance: float) -> StabilityMargin:
-    """The margin of robust stability of a system with known dead time; as `robust_stability`."""
+    """The margin of robust stability of a system with known dead time; see `robust_stability`."""
     known = dead_times(given.elements)
     if len(known) == len(given.elements):
         raise InputError(
@@ -177,17 +185,17 @@ def late_margin(given: UncertainSystem, tolerance: float) -> StabilityMargin:
         proof = skewed_peak(stable, structure, late.fixed, tolerance)
         if best is None or proof.upper < best[1].upper:
             best = late, proof
-        attained = _attained(late, proof.omega)
+        attained = _largest_lower_bound(late, proof.omega)
         if attained and (found is None or attained[2].value > found[2].value):
             found = attained
-        if best[1].upper <= (1.0 + 2.0 * tolerance) * max(_largest(found, corner)):
+        if best[1].upper <= (1.0 + 2.0 * tolerance) * max(_lower_bounds(found, corner)):
             break
     assert best is not None
     return _margin_of(*best, found, corner, delay_margins(best[0].cover, tolerance))
 
 
-def _largest(found: Any, corner: Any) -> tuple[float, float]:
-    """What mu is at least, by a frequency and by a corner of parameters."""
+def _lower_bounds(found: Any, corner: Any) -> tuple[float, float]:
+    """Lower bounds of mu: from a frequency, and from a corner of parameters."""
     at_frequency = 0.0 if found is None else float(found[2].value)
     return at_frequency, 0.0 if corner is None else 1.0 / corner[0]
 
@@ -202,7 +210,7 @@ def _margin_of(
     """The margin, with the smaller of the upper bounds."""
     upper, omega, worst = math.inf, math.nan, None
     attained, lost = None, None
-    at_frequency, at_corner = _largest(found, corner)
+    at_frequency, at_corner = _lower_bounds(found, corner)
     proven = (1.0 - ROUNDING) * max(at_frequency, at_corner)
     need_agreement(proven, proof.upper, "mu with dead time", ONE_LOST, COVERED)
     if corner is not None and at_corner >= at_frequency:
@@ -216,12 +224,14 @@ def _margin_of(
     return margin.checked_by(LateStabilityChecker(late, proof, attained, lost))
 
 
-def _attained(late: LateSystem, omega: float) -> tuple[LateSystem, float, LowerBound] | None:
-    """The largest lower bound of mu beside a frequency and in a sweep, with what proves it."""
+def _largest_lower_bound(
+    late: LateSystem, omega: float
+) -> tuple[LateSystem, float, LowerBound] | None:
+    """The largest lower bound of mu near a frequency and in a sweep, with its proof."""
     slow, fast = _speeds(late.cover)
-    tried = np.append(0.0, np.geomspace(END_OFFSET * slow, fast, SWEPT))
+    tried = np.append(0.0, np.geomspace(END_OFFSET * slow, fast, SWEPT_FREQUENCIES))
     if 0.0 < omega < math.inf:
-        tried = np.append(tried, omega * BESIDE)
+        tried = np.append(tried, omega * NEARBY_RATIOS)
     matrices = late.matrices(tried)
     if not tried[0]:
         matrices[0] = matrices[0].real
@@ -235,9 +245,9 @@ def _attained(late: LateSystem, omega: float) -> tuple[LateSystem, float, LowerB
 
 
 def _lost_corner(late: LateSystem) -> tuple[float, dict[str, float]] | None:
-    """The least size found at which a corner of real parameters is lost, and their values.
+    """The least size found at which a corner of real parameters is unstable, and the parameters.
 
-    None where there is other uncertainty, or none is found.
+    None if there is other uncertainty, or if none is found.
     """
     names = [name for name in late.given.elements if name not in late.known]
     if not all(isinstance(block, Real) for block in late.structure):
@@ -251,7 +261,7 @@ def _lost_corner(late: LateSystem) -> tuple[float, dict[str, float]] | None:
             middle = math.sqrt(low * high)
             is_lost = _is_lost(late, dict(zip(names, middle * signs, strict=True)))
             low, high = (low, middle) if is_lost else (middle, high)
-        beyond = (1.0 + BEYOND) * high
+        beyond = (1.0 + BORDER_EXCESS) * high
         deltas = dict(zip(names, beyond * signs, strict=True))
         if _is_lost(late, deltas):
             most, found = beyond, deltas
@@ -259,20 +269,22 @@ def _lost_corner(late: LateSystem) -> tuple[float, dict[str, float]] | None:
 
 
 def _loop_of(late: LateSystem, deltas: Mapping[str, float]) -> tuple[StateSpace | None, float]:
-    """The loop about the dead time with real parameters, if it is one, and the dead time [s]."""
+    """The loop around the dead time with these real parameters, and the dead time [s]; None for
+    several dead times.
+    """
     (name, one), *others = late.known.items()
     return (None if others else loop_about_dead_time(late.given, name, deltas)), one.delay
 
 
 def _is_lost(late: LateSystem, deltas: Mapping[str, float]) -> bool:
-    """Whether the loop with real parameters is proven to be unstable."""
+    """Whether the loop with these real parameters is proven to be unstable."""
     L, T = _loop_of(late, deltas)
     loop = None if L is None else with_delay_of(L, T)
     return loop is not None and (loop.unstable_poles() or 0) > 0
 
 
 def _crossing(late: LateSystem, deltas: Mapping[str, float]) -> float:
-    """The frequency [rad/s] at which the loop with real parameters is nearest to -1."""
+    """The frequency [rad/s] at which the loop with these real parameters is nearest to -1."""
     L, T = _loop_of(late, deltas)
     loop = None if L is None else with_delay_of(L, T)
     crossings = [] if loop is None else loop.unit_crossings()
@@ -280,7 +292,7 @@ def _crossing(late: LateSystem, deltas: Mapping[str, float]) -> float:
 
 
 def _worst(late: LateSystem, omega: float, bound: LowerBound) -> dict[str, Any]:
-    """The perturbation of a lower bound as values of the elements by name."""
+    """The perturbation of a lower bound, as values of the elements by name."""
     import control
 
     structure, Delta = late.structure, np.asarray(bound.Delta)
@@ -307,7 +319,7 @@ def _speeds(cover: UncertainSystem) -> tuple[float, float]:
 
 
 def _places(slices: Any, blocks: list[int], *, inside: bool) -> list[int]:
-    """Numbers of the signals of blocks, or of the others."""
+    """Indices of the signals of blocks (``inside``), or of the others."""
     return [
         at
         for k, one in enumerate(slices)

@@ -1,9 +1,9 @@
-"""The loop about one uncertain delay, with the delay itself in place of the disk that covers it.
+"""The loop around one uncertain delay, with the delay itself instead of the disk that covers it.
 
-In a system the delay is 1 + W delta: the states of W are driven by delta alone, and what they give
-enters wherever the delayed signal does. They are found by their very entries and left out; what
-remains, all other elements nominal, is a loop L exp(-s tau) of one channel, whose poles are counted
-exactly (`workbench.mu.loops.delayed_loop`).
+In a system the delay is 1 + W delta: the states of W are driven by delta alone, and their outputs
+enter wherever the delayed signal does. These states are found by comparing entries, and left out.
+The rest, with all other elements nominal, is a loop L exp(-s tau) of one channel, whose poles are
+counted exactly (`workbench.mu.loops.delayed_loop`).
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 ENTRY_ROUNDING = 1e-12
-"""Share by which products of entries may differ from those computed again."""
+"""Relative difference allowed between products of entries and those computed again."""
 
 
 def loop_about(found: UncertainSystem, name: str) -> StateSpace | None:
-    """L of the loop about a delay, closed with negative feedback; None where it is not seen."""
+    """L of the loop around a delay, closed with negative feedback; None if it cannot be
+    isolated.
+    """
     element = found.elements[name]
     names = found.value.names
     if not isinstance(element, DelayElement) or names.count(name) != 1:
@@ -51,7 +53,7 @@ def loop_about(found: UncertainSystem, name: str) -> StateSpace | None:
     repeated = np.abs(M[np.ix_([*rest, t], own)] - np.outer(seen, given))
     if (repeated > ENTRY_ROUNDING * np.outer(np.abs(seen), np.abs(given))).any() or d == -1.0:
         return None
-    # With the delay's output w and its input z, w - z enters where w did beside what was there.
+    # With the delay's output w and its input z, w - z enters where w did, in addition to z.
     c = M[t, rest]
     A = M[np.ix_(rest, rest)] - np.outer(enters, c) / (1.0 + d)
     parts = A, enters[:, None] / (1.0 + d), -c[None] / (1.0 + d), np.array([[-d / (1.0 + d)]])
@@ -61,9 +63,9 @@ def loop_about(found: UncertainSystem, name: str) -> StateSpace | None:
 def loop_about_dead_time(
     found: UncertainSystem, name: str, deltas: Mapping[str, float]
 ) -> StateSpace | None:
-    """L of the loop about a known dead time, with normalised real elements at values by name.
+    """L of the loop around a known dead time, with normalised values of real elements by name.
 
-    None where the dead time occurs more than once, or the system divides by zero there.
+    None if the dead time occurs more than once, or if the system divides by zero with these values.
     """
     pulled, channels = channels_pulled_out(found.value, list(deltas))
     try:
@@ -79,14 +81,14 @@ def loop_about_dead_time(
 
 
 def with_delay_of(L: StateSpace, tau: float) -> DelayedLoop | None:
-    """L exp(-s tau); None where |L| is 1 or more at infinity, so that no delay is borne."""
+    """L exp(-s tau); None if |L| is 1 or more at infinity, so that the loop tolerates no delay."""
     return DelayedLoop(exact_loop(L, L), Fraction(tau)) if abs(L.D[0, 0]) < 1.0 else None
 
 
 def first_delay(L: StateSpace) -> float | None:
-    """The least delay [s] with which a stable loop has a pole on the axis, infinite without one.
+    """The least delay [s] that puts a pole of a stable loop on the axis; infinite if there is none.
 
-    None where it is not stable without delay, or bears none.
+    None if the loop is not stable without delay, or tolerates no delay at all.
     """
     loop = with_delay_of(L, 0.0)
     if loop is None or not loop.stable():

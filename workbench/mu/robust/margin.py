@@ -1,4 +1,4 @@
-"""Robust stability of an uncertain system: how much uncertainty it bears, and what breaks it."""
+"""Robust stability of an uncertain system: its margin, and a perturbation that destabilises it."""
 
 from __future__ import annotations
 
@@ -43,16 +43,17 @@ from workbench.uncertainty.algebra.dead_time import dead_times, need_no_dead_tim
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 PARTS = 4000
-"""Most parts of a box of real parameters that are examined."""
+"""Largest number of parts of the box of real parameters that are examined."""
 EXCLUDED = "every part of the box of parameters is proven to be stable"
 """What lower margins of systems with real parameters rest on."""
-AGAIN = 4
-"""Parts by which a lower bound may be proven again, over those of the search that found it: on
-another processor a few parts may be cut once more."""
+REPROOF_PARTS = 4
+"""A proof of a lower bound may use this many times the parts of the search that found it: on
+another processor a few more parts may be needed.
+"""
 BISECTIONS = 40
-"""Most sizes of uncertainty that are tried for a margin of performance."""
+"""Largest number of sizes of uncertainty tried for a margin of performance."""
 MOST_GROWTH = 1e6
-"""A margin beyond this, or below its reciprocal, is looked for no further."""
+"""No margin beyond this, or below its reciprocal, is searched for."""
 
 
 def robust_stability(
@@ -66,46 +67,48 @@ def robust_stability(
 ) -> StabilityMargin:
     """Certified margin of robust stability of an uncertain system, such as a closed loop.
 
-    Where all elements are real, mu is not continuous over frequency. Then corners, faces and single
-    parameters are searched for a small unstable member first, and the box of parameters is cut into
-    parts and frequencies into bands until each is excluded, so that the bounds meet. A terminal or
-    a notebook shows them as they tighten, and they hold whenever the search ends.
+    If all elements are real, mu is not continuous in frequency. The method is different then:
+    corners, faces and single parameters are searched for a small unstable member; then the box of
+    parameters is cut into parts and frequency into bands until all are excluded, so that the bounds
+    meet. A terminal or a notebook shows the bounds as they tighten, and they hold whenever the
+    search ends.
 
-    Known dead time is taken as it is: what is proven is proven with exp(-s T) at every frequency,
+    Known dead time is treated exactly: the lower bound is proven with exp(-s T) at every frequency,
     by a rational set that contains it (`workbench.mu.robust.late_margin`), and the upper bound is
     that of the response with exp(-j omega T) itself.
 
     Parameters
     ----------
     system
-        An `UncertainSystem`, stable at its nominal; or what stands for one.
+        An `UncertainSystem`, stable at its nominal; or an object that stands for one.
     tolerance
-        As in `peak`; where all elements are real, relative distance of the bounds.
+        As in `peak`; if all elements are real, relative distance of the bounds.
     decay
-        A rate [1/s]: poles must lie left of -decay (sampled: within exp(-decay T)) and not only
-        left of the axis, so that whatever moves falls as fast. For systems without dynamics, whose
+        A rate [1/s]: poles must lie left of -decay (sampled: within the radius exp(-decay T)), so
+        that all transients decay at least as fast. Not for systems with uncertain dynamics, whose
         gain is known on the axis only.
     damping
-        A ratio below 1: all poles must be damped as much, in continuous time. For systems without
-        dynamics, too.
+        A damping ratio below 1 that all poles must have at least, in continuous time. Not for
+        systems with uncertain dynamics either.
     parts
-        Where all elements are real, most parts of their box that are examined.
+        If all elements are real, largest number of parts of their box that are examined.
     time_limit
-        Where all elements are real, seconds after which the bounds so far are returned.
+        If all elements are real, time [s] after which the bounds so far are returned.
 
     Raises
     ------
     InputError
         The system has no uncertain element, or is unstable at its nominal, or has a nominal pole
-        outside the region asked for, or such a region is asked for and it has known dead time.
+        outside the region of ``decay`` and ``damping``, or has known dead time, with which there is
+        no such region.
     """
     need_count("parts", parts)
     need_tolerance(tolerance)
     if dead_times((late := uncertain(system, "system")).elements):
         if decay or damping:
             raise InputError(
-                "decay and damping move the axis, on which dead time has a size of 1: give "
-                "`without_dead_time(system)`"
+                "decay and damping move the axis, and dead time has size 1 on the axis only: "
+                "give `without_dead_time(system)`"
             )
         return late_margin(late, tolerance)
     given = analysed(system)
@@ -172,7 +175,7 @@ def _parameters(found: UncertainSystem) -> tuple[RealParameters, float]:
 def _margin_of_parameters(
     found: UncertainSystem, tolerance: float, parts: int, context: Context
 ) -> StabilityMargin:
-    """As `_margin` where all elements are real."""
+    """As `_margin`, if all elements are real."""
     import control
 
     given, period = _parameters(found)
@@ -198,12 +201,14 @@ def _singular(given: RealParameters, Delta: RealArray) -> Attained | None:
 
 
 def _proven_again(asked: tuple[UncertainSystem, ...], found: StabilityMargin) -> StabilityMargin:
-    """Bounds of parameters alone, proven from the numbers found: no search for them is repeated."""
+    """Bounds for real parameters alone, proven again from the numbers found; the search is not
+    repeated.
+    """
     lower, upper = found.lower, math.inf
     for one in asked:
         given, _ = _parameters(one)
         boxes = Growing(len(given.places))
-        if lower and not proven_stable(given, boxes, lower, AGAIN * (found.parts + 1)):
+        if lower and not proven_stable(given, boxes, lower, REPROOF_PARTS * (found.parts + 1)):
             lower = 0.0
         if found.worst is not None:
             values = np.array([e.delta(found.worst[e.name]) for e in one.elements.values()])
@@ -217,14 +222,14 @@ def robust_performance(
 ) -> PerformanceMargin:
     """Certified factor by which all uncertainty may grow before the largest gain exceeds a level.
 
-    The gain is the largest singular value over all frequencies. It stays below the level for every
-    perturbation of a size up to t exactly where mu of the system, its perturbation times t and its
-    outputs over the level, is below 1; t is found by bisection.
+    The gain is the largest singular value over all frequencies. Multiply the perturbation by t and
+    divide the outputs by the level: the gain stays below the level for every perturbation of size
+    up to t if and only if mu of this system is below 1. t is found by bisection.
 
     Parameters
     ----------
     system
-        An `UncertainSystem`, stable at its nominal; or what stands for one.
+        An `UncertainSystem`, stable at its nominal; or an object that stands for one.
     gain
         The level.
     tolerance
@@ -234,7 +239,7 @@ def robust_performance(
     ------
     InputError
         As `robust_stability`; the level is not positive, or the system has known dead time: the
-        message has the call that bounds its margin.
+        message then names the call that bounds its margin.
 
     Examples
     --------
@@ -283,7 +288,9 @@ def robust_performance(
             low = max(low, t)
         elif at(t).lower >= 1.0:
             high, omega = min(high, t), at(t).omega
-        else:  # between the bounds of mu itself: narrower ones decide no more than the tolerance
+        # between the bounds of mu itself; narrower bounds would decide no more than the tolerance
+        # does
+        else:
             below, above = t * (1 - tolerance / 4), t * (1 + tolerance / 4)
             low = max(low, below) if at(below).upper < 1.0 else low
             if at(above).lower >= 1.0:

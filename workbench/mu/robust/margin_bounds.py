@@ -19,17 +19,19 @@ from workbench.second_opinion import peaks
 from workbench.uncertainty.algebra.closing import IllPosedError
 from workbench.uncertainty.algebra.system import UncertainSystem
 
-SHORTER = 1 - 1e-6
-"""Share of a delay that is proven again: a search stops where the proof has no room left."""
-TRIED = 9
-"""Delays that a second opinion tries, up to the one that is proven."""
+REPROVEN_SHARE = 1 - 1e-6
+"""Share of a delay that is proven again: the search stops where the proof has no room left."""
+TRIED_DELAYS = 9
+"""Number of delays that a second opinion tries, up to the proven one."""
 RECIPROCAL_ROUNDING = 1e-15
-"""Share by which the reciprocal of a bound may exceed it, rounded."""
+"""Relative excess allowed for the rounded reciprocal of a bound."""
 TRIED_SHARE, LONGEST_TRIED = 0.99, 1e3
-"""Share of the proven delay up to which Pade approximations are tried, whose phase errs by 0.01 rad
-within the turn in which a delay is lost; and the most, in longest delays of the set."""
+"""Largest share of the proven delay at which Pade approximations are tried, since their phase errs
+by 0.01 rad within the turn in which a delay is lost; and the largest delay tried, in longest delays
+of the set.
+"""
 LARGEST_TRIED = 1e3
-"""Size of the perturbations by which a margin without an end is tried."""
+"""Size of the perturbations that are tried where the margin is infinite."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,19 +40,20 @@ class StabilityMargin(Answer):
 
     Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
     of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
-    parameters, and dynamics as systems (None where no perturbation was found, and ``upper`` is
-    infinite). Above 1 the system is stable for all of its uncertainty. ``peak`` is the peak of mu
-    that this rests on; where all elements are real there is none, but a number of ``parts`` of
-    their box (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] all of this is about the
-    sampled system, whose perturbations are sampled with it: for a continuous plant under a sampled
-    controller see `workbench.synthesis.sampled_robustness`.
+    parameters, and dynamics as systems. ``worst`` is None, and ``upper`` infinite, if no
+    perturbation was found. With a factor above 1 the system is stable for all of its uncertainty.
+    ``peak`` is the peak of mu that proves the bounds; if all elements are real it is None, and
+    ``parts`` of their box were examined instead (see `workbench.mu.boxes`). With a sampling time
+    ``dt`` [s] the bounds are about the sampled system, whose perturbations are sampled with it: for
+    a continuous plant under a sampled controller see `workbench.synthesis.sampled_robustness`.
 
-    The factor is one of perturbations. Of uncertain delays it is no factor of seconds: a smaller
-    disc about no delay contains no delay at all frequencies. ``delays`` [s] tells by name up to
-    which delay stability is proven, whatever the other elements are within their sets, and a delay
-    with which the loop of their nominals is unstable. Where a delay is all that is uncertain, and
-    occurs once, both are exact but for a share of 1e-6. ``idle`` are the names of elements that
-    cannot move a pole, such as k in k - k; they are left out before anything is computed.
+    The factor multiplies normalised perturbations. For an uncertain delay it does not multiply the
+    time: a smaller disc about the case without delay contains no true delay at all frequencies.
+    ``delays`` [s] has two numbers by name: the delay up to which stability is proven, for all
+    values of the other elements within their sets; and a delay with which the loop is unstable, the
+    other elements nominal. If one delay is the only uncertain element, and occurs once, both are
+    exact but for a share of 1e-6. ``idle`` are the names of elements that cannot move a pole, such
+    as k in k - k; they are left out before the computation.
     """
 
     lower: float
@@ -94,8 +97,8 @@ class PerformanceMargin(Answer):
     """Bounds of the factor by which all uncertainty may grow before a gain exceeds its level.
 
     For every perturbation of a size up to ``lower`` the largest gain is proven to stay below
-    ``gain``; for some of size ``upper`` it is proven to reach it, at ``omega`` [rad/s]. Both are 0
-    where the nominal gain reaches the level.
+    ``gain``; for some perturbation of size ``upper`` it is proven to reach ``gain``, at ``omega``
+    [rad/s]. Both bounds are 0 if the nominal gain reaches the level already.
 
     Examples
     --------
@@ -128,9 +131,10 @@ def reciprocal(value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class StabilityChecker(PartsChecker):
-    """Checks a `StabilityMargin` of systems whose poles must all lie left of the axis.
+    """Checks a `StabilityMargin` of a system whose poles must all lie left of the axis.
 
-    ``again`` computes it anew; it decides where no peak proves the bounds, or not all of them.
+    ``again`` computes the margin anew; it decides where no peak proves the bounds, or not both of
+    them.
     """
 
     systems: tuple[UncertainSystem, ...]
@@ -160,7 +164,7 @@ class StabilityChecker(PartsChecker):
             Check(
                 f"{name} borne",
                 "whether the delay is not proven to be borne, at 1 - 1e-6 of it",
-                float(borne > 0 and not delay_is_borne(system, name, SHORTER * borne)),
+                float(borne > 0 and not delay_is_borne(system, name, REPROVEN_SHARE * borne)),
                 0.0,
                 over=over,
             )
@@ -172,7 +176,7 @@ class StabilityChecker(PartsChecker):
         return found
 
     def figures(self, answer: StabilityMargin) -> dict[str, Figure]:
-        """Mu over frequency, of which the margin is the reciprocal; none of parameters alone."""
+        """Mu over frequency, whose reciprocal is the margin; none for real parameters alone."""
         return {} if answer.peak is None else {"mu": answer.peak.plot()}
 
     def second_opinion(self, answer: StabilityMargin) -> list[Check]:
@@ -190,7 +194,7 @@ class StabilityChecker(PartsChecker):
         for name, (borne, _) in answer.delays.items():
             element = self.systems[0].elements[name]
             longest = min(TRIED_SHARE * borne, LONGEST_TRIED * element.high)  # type: ignore[attr-defined]
-            tried = np.linspace(0.0, longest, TRIED).tolist()
+            tried = np.linspace(0.0, longest, TRIED_DELAYS).tolist()
             members = [self.systems[0].at(**{name: tau}) for tau in tried]
             found.append(peaks.all_decay(members, f"{name} tried"))
         return found
@@ -198,7 +202,7 @@ class StabilityChecker(PartsChecker):
 
 @dataclass(frozen=True, eq=False)
 class UnlimitedChecker(RepeatedChecker):
-    """Checks that no element of a system can move its poles: computed again, and tried."""
+    """Checks by a new computation and by perturbations that no element can move the poles."""
 
     system: UncertainSystem
 
@@ -209,7 +213,7 @@ class UnlimitedChecker(RepeatedChecker):
 
 @dataclass(frozen=True, eq=False)
 class PerformanceChecker(PartsChecker):
-    """Checks a `PerformanceMargin` by the peaks at two factors; None: nothing was proven there."""
+    """Checks a `PerformanceMargin` by the peaks at two factors; None: no peak was proven there."""
 
     factors: tuple[float, float]
     at_lower: Peak | None

@@ -1,4 +1,4 @@
-"""Robust performance of a plant closed by a controller: its peak, and its curve over frequency."""
+"""Robust performance of a plant closed by a controller: the peak of mu, and mu over frequency."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -> Peak | None:
     """The certified supremum of mu of robust performance; None for an unstable nominal loop.
 
-    `conditions` answers the other three questions too. Take `plant.channel` first for a part of
-    the performance.
+    `conditions` computes the other three conditions too. For a part of the performance channels
+    take `plant.channel` first.
 
     Parameters
     ----------
     plant
-        With performance outputs and exogenous inputs, closed by a full block. Without a
-        perturbation the peak is that of the largest singular value.
+        A `GeneralisedPlant` with performance outputs and exogenous inputs, closed by a full block.
+        Without a perturbation the peak is that of the largest singular value.
     K
         StateSpace or TransferFunction, from the plant's measurements to its controls.
     tolerance
@@ -33,7 +33,8 @@ def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -
     Raises
     ------
     InputError
-        No GeneralisedPlant, one without performance, or as `GeneralisedPlant.close` and `peak`.
+        The plant is no GeneralisedPlant or has no performance channel; or as
+        `GeneralisedPlant.close` and `peak`.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -
 def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Sweep:
     """Bounds of mu of robust performance at frequencies `omega` [rad/s] (F,).
 
-    They say nothing of an unstable nominal loop: ask `performance_peak` first.
+    The bounds mean nothing if the nominal loop is unstable: call `performance_peak` first.
 
     Raises InputError as `performance_peak`, and `frequency_sweep` for the frequencies.
 

@@ -28,13 +28,13 @@ from workbench.uncertainty.covers.sets import stadiums_about_nominal
 def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
     """Mu of a matrix of rank one with one real scalar and any number of complex scalars.
 
-    Where the best x is inside, |x| < t, the distance of 1 from the line through c_r counts; on the
-    end |x| = t, (mu - |Re c_r|)^2 + (Im c_r)^2 = others^2.
+    If the best x lies inside, |x| < t, the minimum is given by the distance of 1 from the line
+    through c_r; at the end |x| = t, (mu - |Re c_r|)^2 + (Im c_r)^2 = others^2.
 
     Parameters
     ----------
     real
-        Diagonal entry c_r of the real scalar, complex (...); 0 where there is none.
+        Diagonal entry c_r of the real scalar, complex (...); 0 if there is none.
     others
         Sum of |c_k| over the complex scalars (...), not negative.
 
@@ -64,8 +64,8 @@ def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
 class RankOneLoop:
     """A loop with one multiplicative uncertainty and one channel w -> z, at frequencies (F,).
 
-    ``uncertain`` (F,) is the response that an uncertainty of size 1 closes, ``performance`` (F,)
-    that from w to z.
+    ``uncertain`` (F,) is the response seen by an uncertainty of size 1, ``performance`` (F,) the
+    response from w to z.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class RankOneLoop:
         Parameters
         ----------
         plant
-            Its perturbation is one complex scalar, multiplicative with weight 1.
+            A plant whose perturbation is one complex scalar, multiplicative with weight 1.
         K
             StateSpace or TransferFunction, from the plant's measurements to its controls.
         performance, exogenous
@@ -97,7 +97,8 @@ class RankOneLoop:
         Raises
         ------
         InputError, UnknownNameError
-            Another perturbation; as `GeneralisedPlant.close`; a name that the plant has not.
+            The plant has another perturbation, or lacks one of the names; or as
+            `GeneralisedPlant.close`.
         """
         need_plant(plant)
         if plant.structure is None or plant.structure.to_pairs() != [(1, 0)]:
@@ -114,8 +115,8 @@ class RankOneLoop:
     def mu(self, sets: Stadium) -> RealArray:
         """Mu over multiplicative uncertainty in sets (F, ...) about the nominal: (F, ...).
 
-        No weights are fitted to the sets, whose centres must be 0: a stadium's segment is the real
-        scalar, its radius the complex one.
+        No weights are fitted to the sets, whose centres must be 0: the segment of a stadium is the
+        real scalar, its radius the complex one.
         """
         uncertain, performance = (
             part.reshape(part.shape + (1,) * (sets.radius.ndim - 1))
@@ -129,7 +130,8 @@ class RankOneLoop:
     def stadiums_of_least_mu(self, omega: RealArray, away: ComplexArray) -> Stadium:
         """Stadiums around relative deviations (F, N) from the nominal, oriented for least mu.
 
-        The best of the candidates of `cheapest` and the narrowest, at frequencies [rad/s] (F,).
+        At each frequency [rad/s] (F,), the better of the candidates of `cheapest` and the narrowest
+        stadium.
         """
 
         def cost(

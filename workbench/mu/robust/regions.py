@@ -1,4 +1,4 @@
-"""Systems that are stable exactly where the poles of given ones lie in a region of the plane."""
+"""Transformed systems: stable if and only if the poles of the given ones lie in a region."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def with_decay(found: UncertainSystem, decay: float) -> UncertainSystem:
 def with_damping(found: UncertainSystem, damping: float) -> UncertainSystem:
     """The system with its poles turned by asin(damping) towards the axis, in real coordinates.
 
-    x' = exp(-j phi) (A x + B w) is stable exactly where the poles above the real axis have a
-    damping ratio above sin(phi); the others are their conjugates. Each channel becomes two, its
+    x' = exp(-j phi) (A x + B w) is stable if and only if the poles above the real axis have a
+    damping ratio above sin(phi); the others are their conjugates. Each channel becomes two: its
     real and its imaginary part.
     """
     if not is_real(damping) or not 0.0 <= damping < 1.0:
@@ -62,22 +62,22 @@ def with_damping(found: UncertainSystem, damping: float) -> UncertainSystem:
 
 
 def _states(found: UncertainSystem) -> np.ndarray:
-    """Numbers of the channels that are states."""
+    """Indices of the channels that are states."""
     return np.flatnonzero([name == INTEGRATOR for name in found.value.names])
 
 
 def _need_numbers(found: UncertainSystem, asked: str) -> None:
-    """Refuse a system with dynamics."""
+    """Refuse a system with uncertain dynamics."""
     for one in found.elements.values():
         if isinstance(one, DynamicElement | DelayElement):
             raise InputError(
-                f"{one.name} is dynamics, of which nothing is known left of the axis; {asked} is "
+                f"{one.name} is dynamics, whose gain is known on the axis only; {asked} is "
                 "for systems with uncertain numbers only"
             )
 
 
 def _need_nominal(poles: Array, found: RealArray, asked: float, words: str) -> None:
-    """Refuse a system whose nominal has a pole with less than what is asked for."""
+    """Refuse a system whose nominal has a pole outside the region asked for."""
     if not found.size or found.min() > asked:
         return
     least = int(np.argmin(found))

@@ -39,13 +39,13 @@ upper bound is smaller."""
 LOWER_ROOT_WIDTH = 1e-5
 """Width of the interval of log b in which the root of the lower bound is found."""
 UPPER_ROOT_STEPS = 40
-"""Most evaluations of the upper bound in the search for its root."""
+"""Largest number of evaluations of the upper bound in the search for its root."""
 SUFFICIENT_SHARE = 0.9999
 """A lower bound above this share of the upper bound is not improved further."""
 LARGEST_LOOP_CONDITION = 1e10
 """Largest condition number of I - M Delta_f for which the loop of Delta_f is closed."""
 ROOT_SEARCH_RANGE = 80.0
-"""Largest distance from the start, in log b, at which a root is looked for."""
+"""Largest distance from the start, in log b, at which a root is searched for."""
 OUTWARD_FACTOR = 1 + 1e-13
 """Factor that rounds products of proven numbers outward."""
 
@@ -130,7 +130,9 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
 
 @dataclass(frozen=True, eq=False)
 class SkewChecker(Checker):
-    """Checks `SkewBounds` of a batch in one axis; multipliers of the upper are found anew."""
+    """Checks `SkewBounds` of a batch with one axis; the multipliers of the upper bound are computed
+    anew.
+    """
 
     skew: Skew
 
@@ -176,7 +178,7 @@ class SkewChecker(Checker):
 
 
 def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
-    """Numbers of the blocks that `fixed` names."""
+    """Indices of the blocks that `fixed` names."""
     names = [block.name for block in structure]
     numbers = set()
     several = isinstance(fixed, Iterable) and not isinstance(fixed, str | Mapping)
@@ -206,7 +208,9 @@ class Skew:
         self.closable = self._loops()
 
     def _loops(self) -> NDArray[np.bool_]:
-        """Whether a varying block is in a loop (B,); without, det(I - M Delta) ignores them."""
+        """Whether a varying block is in a loop (B,); if not, det(I - M Delta) does not depend on
+        them.
+        """
         places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
         coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
         step = np.array(coupled, float).transpose(2, 0, 1)
@@ -240,7 +244,9 @@ class Skew:
         return upper
 
     def _start(self, which: Array) -> RealArray:
-        """Start of b: mu of the varying blocks alone; where it is 0, the norm of their columns."""
+        """First value of b: mu of the varying blocks alone or, if that is 0, the norm of their
+        columns.
+        """
         alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
         value = upper_values(alone, self.structure)
         size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))

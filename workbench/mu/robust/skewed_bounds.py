@@ -25,9 +25,13 @@ from workbench.second_opinion import peaks
 from workbench.structure import Structure
 
 LEVEL_ROUNDING = 1 + 1e-12
-"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
+"""Factor on the product of level and mu that covers its rounding and that of the division by the
+level.
+"""
 CHECKED_ROUNDING = LEVEL_ROUNDING * (1 - 16 * EPS)
-"""Factor as LEVEL_ROUNDING, in a check. What is said has more, so that no last bit counts."""
+"""The same factor in a check. The claimed value was rounded by more, so that no last bit
+decides.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,11 +39,11 @@ class SkewedPeak(Answer):
     """Bounds of the supremum of the skewed mu over all frequencies.
 
     ``Delta`` (r, c) makes I - M(j omega) Delta singular at ``omega`` [rad/s], up to rounding, and
-    proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. Where
-    lower is infinite the fixed blocks alone do so. Delta is NaN where lower is 0. ``upper`` is
-    infinite where no bound was proven; the message says why.
-    ``proof`` proves that mu is below 1 once the inputs of the varying blocks are divided by
-    ``level``; it is None, and the level 0, for an infinite bound.
+    proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. If lower
+    is infinite, the fixed blocks alone make it singular. Delta is NaN where lower is 0. ``upper``
+    is infinite where no bound was proven; the message says why. ``proof`` proves that mu is below 1
+    once the inputs of the varying blocks are divided by ``level``; it is None, and the level 0, for
+    an infinite bound.
 
     Examples
     --------
@@ -118,9 +122,9 @@ class SkewedPeakChecker(Checker):
 
 @dataclass(frozen=True, eq=False)
 class WorstCaseChecker(Checker):
-    """Checks a `WorstCaseGain` of a system in continuous time that stands for a sampled one.
+    """Checks a `WorstCaseGain` of a system in continuous time that may stand for a sampled one.
 
-    ``dt`` is the sampling time [s] of that one, 0 where the system stands for itself.
+    ``dt`` is the sampling time [s] of the sampled system, 0 if the system stands for itself.
 
     Examples
     --------
@@ -176,9 +180,9 @@ def worst_case_checks(
     system, structure
         As given to `worst_case_gain`.
     found
-        The claimed bounds and what proves them. An infinite upper bound claims nothing.
+        The claimed bounds with their proofs. An infinite upper bound claims nothing.
     dt
-        Sampling time [s] of the system that this one in continuous time stands for; 0: for itself.
+        Sampling time [s] of the sampled system that this continuous one stands for; 0: none.
 
     Raises
     ------
@@ -204,18 +208,19 @@ def bound_checks(
     proven: float,
     lower_bound: str = "lower bound",
 ) -> list[Check]:
-    """Checks of claimed bounds: of the upper by multipliers, of the lower by what is proven of it.
+    """Checks of claimed bounds: of the upper bound by multipliers, of the lower one by its proven
+    value.
 
     Parameters
     ----------
     structure
-        All blocks that the multipliers belong to.
+        All blocks of the multipliers.
     inputs
-        Which inputs (r,) the level of the proof divides.
+        Marks the inputs (r,) that are divided by the level of the proof.
     proven
         The lower bound that the perturbation proves.
     lower_bound
-        What it is called.
+        Name of the lower bound in the text of the check.
     """
     fault = level_fault(stable, structure, inputs, found) if math.isfinite(found.upper) else ""
     lower = found.lower
@@ -248,7 +253,7 @@ def bound_checks(
 def level_fault(
     stable: StableSystem, structure: Structure, inputs: BoolArray, found: SkewedPeak
 ) -> str:
-    """What keeps the multipliers from proving the upper bound; the empty text for nothing."""
+    """Why the multipliers do not prove the upper bound; the empty text if they do."""
     if found.proof is None:
         return "no proof is stored"
     beta = found.proof.beta
@@ -266,7 +271,9 @@ def level_fault(
 def level_tried(
     stable: StableSystem, structure: Structure, inputs: BoolArray, found: SkewedPeak
 ) -> list[Check]:
-    """The upper bound, tried by drawn perturbations of the system with its inputs divided by it."""
+    """Check of the upper bound by random perturbations of the system with its inputs divided by the
+    bound.
+    """
     if not 0.0 < found.upper < math.inf:
         return []
     scaled = divided(stable, inputs, found.upper)
@@ -274,7 +281,7 @@ def level_tried(
 
 
 def whole_structure(stable: StableSystem, structure: Structure) -> Structure:
-    """The blocks of the perturbation with one for the performance channels."""
+    """The blocks of the perturbation, and one block for the performance channels."""
     outputs, inputs = stable.D.shape
     return structure.with_performance(outputs - structure.columns, inputs - structure.rows)
 
@@ -282,9 +289,11 @@ def whole_structure(stable: StableSystem, structure: Structure) -> Structure:
 def attained_gain(
     system: StableSystem, structure: Structure, Delta: Array, omega: float | arb
 ) -> float:
-    """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
+    """The gain that a perturbation proves at a frequency [rad/s]; infinite if the perturbation
+    destabilises.
 
-    A multiple of at most 1 of it then makes the loop singular at some frequency.
+    In that case a multiple of at most 1 of the perturbation makes the loop singular at some
+    frequency.
     """
     r, c = structure.rows, structure.columns
     loop = system.channels(np.arange(c), np.arange(r))

@@ -1,7 +1,7 @@
 """The peak over frequency of the skewed mu: some blocks are at most 1, the others are bounded.
 
-At a level b, divide the inputs of the varying blocks by b. The skewed mu is below b at every
-frequency where mu of what results is below 1 at every frequency.
+At a level b, divide the inputs of the varying blocks by b. If mu of the result is below 1 at every
+frequency, the skewed mu is below b at every frequency.
 """
 
 from __future__ import annotations
@@ -40,15 +40,17 @@ GRID_REFINEMENTS = 12
 MAXIMUM_SHARE = 0.7
 """Local maxima above this share of the largest value are refined."""
 CLOSEST_SPACING = 1e-6
-"""Intervals between neighbours of a smaller relative width are not halved."""
+"""An interval is not halved if its relative width is smaller than this."""
 POINTS_PER_REFINEMENT = 24
-"""Most intervals halved in one refinement."""
+"""Largest number of intervals halved in one refinement."""
 PROOF_LEVELS, STEPS = 12, 300
-"""Most levels for which a proof is tried, and steps of each; the distance of a level from the
-largest upper bound at one frequency doubles from one to the next."""
+"""Largest number of levels for which a proof is tried, and of steps for each. The distance of a
+level from the largest upper bound at one frequency doubles from one level to the next.
+"""
 NEGLIGIBLE_GAIN = 1e-9
-"""Gains below this share of what varying blocks see directly and through one other block are not
-resolved."""
+"""Gains below this share of the gain that varying blocks see directly and through one other block
+are not resolved.
+"""
 PERTURBED_FREQUENCIES = 8
 """Frequencies at which a worst perturbation is searched for."""
 
@@ -68,9 +70,10 @@ def skewed_peak(
     structure
         Blocks of Delta, not all of them real scalars.
     fixed
-        Names or numbers of the blocks of at most 1. The others, at least one, are bounded.
+        Names or numbers of the blocks with a size of at most 1. The others, at least one, vary.
     tolerance
-        Relative distance that the bound may lie above the largest upper bound at any one frequency.
+        Relative distance by which the bound may lie above the largest upper bound at any one
+        frequency.
 
     Raises
     ------
@@ -153,7 +156,8 @@ class SkewSearch:
         if size == 0.0:
             if without_effect(self.system, self.structure, self.varies):
                 return 0.0, PeakProof(0.0, ()), "the response is zero"
-            size = self._size(self.system.summands(self.omega))  # it is lost in their rounding
+            # the response is lost in the rounding of these poles
+            size = self._size(self.system.summands(self.omega))
         least = NEGLIGIBLE_GAIN * size
         growth, level = tolerance / 2, least
         for _ in range(PROOF_LEVELS):
@@ -167,7 +171,7 @@ class SkewSearch:
                 return 0.0, None, message
             level = top * (1 + growth)
             scaled = divided(self.system, self.inputs, level)
-            # The tolerance may use half of the distance of mu from 1 at this place.
+            # The tolerance may use half of the distance between mu and 1 at this place.
             here = float(upper_values(scaled.response([place]), self.structure)[0])
             precision = min(max((1 - here) / 2, 1e-6), 1e-2)
             cover, message = covered(
@@ -182,9 +186,9 @@ class SkewSearch:
         return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
 
     def _size(self, M: Array) -> float:
-        """How large varying blocks see a response (F, c, r), directly and through fixed blocks.
+        """Size of a response (F, c, r) for the varying blocks, directly and through fixed blocks.
 
-        Units of the signals of fixed blocks do not count.
+        The result does not depend on the units of the signals of fixed blocks.
         """
         places = self.structure.column_slices, self.structure.row_slices
         rows = [np.abs(M[:, out]).max(axis=1) for out in places[0]]
@@ -206,7 +210,7 @@ class SkewSearch:
         return lower, Delta, self.omega[best]
 
     def attained(self) -> tuple[float, float, Array]:
-        """The largest lower bound proven of the system itself, its frequency and perturbation."""
+        """The largest lower bound proven for the system itself, its frequency and perturbation."""
         lower, Delta, omega = self.candidates()
         values = np.zeros(len(omega))
         for k in np.flatnonzero(lower > 0):

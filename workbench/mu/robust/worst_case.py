@@ -50,20 +50,20 @@ def worst_case_gain(
     Parameters
     ----------
     system
-        N, a stable StateSpace or TransferFunction with outputs (perturbation,
-        performance) and inputs (perturbation, exogenous); or an uncertain system, whose proof is
-        one for `even_channels` of it.
+        N, a stable StateSpace or TransferFunction with outputs (perturbation, performance) and
+        inputs (perturbation, exogenous); or an uncertain system, for which the proof holds for its
+        `even_channels`.
     structure
         Blocks of the perturbation alone; None: those of the uncertain system.
     tolerance
-        Relative distance that the proven gain may lie above the largest upper bound at any one
+        Relative distance by which the proven gain may lie above the largest upper bound at any one
         frequency.
 
     Raises
     ------
     InputError
         As `peak`; the system has no performance outputs or no exogenous inputs, or it has known
-        dead time: the message has the call that bounds its gain.
+        dead time: the message then names the call that bounds its gain.
     ContradictionError
         The lower bound is above the upper one.
     """
@@ -111,7 +111,7 @@ def worst_case_gain(
 
 
 def _without_influence(system: UncertainSystem) -> StateSpace:
-    """The system whose channels of elements without effect lead nowhere."""
+    """The system in which the channels of elements without effect are disconnected."""
     whole, idle, place = system.system, [], 0
     for block in system.structure:
         channels = list(range(place, place + block.rows))

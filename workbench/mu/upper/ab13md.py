@@ -13,7 +13,7 @@ from workbench.structure import Full
 
 
 def _unfit(program: MuUpperBound) -> str | None:
-    """Why the routine cannot take the structure; None where it can."""
+    """Why the routine cannot take the structure; None if it can."""
     # The routine accepts a block that is not square, but gives a wrong answer.
     for block in program.structure:
         if block.rows != block.columns:

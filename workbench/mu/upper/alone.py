@@ -1,8 +1,8 @@
-"""Multipliers in closed form where one repeated scalar is all of Delta.
+"""Multipliers in closed form for a Delta that is one repeated scalar.
 
 With M = V diag(lambda) V^-1 and D = V^-H V^-1, G = V^-H diag(g) V^-1 the inequality of the upper
-bound falls apart into |lambda|^2 - 2 g Im(lambda) <= beta^2, one for each eigenvalue. So mu is the
-largest size of an eigenvalue, for a real scalar of a real one, and the bound is exact.
+bound separates into |lambda|^2 - 2 g Im(lambda) <= beta^2, one for each eigenvalue. So mu is the
+largest size of an eigenvalue (for a real scalar, of a real eigenvalue), and the bound is exact.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.structure import Full, Real, Structure
 
 REAL_SHARE = 1e-10
-"""Imaginary part of an eigenvalue, relative to its size, below which it counts as real."""
+"""An eigenvalue counts as real if its imaginary part, relative to its size, is below this."""
 
 
 def is_alone(structure: Structure) -> bool:
-    """Whether the structure is one scalar that is repeated."""
+    """Whether the structure is a single repeated scalar."""
     blocks = list(structure)
     return len(blocks) == 1 and not isinstance(blocks[0], Full) and blocks[0].rows > 1
 
 
 def closed_form(M: ComplexArray, structure: Structure) -> tuple[Array, Array, RealArray]:
-    """D and G (F, n, n) of matrices (F, n, n), and mu (F,), NaN where rounding hides it.
+    """D and G (F, n, n) for matrices (F, n, n), and mu (F,); NaN where rounding hides it.
 
-    Eigenvectors that are nearly dependent make multipliers that prove less.
+    If eigenvectors are nearly dependent, the multipliers prove a larger bound.
     """
     size = np.abs(M).max(axis=(1, 2), initial=0.0)
     scale = np.where(size > np.finfo(float).tiny, size, 1.0)[:, None]

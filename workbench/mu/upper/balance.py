@@ -12,10 +12,13 @@ from workbench.mu.upper.linear_algebra import inner
 from workbench.mu.upper.pattern import Pattern
 
 MOST_SWEEPS = 60
-"""Most sweeps over the scalings; fewer are made where nothing changes any more."""
+"""Largest number of sweeps over the scalings; the balancing ends earlier if nothing changes any
+more.
+"""
 COUPLING_FLOOR = 1e-10
-"""Norms of rows and columns below this share of the whole norm are set to it, so that entries that
-couple in one direction only are not made smaller without end."""
+"""Norms of rows and columns below this share of the whole norm are raised to it. Otherwise entries
+that couple in one direction only would be scaled down without end.
+"""
 NILPOTENT_NORM = 1e-30
 """A matrix that can be scaled to this norm counts as nilpotent, with bound zero."""
 
@@ -50,9 +53,9 @@ def power_of_two(value: float) -> float:
 
 @unchecked_kernel
 def rescale(left: np.ndarray, right: np.ndarray, M: np.ndarray, E: np.ndarray) -> float:
-    """Balance M, scaled by the E given, in place; return the power of two it was divided by.
+    """Balance M, scaled by the given E, in place; return the power of two by which it was divided.
 
-    It is 0 where M is nilpotent, or 0 itself; see `_balance` for the rest.
+    The result is 0 if M is nilpotent or 0; see `_balance` for the other arguments.
     """
     scale = _unit(M)
     if scale > 0.0:

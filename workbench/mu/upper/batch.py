@@ -11,9 +11,11 @@ from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill
 
 PATH_ITERATIONS = 100
-"""Most iterations along the central path of one matrix."""
+"""Largest number of iterations along the central path of one matrix."""
 WARM_START_RISES = (1.0, 1.1, 1.3)
-"""Factors on t of the previous matrix's early point, tried until a path starts from there."""
+"""Factors on t of the previous matrix's early point, tried in turn until a path starts from
+there.
+"""
 
 
 @compiled
@@ -39,7 +41,8 @@ def solve_each(
     x, early = np.zeros(pattern.row.size), np.zeros(pattern.row.size)
     early_t, last_scale = 0.0, 0.0
     for f in range(count):
-        # entry by entry: to copy slices is to compile their error messages too, which takes seconds
+        # copied entry by entry: copying slices would make Numba compile their error messages, which
+        # takes seconds
         for i in range(c):
             for j in range(r):
                 M[i, j] = batch[f, i, j] * (E[pattern.left[i]] / E[pattern.right[j]])

@@ -19,19 +19,21 @@ from workbench.solvers import Options
 from workbench.structure import Structure
 
 NEIGHBOURS = 16
-"""One matrix in so many gets its own path; then its multipliers are tried on those beside it."""
+"""One matrix in this many gets its own path; its multipliers are then tried on the neighbours."""
 NEIGHBOUR_ROUNDS = 3
-"""How often this is done with those that are left, before each gets its own path."""
+"""Number of rounds in which this is repeated for the remaining matrices; after that each gets its
+own path.
+"""
 FALLS = 2
-"""How often the bound that a neighbour's multipliers prove is lowered."""
+"""Number of times that the bound proven by a neighbour's multipliers is lowered."""
 
 
 def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
     """Upper bounds of mu that stop improving at a level, for the question "is mu below it?".
 
-    They take a fifth of the time of `upper_bound` where a thousand neighbours in the batch are
-    alike, as responses at neighbouring frequencies are: what proves one bound is tried on those
-    beside it.
+    They take a fifth of the time of `upper_bound` if the batch has about a thousand similar
+    neighbours, as the responses at neighbouring frequencies are: multipliers that prove one bound
+    are tried on its neighbours.
 
     Parameters
     ----------
@@ -86,7 +88,9 @@ def bounds_below(M: Any, structure: Structure, level: float) -> UpperBound:
 
 
 def _take_multipliers(answer: UpperBound, at: Array, found: UpperBound, source: Array) -> None:
-    """Put the multipliers numbered source (f,) into the answer at the places (f,)."""
+    """Put the multipliers with the indices ``source`` (f,) into the answer at the places ``at``
+    (f,).
+    """
     for name in ("D_left", "D_right", "G"):
         getattr(answer, name)[at] = getattr(found, name)[source]
 

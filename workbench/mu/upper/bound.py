@@ -42,13 +42,13 @@ def upper_bound(
         ``"fast"``, ``"ab13md"`` (SLICOT, square blocks, no repeated scalars) or the name of a
         conic solver.
     executor
-        Where ``"fast"`` sends its matrices, 200 a task; None: threads.
+        Executor to which ``"fast"`` sends its matrices, 200 per task; None: threads.
 
     Returns
     -------
     UpperBound
-        The bound that its own multipliers prove, rounded outward. Its `certificate` is made when
-        somebody asks for it.
+        The bound that its own multipliers prove, rounded outward. The `certificate` is made when it
+        is first asked for.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 
 MOST_PROGRAMS = 40
-"""Most semidefinite programs solved for one matrix."""
+"""Largest number of semidefinite programs solved for one matrix."""
 LAST_MULTIPLIER_SHARE = 1e-4
 """Share of the last proper multipliers that is added to a solver's, which may be singular."""
 
@@ -103,7 +103,8 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
                 problem = statement.at(M / norm, bound**2, right)
                 outcome, message = solve_conic(problem, solver, context.options, context)
                 if outcome is Outcome.FAILED and round_ == 0:
-                    # What there is comes from balancing: it would be no answer of this solver.
+                    # The multipliers so far come from balancing; they would not be an answer of
+                    # this solver.
                     return None, outcome, message
                 if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
                     worst = outcome

@@ -18,7 +18,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 
 THREAD_MATRICES = 200
-"""Matrices that one thread takes at a time."""
+"""Number of matrices that one thread takes at a time."""
 PATH_ACCURACY_SHARE = 0.02
 """The central path is followed to this share of the accuracy asked for. The share holds for
 t = beta^2, so the bound beta is twice as accurate."""
@@ -45,8 +45,8 @@ class BatchBounds:
 def _fast(program: MuUpperBound, context: Context) -> Claim:
     """Osborne's balancing and a compiled primal-dual interior-point method, all M at once.
 
-    Where no scalar is repeated eight matrices are worked on by each instruction; one repeated
-    scalar alone has a closed form.
+    If no scalar is repeated, each instruction works on eight matrices at once; a single repeated
+    scalar has a closed form.
     """
     structure = program.structure
     with context.stating():
@@ -70,7 +70,9 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
 def batch_bounds(
     batch: ComplexArray, structure: Structure, context: Context, level: float = 0.0
 ) -> BatchBounds:
-    """Bounds of matrices (F, c, r); one up to the level is low enough, 0 asks for the least."""
+    """Bounds of matrices (F, c, r); a bound up to the level is low enough, and level 0 asks for the
+    least bound.
+    """
     pattern = pattern_of_structure(structure)
     count = len(batch)
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
@@ -104,11 +106,14 @@ def batch_bounds(
 
 
 def _above_norm(value: RealArray, M: ComplexArray) -> np.ndarray:
-    """Where bounds (F,) are above the largest singular value of M (F, c, r): spoilt by rounding."""
+    """Which bounds (F,) exceed the largest singular value of M (F, c, r), so that rounding has
+    spoilt them.
+    """
     moduli = np.abs(M)
     size = moduli.max(axis=(1, 2), initial=np.finfo(float).tiny)
     value, moduli = value / size, moduli / size[:, None, None]
-    # quick bounds of that from below: the norms of rows, then power iteration from the largest row
+    # quick lower bounds of that singular value: norms of rows, then power iteration from the
+    # largest row
     spoilt = value > np.sqrt((moduli**2).sum(axis=2).max(axis=1, initial=0.0))
     value, moduli, M = value[spoilt], moduli[spoilt], M[spoilt] / size[spoilt, None, None]
     vector = np.take_along_axis(M, moduli.sum(axis=2).argmax(axis=1)[:, None, None], axis=1)

@@ -29,7 +29,7 @@ from workbench.structure import Structure
 NULL_TOLERANCE = 1e-3
 """Eigenvalues within this relative distance of the largest span the null space that X lies in."""
 LARGEST = 1e150
-"""Entries of M beyond this have squares that doubles do not hold."""
+"""Largest entry of M whose square still fits a double, with room for sums."""
 TRACE_WEIGHT = 1e3
 """Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions."""
 

@@ -1,7 +1,7 @@
 """Proofs that multipliers bound mu of many matrices below one level.
 
 Multipliers of a matrix often prove the same level for its neighbours. The proof is a Cholesky
-factor that is found although more is taken off than rounding may change.
+factor that exists although more is subtracted than rounding may change.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from workbench.mu.upper.newton import square
 from workbench.mu.upper.pattern import slack
 
 FALL = 0.9
-"""Share by which t falls of what a Cholesky factor lets it fall."""
+"""Share of the possible decrease of t that is used, after a Cholesky factor has been found."""
 
 
 @unchecked
@@ -31,12 +31,13 @@ def proven_below(
     falls: int,
     value: np.ndarray,
 ) -> None:
-    """Set value (F,) to bounds <= level that compact D and G (K, N, N) prove; infinite for none.
+    """Set value (F,) to bounds <= level that compact D and G (K, N, N) prove; infinite where they
+    prove none.
 
-    Those of matrix f (c, r) are numbered source[f]; D is positive definite. t = beta^2 is proven by
-    a Cholesky factor of S less what rounding may change (see `_take_off_rounding`). As the least
-    eigenvalue of the pencil (S, D_r) is no smaller than 1 / trace(S^-1 D_r), t may fall by as much;
-    that is tried ``falls`` times.
+    The multipliers of matrix f (c, r) have the index source[f]; D is positive definite. t = beta^2
+    is proven by a Cholesky factor of S minus the possible rounding errors (see
+    `_take_off_rounding`). As the least eigenvalue of the pencil (S, D_r) is no smaller than 1 /
+    trace(S^-1 D_r), t may be reduced by that much; this is tried ``falls`` times.
     """
     c, r = batch.shape[1:]
     N = D.shape[1]
@@ -73,7 +74,8 @@ def proven_below(
 
 @unchecked_kernel
 def _take_off_rounding(S: np.ndarray, sizes: np.ndarray, share: float) -> None:
-    """Take off the diagonal of S (r, r) what proves S > 0 where a Cholesky factor is found then.
+    """Subtract an amount from the diagonal of S (r, r) such that a Cholesky factor of the result
+    proves S > 0.
 
     A share of ``sizes`` bounds the errors of the entries of S. Errors up to E change S by no more
     than diag(E u / u) for any u > 0, here 1 / sqrt(S_ii), so that units do not matter. Those of the
@@ -105,7 +107,8 @@ def _slack_sizes(
     sizes: np.ndarray,
 ) -> None:
     """Set the lower half of ``sizes`` (r, r) to the sums of the sizes of all terms in the entries
-    of `slack`, which rounding is a share of; ``Y`` (c, r) is work space."""
+    of `slack`; rounding errors are a share of these. ``Y`` (c, r) is work space.
+    """
     c, r = M.shape
     for i in range(c):
         for j in range(r):

@@ -14,7 +14,7 @@ from workbench.compiled import compiled, unchecked_kernel
 UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""
 LOST_PIVOT = 1e-14
-"""A pivot below this share of its place on the diagonal is lost in rounding."""
+"""A pivot below this share of the original diagonal entry is lost in rounding."""
 DAMPINGS = (0.0, 1e-12, 1e-10, 1e-8, 1e-6)
 """Shares by which the diagonal of H is raised, one after the other, until no pivot is lost."""
 
@@ -89,7 +89,9 @@ def multiply_adjoint(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
 
 @unchecked_kernel
 def copy(x: np.ndarray, y: np.ndarray) -> None:
-    """Set y = x, vectors; entry by entry, as to copy slices is to compile their errors too."""
+    """Set y = x for vectors, entry by entry: copying slices would make Numba compile their error
+    messages too.
+    """
     for k in range(x.size):
         y[k] = x[k]
 
@@ -118,10 +120,11 @@ def make_hermitian(A: np.ndarray) -> None:
 def factor_normal(H: np.ndarray) -> None:
     """Replace the upper half of a symmetric real H >= 0 by the R of its factors R^T R.
 
-    The lower half is overwritten. Near the end of a path, H falls steeply in few directions, and
-    the rounding of these hides the others, in which the bound hardly changes. Then the diagonal is
-    raised, which holds steps in flat directions back, as a proximal term would. What stays lost,
-    or has no influence on H, gets a nearly infinite pivot, so that a solution leaves it unchanged.
+    The lower half is overwritten. Near the end of a path, H varies steeply in few directions, and
+    the rounding in these hides the other directions, in which the bound hardly changes. Then the
+    diagonal is raised, which holds back steps in flat directions, as a proximal term would. A pivot
+    that is still lost, or an unknown without influence on H, gets a nearly infinite pivot, so that
+    a solution leaves that unknown unchanged.
     """
     m = H.shape[0]
     diagonal = np.empty(m)
@@ -140,8 +143,10 @@ def factor_normal(H: np.ndarray) -> None:
 
 @unchecked_kernel
 def _factored(H: np.ndarray, diagonal: np.ndarray, last: bool) -> bool:
-    """Replace the upper half of H by R, row by row, and stop at a lost pivot unless it is the last
-    attempt; whether R is whole. Four rows above are taken off at once: fewer reads and writes."""
+    """Replace the upper half of H by R, row by row; stop at a lost pivot unless it is the last
+    attempt. Return whether R is complete. Four rows above are subtracted at once, to save reads and
+    writes.
+    """
     m = H.shape[0]
     for i in range(m):
         fours = i - i % 4

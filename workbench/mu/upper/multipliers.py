@@ -15,8 +15,9 @@ from workbench.mu.upper.pattern import Pattern, diagonal_places
 from workbench.structure import Structure
 
 LEVEL_MARGIN = 1e-8
-"""Share of a level that bounds stay below, so that rounding them outward does not lift them over
-it."""
+"""Bounds stay below a level by this share, so that rounding them outward does not lift them above
+it.
+"""
 Solved = tuple[Array, Array, RealArray, Array]
 """Compact D and G (F, N, N), gaps (F,) of the square of the bound, and iterations (F,)."""
 
@@ -30,7 +31,8 @@ def path_multipliers(
 ) -> Solved:
     """Multipliers of matrices M (F, c, r), each from its own path.
 
-    A bound up to the level is low enough, and then has no gap; 0 asks for the least one.
+    A bound up to the level is low enough and counts as one without a gap; level 0 asks for the
+    least bound.
     """
     count = len(M)
     level = level * (1 - LEVEL_MARGIN)
@@ -40,9 +42,9 @@ def path_multipliers(
     if places is not None:
         scaled, E, scale = balanced_batch(M, pattern)
         d, g = np.empty((count, pattern.size)), np.empty((count, np.count_nonzero(pattern.skew)))
-        nothing = scale == 0  # no size that balancing leaves: D is the balancing itself
+        nothing = scale == 0  # balancing has left nothing of the matrix: the balancing itself is D
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]
-        with np.errstate(all="ignore"):  # what is not finite proves nothing
+        with np.errstate(all="ignore"):  # multipliers that are not finite prove nothing
             enough = np.where(nothing, 0.0, level / scale) ** 2
             c, r = M.shape[1:]
             room = room_for(c, r, pattern.size, g.shape[1])
@@ -58,11 +60,12 @@ def path_multipliers(
         exact = first <= (1 + accuracy) * mu
         D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
     rest = np.flatnonzero(~(gaps <= accuracy))
-    if rest.size:  # each is warm-started from the one before
+    if rest.size:  # each path is warm-started from the one before
         found = D[rest], G[rest], gaps[rest], iterations[rest]
         solve_each(M[rest], pattern, accuracy, level, *found)
         D[rest], G[rest], gaps[rest], iterations[rest] = found
-        if alone:  # where eigenvectors are nearly dependent, they may still prove more than a path
+        # where eigenvectors are nearly dependent, the closed form may still prove more than a path
+        if alone:
             path = said_bound(M[rest], structure, D[rest], D[rest], G[rest])
             better = rest[first[rest] < path]
             D[better], G[better] = first_D[better], first_G[better]

@@ -78,7 +78,7 @@ def hessian(
             if kind[k] == RE:
                 H[other, k + 1] = left
             if kind[other] == RE:
-                H[other + 1, k] = right  # of k = other, this is below the diagonal
+                H[other + 1, k] = right  # for k = other, this is below the diagonal
             if kind[k] == RE and kind[other] == RE:
                 H[other + 1, k + 1] = both
 

@@ -1,7 +1,7 @@
-"""The second opinion of upper bounds of mu: perturbations that would refute them, and balls.
+"""The second opinion of upper bounds of mu: perturbations that could refute them, and balls.
 
-A perturbation refutes a bound only where ball arithmetic proves that it is singular; what plain
-NumPy suggests is reported and decides nothing.
+A perturbation refutes a bound only if ball arithmetic proves that it makes I - M Delta singular. A
+result in plain NumPy is reported, but decides nothing.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ from workbench.second_opinion.perturbations import loop_eigenvalues, vertex_pert
 from workbench.structure import Real, Structure
 
 MOST_MATRICES = 8
-"""Matrices of a batch that are tried: those of the largest bounds, and as many drawn."""
+"""Number of matrices of a batch that are tried: those with the largest bounds, and as many random
+ones.
+"""
 DRAWN = 8
-"""Perturbations drawn for each matrix."""
+"""Number of random perturbations for each matrix."""
 REAL_EIGENVALUE = 1e-9
-"""An eigenvalue is real if its imaginary part is below this share of its size."""
+"""An eigenvalue counts as real if its imaginary part is below this share of its size."""
 
 Index = tuple[int, ...]
 
 
 def tried_matrices(value: np.ndarray) -> list[Index]:
-    """Places of the matrices that are tried, the largest bound first."""
+    """Indices of the matrices that are tried, the largest bound first."""
     order = np.argsort(-value, axis=None, kind="stable")
     drawn = np.random.default_rng(SEED).permutation(order[MOST_MATRICES // 2 :])
     places = [*order[: MOST_MATRICES // 2], *drawn[: MOST_MATRICES // 2]]
@@ -51,7 +53,7 @@ def witnesses(M: ComplexArray, structure: Structure, value: np.ndarray) -> Compl
 def opinion(
     matrices: ComplexArray, structure: Structure, bounds: Any, named: Callable[[Index], str]
 ) -> Sequence[Check]:
-    """Checks of upper bounds by perturbations, stored and drawn, and by balls.
+    """Checks of upper bounds by perturbations, stored and random, and by ball arithmetic.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ def opinion(
     bounds
         The `UpperBound` of M.
     named
-        The name of a place in the batch.
+        Function that names a place in the batch.
     """
     value = np.asarray(bounds.value)
     proven, where, suggested, unproven = -np.inf, "", -np.inf, 0
@@ -101,7 +103,9 @@ def opinion(
 
 
 def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
-    """Perturbations drawn, each scaled by an eigenvalue of M Delta to be singular to rounding."""
+    """Random perturbations, each scaled by an eigenvalue of M Delta to make I - M Delta singular up
+    to rounding.
+    """
     found = []
     turning = not any(isinstance(block, Real) for block in structure)
     for Delta in vertex_perturbations(structure, tries(DRAWN)):
@@ -115,5 +119,5 @@ def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
 
 
 def _over(lower: float, upper: float) -> float:
-    """How far a lower bound lies above an upper one, relative to it."""
+    """Relative excess of a lower bound over an upper one."""
     return (lower - upper) / max(upper, float(np.finfo(float).tiny))

@@ -2,16 +2,16 @@
 
     minimise t  over  D > 0, G  with  S = t D_r - A(D, G) >= 0,   A = M^H D_l M + j (G M - M^H G^H)
 
-With multipliers Z of S and W of D, and F the derivative of S by the unknowns x, the conditions are
+With multipliers Z of S and W of D, and F the derivative of S with respect to the unknowns x, the
+optimality conditions are
 
     F*(Z) + W = rho b,   b = F_t*(Z),   <Z, D_r> = 1,   Z S = 0,   W D = 0.
 
-x and all its multiples prove the same t, so every step may satisfy <Z, D_r(dx)> = <b, dx> = 0.
-This condition removes the only term that is not convex, that of the product t D_r. Its multiplier
-rho takes the place of the term, and t - rho is the value of the dual problem. The method is
-Newton's for Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's
-predictor and corrector; the corrector includes the second order of t D_r. S and D stay positive
-definite at every step.
+x and all its multiples prove the same t, so every step may satisfy <Z, D_r(dx)> = <b, dx> = 0. This
+condition removes the only term that is not convex, the product t D_r. Its multiplier rho takes the
+place of the term, and t - rho is the value of the dual problem. The method is Newton's for Z S = W
+D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's predictor and corrector;
+the corrector includes the second order of t D_r. S and D stay positive definite at every step.
 """
 
 from __future__ import annotations
@@ -41,16 +41,19 @@ from workbench.mu.upper.path_state import Direction, NewtonSystem, Point, Scratc
 from workbench.mu.upper.pattern import Pattern, adjoint, basis_products, collect, fill, slack
 
 NEGLIGIBLE_T = 1e-16
-"""t below this share of its first value counts as zero: a bound of 1e-8 where 1 is usual."""
+"""t below this share of its first value counts as zero; this is a bound of 1e-8 where 1 is
+usual.
+"""
 LARGEST_FALL = 1.5
 """Largest share of t by which one step may lower t; a t below 0 is no better than 0."""
 LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
 """A step shorter than the first number means that the path is lost: t is multiplied by the second
-number and the path starts again, at most as often as the third number says."""
+number and the path starts again, at most as often as the third number says.
+"""
 PREDICTOR_BLUR, CORRECTOR_BLUR = 0.3, 0.05
 """Relative accuracy of the step lengths of the predictor and of the corrector."""
 STEP_HALVINGS = 20
-"""Most halvings of a step until S and D are positive definite after it."""
+"""Largest number of halvings of a step until S and D are positive definite after it."""
 EARLY_GAP = 0.1
 """Relative duality gap at which a point is kept as the start for the next matrix."""
 
@@ -69,9 +72,9 @@ def follow(
     """Follow the central path from a point with S > 0 and D > 0; x (m,) is changed in place.
 
     The path ends when the duality gap and the remaining fall of t are below ``accuracy`` times t,
-    when t is negligible or ``enough``, or after ``iterations`` iterations. A t that is low enough
-    counts as one without a gap. ``early`` (m,) receives the unknowns
-    of a point well before the end, which is a good start for a neighbouring M.
+    when t is negligible or ``enough``, or after ``iterations`` iterations. If t is at most
+    ``enough``, the gap is 0. ``early`` (m,) receives the unknowns of a point well before the end,
+    which is a good start for a neighbouring M.
 
     Returns
     -------
@@ -103,9 +106,9 @@ def follow(
             M, pattern, t, dt, rho, center, (along, bb, schur), point, step, system, scratch
         )
 
-        if t + primal * dt < -nothing:  # any t < 0 will do, and G need not grow for more
+        if t + primal * dt < -nothing:  # any t < 0 suffices, and G need not grow further
             primal = (t + nothing) / -dt
-        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
+        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and is rounded
             for k in range(x.size):
                 system.other[k] = x[k] + primal * step.dx[k]
             ahead = t + primal * dt
@@ -133,7 +136,7 @@ def follow(
 def _move_to(
     M: np.ndarray, pattern: Pattern, t: float, x: np.ndarray, point: Point, scratch: Scratch
 ) -> bool:
-    """D, G, B = D_r and S of the unknowns, and factors of S and D; false where one is not > 0."""
+    """Set D, G, B = D_r, S and factors of S and D from the unknowns; False if S or D is not > 0."""
     fill(pattern, x, point.D, point.G)
     slack(pattern.left, pattern.right, M, t, point.D, point.G, scratch.Y, point.B, point.S)
     return factor(point.S, point.LS) and factor(point.D, point.LD)
@@ -141,7 +144,9 @@ def _move_to(
 
 @unchecked_kernel
 def _centre(point: Point) -> None:
-    """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
+    """Set the multipliers as if the point lay on the central path: Z = mu S^-1, W = mu D^-1, <Z,
+    D_r> = 1.
+    """
     mu = 1.0 / inner(point.S_inverse, point.B)
     for i in range(point.Z.shape[0]):
         for j in range(point.Z.shape[0]):
@@ -153,7 +158,7 @@ def _centre(point: Point) -> None:
 
 @unchecked_kernel
 def _add(X: np.ndarray, share: float, dX: np.ndarray) -> None:
-    """X + share dX, in the place of X."""
+    """X + share dX, written to X."""
     for i in range(X.shape[0]):
         for j in range(X.shape[0]):
             X[i, j] += share * dX[i, j]
@@ -181,7 +186,7 @@ def _newton_system(
     add_positivity(pattern, point.D_inverse, point.W, system.H)
     factor_normal(system.H)
 
-    # V = S^-1 D_r Z: how t and the unknowns act on each other through S.
+    # V = S^-1 D_r Z: the interaction of t and the unknowns through S.
     multiply(point.B, point.Z, scratch.work)
     multiply(point.S_inverse, scratch.work, scratch.V)
     curvature = inner(point.B, scratch.V)
@@ -289,7 +294,7 @@ def _correct(
     S, D, Z, W = point.S, point.D, point.Z, point.W
     dS, dD, dZ, dW = step.dS, step.dD, step.dZ, step.dW
     V, Q, QD, work, work_D = scratch.V, scratch.Q, scratch.QD, scratch.work, scratch.work_D
-    # Q = S^-1 (dS dZ + dt dD_r Z), in W likewise.
+    # Q = S^-1 (dS dZ + dt dD_r Z), and likewise for W.
     multiply(Q, Z, V)
     multiply(dS, dZ, work)
     for i in range(S.shape[0]):

@@ -12,7 +12,7 @@ from workbench.mu.upper.pattern import Pattern
 
 
 class Point(NamedTuple):
-    """A point of the path and its multipliers: S, B = D_r, Z (r, r), the others (N, N)."""
+    """A point of the path and its multipliers: S, B = D_r and Z are (r, r), the others (N, N)."""
 
     D: np.ndarray
     G: np.ndarray
@@ -27,7 +27,7 @@ class Point(NamedTuple):
 
 
 class Direction(NamedTuple):
-    """A step of the unknowns (m,), and what it does to the matrices of a point."""
+    """A step of the unknowns (m,), and the resulting change of the matrices of a point."""
 
     dx: np.ndarray
     dD: np.ndarray
@@ -51,7 +51,7 @@ class NewtonSystem(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for what is computed on the way; ``no_S`` and ``no_D`` are zero between steps."""
+    """Space for intermediate results; ``no_S`` and ``no_D`` are zero between steps."""
 
     part: np.ndarray
     skew: np.ndarray
@@ -74,7 +74,7 @@ class Scratch(NamedTuple):
 def path_state(
     M: np.ndarray, pattern: Pattern, m: int
 ) -> tuple[Point, Direction, NewtonSystem, Scratch]:
-    """Zeros for everything that a path of M (c, r) with m unknowns works on."""
+    """Zero arrays for all data of a path of M (c, r) with m unknowns."""
     c, r = M.shape
     N = pattern.size
     point = Point(

@@ -25,11 +25,11 @@ DIAGONAL, RE, IM = 0, 1, 2
 class Pattern(NamedTuple):
     """Places of the unknowns in the compact multipliers and in the inequality.
 
-    ``left`` (c,) and ``right`` (r,) are the compact indices of the rows and columns of M.
-    ``row``, ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; ``skew`` marks those of
-    G. The derivative of K by unknown k has the entries numbered ``first[k]`` to ``first[k + 1]``,
-    at rows ``at`` and columns ``to``, with the values ``fixed + t * growing``. An imaginary part
-    comes after its real part; its entries are ``1j * turn`` times those of that. ``size`` is N.
+    ``left`` (c,) and ``right`` (r,) are the compact indices of the rows and columns of M. ``row``,
+    ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; ``skew`` marks those of G. The
+    derivative of K by unknown k has the entries numbered ``first[k]`` to ``first[k + 1]``, at rows
+    ``at`` and columns ``to``, with the values ``fixed + t * growing``. An imaginary part comes
+    after its real part; its entries are ``1j * turn`` times those of the real part. ``size`` is N.
     """
 
     left: np.ndarray
@@ -116,10 +116,10 @@ def pattern_of(structure: Structure) -> Pattern:
 
 
 def diagonal_places(pattern: Pattern) -> np.ndarray | None:
-    """Where multipliers stand that are all diagonal; None where a scalar is repeated.
+    """Places of multipliers that are all diagonal; None if a scalar is repeated.
 
-    One after the other: blocks of the rows and of the columns of M, rows and columns of the real
-    scalars.
+    The arrays, one after the other: blocks of the rows and of the columns of M; rows and columns of
+    the real scalars.
     """
     if (pattern.kind != DIAGONAL).any():
         return None

@@ -34,7 +34,9 @@ class UpperBound(Answer):
 
     ``value`` (...), ``D_left`` (..., c, c), ``D_right`` (..., r, r) and ``G`` (..., r, c), with
 
-        M^H D_left M + j (G M - M^H G^H) <= value^2 D_right.
+        ``Delta`` (..., r, c) are perturbations that make I - M Delta singular, the smallest found,
+        for the few matrices that the second opinion tries; NaN for the other matrices. It is None
+        before the second opinion.
 
     ``Delta`` (..., r, c) are perturbations that make I - M Delta singular, as small as were found
     for the few matrices that the second opinion tries; NaN for the others, None before it.
@@ -47,7 +49,7 @@ class UpperBound(Answer):
     Delta: ComplexArray | None = None
 
     def reshaped(self, batch: tuple[int, ...]) -> UpperBound:
-        """The bounds of one axis over a batch of this shape."""
+        """The bounds of a batch with one axis, reshaped to this shape."""
         value = self.value.reshape(batch)
         parts = (self.D_left, self.D_right, self.G)
         D_left, D_right, G = (part.reshape(*batch, *part.shape[1:]) for part in parts)
@@ -112,7 +114,7 @@ class MuUpperBound(Program):
         object.__setattr__(self, "labels", self.M if hasattr(self.M, "dims") else None)
         try:
             M = np.array(self.M, dtype=complex)
-        except Exception as error:  # an object that is no array may say so by any error
+        except Exception as error:  # an object that is not an array may fail with any error
             raise InputError(f"M must be an array of complex numbers: {error}") from None
         need_structure(self.structure)
         self.structure.check(M)
@@ -246,7 +248,9 @@ def proved(
     D_right: ComplexArray,
     G: ComplexArray,
 ) -> UpperBound:
-    """The upper bounds that multipliers prove on any processor; claims of a method do not count."""
+    """The upper bounds that multipliers prove on any processor; the method's own claims are not
+    used.
+    """
     multipliers = structured(structure, D_left, D_right, G)
     value = structured_bound(M, structure, *multipliers, allowances=SAID_ALLOWANCES)
     return UpperBound(value, *multipliers)

@@ -26,15 +26,15 @@ from workbench.structure import Structure
 DIAGONAL_SHARES = np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
 """Shares of a nearly singular D's own diagonal that are added to D; the best one is kept."""
 INWARD_SHARES = (0.0, 1e-8, 1e-4, 1e-1)
-"""Shares of D's own diagonal that are added to D, one after the other, until a good path starts."""
+"""Shares of D's own diagonal that are added to D, tried in turn until a good path starts."""
 MOST_RECENTRINGS = 8
-"""Most rounds of recentring."""
+"""Largest number of rounds of recentring."""
 ROUND_ITERATIONS = 60
-"""Most iterations along the path of one round."""
+"""Largest number of iterations along the path of one round."""
 START_RISES = (1.05, 1.5, 4.0)
-"""Factors on the square of the bound at which a path may start, tried one after the other."""
+"""Factors on the square of the bound at which a path may start, tried in turn."""
 WORTHWHILE_RATIO = 0.999
-"""A round that does not lower the bound to this share of it leads to the next inward share."""
+"""If a round does not lower the bound to this share, the next inward share is tried."""
 NEGLIGIBLE_SHARE = 1e-4
 """Bounds below this share of the balanced norm are not improved further."""
 
@@ -50,7 +50,7 @@ def recentred(
     gap: float,
     accuracy: float,
 ) -> tuple[ComplexArray, ComplexArray, float]:
-    """Compact D and G (N, N) of one matrix that prove no larger bound than the start does.
+    """Compact D and G (N, N) of one matrix; their bound is no larger than that of the start.
 
     Parameters
     ----------
@@ -100,7 +100,8 @@ def _proper(
     D, G = given
     own = np.diagonal(D).real
     balancing, _ = _balanced(M, pattern)
-    with np.errstate(invalid="ignore"):  # what is not finite proves nothing and is left out
+    # multipliers that are not finite prove nothing and are left out
+    with np.errstate(invalid="ignore"):
         shared = D + DIAGONAL_SHARES[:, None, None] * np.diag(own)
     trials_D = np.concatenate(
         [

@@ -1,1 +1,1 @@
-"""Implemented and sampled controllers, tried in time: rounding, integers, headers, held plants."""
+"""Implemented and sampled controllers, checked in time: integers, headers, held plants."""

@@ -15,13 +15,13 @@ SECTION = re.compile(
     rf"\(({NUMBER}) \* v \+ ({NUMBER}) \* x\[\d+\] \+ ({NUMBER}) \* x\[\d+\] "
     rf"- ({NUMBER}) \* x\[\d+\] - ({NUMBER}) \* x\[\d+\]\)(?: \+ \d+\) >> (\d+))?"
 )
-"""The sum of a section in integers, and by how many bits it is shifted back."""
+"""The integer sum of a section in the code, and the number of bits by which it is shifted back."""
 ROUNDING = 1e-12
-"""What printing and reading of a double may change, relative."""
+"""Relative change of a double by printing and reading."""
 
 
 def code_agrees(text: str, K: Any, kind: type) -> Check:
-    """Check that a header of a state space computes K, with its numbers in a format."""
+    """Check that a header for a state space computes K, with its numbers in a format."""
     read = state_space_of(text)
     own = np.block([[K.A, K.B], [K.C, K.D]])
     if read.shape != own.shape:
@@ -34,13 +34,13 @@ def code_agrees(text: str, K: Any, kind: type) -> Check:
 
 
 def integer_code_agrees(text: str, channels: Any) -> Check:
-    """Check that a header in integers computes the cascades ``channels[i][j]`` (L, 6)."""
+    """Check that a header for integers computes the cascades ``channels[i][j]`` (L, 6)."""
     rows = [row for line in channels for cascade in line for row in cascade]
     gains = section_gains(text)
     apart, number = (0.0 if len(gains) == len(rows) else np.inf), 0
     for line in channels:
         for cascade in line:
-            # What a section gives is its output over a power of two, which the last one undoes.
+            # Each section gives its output divided by a power of two; the last one undoes that.
             found = np.array(gains[number : number + len(cascade)])
             number += len(cascade)
             if len(found) != len(cascade):
@@ -56,12 +56,12 @@ def integer_code_agrees(text: str, channels: Any) -> Check:
 
 
 def state_space_of(text: str) -> RealArray:
-    """[A B; C D] of the step of a header of a state space, limits left out."""
+    """[A B; C D] of the step in a header for a state space, without its limits."""
     inputs, outputs, states = (_defined(text, name) for name in ("INPUTS", "OUTPUTS", "STATES"))
     body = _step(text)
     lines = re.findall(r"^\s*(state->x\[\d+\]|u\[\d+\]) = ([^;]*);$", body, re.MULTILINE)
     sums = dict(reversed(lines))  # limits come after the sum that they limit
-    word = "e" if re.search(r"\be\[\d+\] = ", body) else "y"  # errors, of signals of the user
+    word = "e" if re.search(r"\be\[\d+\] = ", body) else "y"  # differences from the user's signals
     names = [f"x{i}" for i in range(states)] + [f"{word}[{j}]" for j in range(inputs)]
     targets = [f"state->x[{i}]" for i in range(states)] + [f"u[{i}]" for i in range(outputs)]
     found = np.zeros((len(targets), len(names)))
@@ -73,7 +73,7 @@ def state_space_of(text: str) -> RealArray:
 
 
 def section_gains(text: str) -> list[list[float]]:
-    """b0 b1 b2 a1 a2 of each section in the step of a header in integers."""
+    """b0 b1 b2 a1 a2 of each section in the step of a header for integers."""
     found = []
     for *numbers, shift in SECTION.findall(_step(text)):
         found.append([int(number) / 2.0 ** int(shift or 0) for number in numbers])
@@ -81,10 +81,11 @@ def section_gains(text: str) -> list[list[float]]:
 
 
 def absolute_signals_agree(text: str, wanted: dict[str, Any], kind: type) -> Check:
-    """Check that a header's tables of limits, changes and controls at rest are those wanted (p,).
+    """Check that a header's tables of limits, changes and controls at rest have the wanted values
+    (p,).
 
-    The tables are called as the keys of ``wanted``; None: there must be no such table. Controls at
-    rest have to be added in the step, and limits to be asked for in it.
+    The names of the tables are the keys of ``wanted``; None: there must be no such table. The step
+    must add controls at rest, and must use limits.
     """
     body, apart = _step(text), 0.0
     for name, values in wanted.items():
@@ -112,7 +113,7 @@ def _terms(text: str) -> list[tuple[float, str]]:
 
 
 def _last_shift(text: str, count: int) -> float:
-    """The factor of a cascade's output, after so many sections of the step."""
+    """The factor of a cascade's output, after ``count`` sections of the step."""
     place = list(SECTION.finditer(_step(text)))[count - 1].end()
     found = re.search(r"sum \+= (.*);", _step(text)[place:])
     written = found.group(1) if found else "v"

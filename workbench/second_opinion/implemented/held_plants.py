@@ -1,7 +1,7 @@
-"""Loops of a sampled controller and a continuous plant, closed by constant and all-pass dynamics.
+"""Sampled controllers on continuous plants, perturbed by constants and all-pass functions.
 
-The plant is closed in continuous time, and sampled by exponentials of its matrices: no response at
-any frequency is computed.
+The plant is closed by the perturbation in continuous time and sampled by matrix exponentials: no
+response at any frequency is computed.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.executor.effort import tries
 from workbench.second_opinion import SEED
-from workbench.second_opinion.loops import INSIDE
+from workbench.second_opinion.loops import BALL_SHARE
 from workbench.second_opinion.powers import growth
 
 DRAWN = 30
-"""Perturbations that close a loop: two constant ones, the others all-pass."""
+"""Number of perturbations that close a loop: two constants, the others all-pass."""
 REACH = 1e3
-"""Poles of all-pass perturbations lie between the sampling rate over this and times this."""
+"""Poles of all-pass perturbations lie between the sampling rate divided by this and times this."""
 
 Realisation = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D."""
@@ -42,7 +42,7 @@ def loops_held(parts: Any, K: Any, delay: float, sign: int, claimed: float) -> C
         The margin.
     """
     period, fastest, count = float(K.dt), -math.inf, 0
-    for Delta in _perturbations(min(claimed, 1e6) * INSIDE, 1 / period):
+    for Delta in _perturbations(min(claimed, 1e6) * BALL_SHARE, 1 / period):
         loop = _closed_transition(_held(_with(parts, Delta), period, delay), K, sign)
         rate, rounding = growth(loop, period)
         fastest, count = max(fastest, rate - rounding), count + 1
@@ -75,12 +75,12 @@ def _before_all_pass(system: Realisation, pole: float) -> Realisation:
 
 
 def _with(parts: Any, Delta: Realisation) -> Realisation:
-    """The plant from u to y, closed by dynamics from z to w."""
+    """The plant from u to y, with dynamics closed from z to w."""
     A, B, C, D = (np.asarray(getattr(parts, part), dtype=float) for part in "ABCD")
     a, b, c, d = Delta
     # w = c x + d z and z = C0 X + D00 w + D01 u.
     free = 1 / (1 - d[0, 0] * D[0, 0])
-    W = free * np.hstack([d @ C[:1], c, d * D[0, 1]])  # of (X, x, u)
+    W = free * np.hstack([d @ C[:1], c, d * D[0, 1]])  # state (X, x), input u
     Z = np.hstack([C[:1], np.zeros((1, len(a))), D[:1, 1:]]) + D[0, 0] * W
     n = len(A) + len(a)
     whole = np.hstack([block_diag(A, a), np.vstack([B[:, 1:], np.zeros((len(a), 1))])])
@@ -90,12 +90,12 @@ def _with(parts: Any, Delta: Realisation) -> Realisation:
 
 
 def _held(plant: Realisation, period: float, delay: float) -> Realisation:
-    """The plant at its samples, with an input that is held and comes some samples late."""
+    """The sampled plant, with an input that is held and delayed by some samples."""
     A, B, C, D = plant
     n, whole = len(A), int(delay)
     late = (delay - whole) * period
     old, new = _driven(A, B, late), _driven(A, B, period - late)
-    # First the input of a sample before, for a part of the period, then the newest.
+    # For a part of the period the input of one sample before acts, then the newest one.
     power, before = new[0] @ old[0], new[0] @ old[1]
     memory = whole + 1
     shift = np.eye(memory, k=-1)
@@ -112,14 +112,16 @@ def _held(plant: Realisation, period: float, delay: float) -> Realisation:
 
 
 def _driven(A: RealArray, B: RealArray, time: float) -> tuple[RealArray, RealArray]:
-    """Transition of the state over a time, and what a constant input adds to it."""
+    """Transition of the state over a time, and the contribution of a constant input."""
     n, m = B.shape
     whole = expm(time * np.block([[A, B], [np.zeros((m, n + m))]]))
     return whole[:n, :n], whole[:n, n:]
 
 
 def _closed_transition(plant: Realisation, K: Any, sign: int) -> RealArray:
-    """Transition of the loop over a sample; the plant answers no sooner than at the next one."""
+    """Transition of the loop over one sample; the plant responds no sooner than at the next
+    sample.
+    """
     A, B, C, _ = plant
     a, b, c, d = (np.asarray(getattr(K, part), dtype=float) for part in "ABCD")
     control = sign * np.hstack([d @ C, c])

@@ -1,7 +1,7 @@
-"""Cascades in fixed point, driven by the errors and inputs that are worst for them.
+"""Fixed-point cascades, driven by the errors and inputs that are worst for them.
 
-What is worst is the sign of an impulse response, turned around in time: a signal that is reached in
-so many samples. It can refute a bound and never confirm it.
+The worst signal is the sign of an impulse response, reversed in time. The value that it reaches
+within the samples tried can refute a bound but never confirm it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from workbench.certificate import Check, excess
 from workbench.executor.effort import tries
 
 SAMPLES = 600
-"""Samples of each impulse response."""
+"""Number of samples of each impulse response."""
 REACHED_ROUNDING = 1e-9
-"""Share by which rounding of doubles may lift what is reached above a bound."""
+"""Share by which rounding of doubles may lift the reached value above a bound."""
 
 
 def reached_rounding(
@@ -44,7 +44,7 @@ def reached_rounding(
     total = np.zeros(plant.ninputs)
     for control in _impulses(channels, plant, sign, errors.size):
         total += np.abs(control) @ errors
-    reached = float(total.max(initial=0.0)) + step / 2  # of the conversion of the control
+    reached = float(total.max(initial=0.0)) + step / 2  # from the conversion of the control
     statement = (
         "error of the control that the worst roundings reach, over the claimed bound, less 1"
     )
@@ -70,7 +70,7 @@ def reached_signals(channels: Any, shifts: Any, largest: Any, step: float) -> Ch
 
 
 def _outputs(rows: RealArray) -> RealArray:
-    """Impulse responses (N, L) of each section's output, from the input of the cascade."""
+    """Impulse responses (N, L) from the input of the cascade to each section's output."""
     memory = np.zeros((len(rows), 4))
     found = np.zeros((tries(SAMPLES), len(rows)))
     for n in range(tries(SAMPLES)):
@@ -84,9 +84,9 @@ def _outputs(rows: RealArray) -> RealArray:
 
 
 def _impulses(channels: Any, plant: Any, sign: int, count: int) -> Any:
-    """Controls (outputs, count) at each sample, of an impulse of each error at the first one.
+    """Controls (outputs, count) at each sample, after an impulse of each error at the first sample.
 
-    The errors are those of the measurements, then of each section of each cascade.
+    The errors are those of the measurements, then those of each section of each cascade.
     """
     G = [np.asarray(part, dtype=float) for part in (plant.A, plant.B, plant.C, plant.D)]
     inputs, outputs = plant.noutputs, plant.ninputs

@@ -1,4 +1,4 @@
-"""Second opinions on sampled loops: plants drawn from the set, and the loop's signals in time."""
+"""Second opinions on sampled loops: plants drawn from the set, and signals of the loop in time."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from workbench.executor.effort import tries
 from workbench.second_opinion.responses import plain_response
 
 TRIED_FREQUENCIES = 4000
-"""Frequencies, in equal steps of log frequency up to half the sampling rate."""
+"""Number of frequencies, in equal steps of log frequency up to half the sampling rate."""
 TRIED_REALS = np.linspace(-1.0, 1.0, 81)
-"""Real deltas that are tried, over their bound."""
+"""Real deltas that are tried, relative to their bound."""
 SAMPLES, SEED = 400, 5
-"""Samples of the simulation, and the seed of its disturbance."""
+"""Number of samples of the simulation, and the seed of its disturbance."""
 ROUNDING = 1e-6
-"""What the responses' own rounding may do."""
+"""Largest relative effect of rounding in the responses."""
 
 Weight = Callable[[RealArray], ComplexArray]
 """Response of a weight at angular frequencies."""
@@ -33,7 +33,7 @@ def sampled_plants(
     form: str,
     claimed: float,
 ) -> Check:
-    """Check that no smaller perturbation than 1 / claimed makes the sampled loop critical.
+    """Check that no perturbation smaller than 1 / claimed makes the sampled loop critical.
 
     At every frequency and real delta the least complex delta with 1 - sign K P = 0 is computed from
     the responses of K and of the sampled nominal G, each by itself.
@@ -86,7 +86,8 @@ def sampled_sensitivity(G: Any, K: Any, sign: int, claimed: float) -> Check:
 
 
 def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Check:
-    """Check that the controller computed in its number format stays as near as is claimed.
+    """Check that the controller, computed in its number format, stays as close as claimed to exact
+    arithmetic.
 
     Both loops are simulated with the same disturbance, one in the format and one in long double.
     """
@@ -96,7 +97,8 @@ def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Chec
     off = np.abs(own - exact).max(axis=0)
     size = np.abs(exact).max(axis=0)
     value = float(np.max(off / np.maximum(size, np.finfo(float).tiny)))
-    # The claim is over the largest control of all disturbances, which is larger than this one's.
+    # The claim is relative to the largest control for all disturbances, which is larger than for
+    # this one.
     return Check(
         "signals in the number format",
         "largest difference of the control from exact numbers, over the control",
@@ -107,19 +109,22 @@ def rounded_signals(K: Any, G: Any, sign: int, kind: type, share: float) -> Chec
 
 
 def _most(K: Any, G: Any, sign: int, size: RealArray) -> float:
-    """Largest control for a disturbance of 1 by the first samples, over the control seen."""
+    """Largest control for a disturbance of 1 in the first samples, divided by the observed
+    control.
+    """
     impulses = np.zeros((tries(SAMPLES), G.noutputs))
     total = np.zeros(K.noutputs)
     for channel in range(G.noutputs):
         w = impulses.copy()
         w[0, channel] = 1.0
         total += np.abs(_controls(K, G, sign, np.float64, w)).sum(axis=0)
-    # Later samples add to the claim, so that this is less than it: a factor for what is cut off.
+    # Later samples add to the claim, so this value is less than it; a factor accounts for the
+    # samples left out.
     return float(np.max(2.0 * total / np.maximum(size, np.finfo(float).tiny)))
 
 
 def _controls(K: Any, G: Any, sign: int, kind: type, w: RealArray) -> Any:
-    """Controls (N, controls) in the loop; the controller computes in numbers of one kind."""
+    """Controls (N, controls) in the loop; the controller computes in numbers of one format."""
     parts: list[Any] = [np.asarray(part).astype(kind) for part in (K.A, K.B, K.C, K.D)]
     A, B, C, D = parts
     a, b, c, d = (np.asarray(part, dtype=np.longdouble) for part in (G.A, G.B, G.C, G.D))

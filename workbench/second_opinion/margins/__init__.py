@@ -1,1 +1,1 @@
-"""Margins of loops a second way: turns about 0, chords between data, data drawn anew."""
+"""Margins of loops, computed a second way: turns about 0, chords between data, redrawn data."""

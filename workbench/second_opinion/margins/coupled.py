@@ -18,15 +18,15 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.second_opinion.margins.dead_times import DECADES, POINTS, turns_right
 
-NEARER = 4
-"""Number of times that the neighbourhood of a least value is looked at more closely."""
+REFINEMENTS = 4
+"""Number of times that the search around a least value is refined."""
 
 
 @dataclass(frozen=True, eq=False)
 class TriedLoop:
     """The loop of channel ``channel`` of ``Q``; the first ``states`` signals are states.
 
-    ``delays`` (d,) [s] are those of the signals after them.
+    ``delays`` (d,) [s] belong to the signals after the states.
     """
 
     Q: RealArray
@@ -35,7 +35,9 @@ class TriedLoop:
     channel: int
 
     def missed(self, crossings: RealArray) -> tuple[int, int]:
-        """Crossings of |L| = 1 that are not among those given [rad/s], and frequencies tried."""
+        """Number of crossings of |L| = 1 that are not among the given ones [rad/s], and of
+        frequencies tried.
+        """
         omega = self._frequencies()
         above = np.abs(self.response(omega)) - 1.0
         known = np.abs(above) > 1e-6
@@ -49,7 +51,7 @@ class TriedLoop:
         return -found[:, at, 0]
 
     def counted_poles(self, gain: float = 1.0) -> int:
-        """Closed-loop poles right of the axis, with a gain in the channel."""
+        """Number of closed-loop poles right of the axis, with a gain in the channel."""
         rho = self._speed()
 
         def values(omega: RealArray) -> ComplexArray:
@@ -61,13 +63,13 @@ class TriedLoop:
         return turns_right(values, np.concatenate([[0.0], self._frequencies()]))
 
     def least_distance(self) -> float:
-        """The least |1 + L| that is found."""
+        """The least |1 + L| found."""
         return self.least_size(1.0)
 
     def least_size(self, skew: float) -> float:
-        """The least |delta| that breaks the loop at frequencies that are tried."""
+        """The least |delta| that breaks the loop, over the frequencies tried."""
         omega, least = self._frequencies(), math.inf
-        for _ in range(NEARER):
+        for _ in range(REFINEMENTS):
             L = self.response(omega)
             sizes = np.abs(1.0 + L) / np.abs((1.0 + skew) / 2.0 + (skew - 1.0) / 2.0 * L)
             k = int(np.argmin(sizes))
@@ -76,7 +78,7 @@ class TriedLoop:
         return least
 
     def distance_at(self, omega: float, factor: complex) -> float:
-        """|1 + factor L| over 1 + |factor L| at a frequency [rad/s]; at a pole |factor|."""
+        """|1 + factor L| divided by 1 + |factor L| at a frequency [rad/s]; at a pole |factor|."""
         try:
             L = complex(self.response(np.array([omega]))[0])
         except np.linalg.LinAlgError:

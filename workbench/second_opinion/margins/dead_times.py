@@ -1,8 +1,8 @@
 """Loops with dead time, by their responses alone: poles are counted by turns about 0.
 
 f(s) = det(s I - A + k B C exp(-s T) / (1 + k D exp(-s T))) (1 + k D exp(-s T)) is entire, and its
-zeros are the closed loop's poles. Over (s + rho)^n it has no pole right of the axis, and tends to
-1 + k D exp(-s T), so that the turns that it makes along the axis count the poles to the right.
+zeros are the closed loop's poles. Divided by (s + rho)^n, f has no pole right of the axis and tends
+to 1 + k D exp(-s T), so that its turns along the axis count the closed loop's poles right of it.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 
 POINTS = 2000
-"""Frequencies of the first grid, on a logarithmic scale."""
+"""Number of frequencies of the first grid, on a logarithmic scale."""
 TURN = 0.3
 """Largest turn [rad] between neighbouring frequencies."""
 REFINEMENTS = 12
-"""Most times that a grid is refined where neighbours are farther apart."""
+"""Largest number of refinements of a grid whose neighbours differ by a larger turn."""
 DECADES = 6
-"""Decades of frequency below and above the poles in which a loop is looked at."""
+"""Decades of frequency below and above the poles over which a loop is evaluated."""
 
 
 def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
-    """Closed-loop poles right of the axis of 1 + gain R exp(-s delay), R a StateSpace."""
+    """Number of closed-loop poles right of the axis for 1 + gain R exp(-s delay), with R a
+    StateSpace.
+    """
     rho = _speed(system)
     return turns_right(
         lambda omega: _closed(system, omega, delay, gain, rho), _frequencies(rho, delay)
@@ -34,9 +36,10 @@ def counted_poles(system: Any, delay: float, gain: float = 1.0) -> int:
 
 
 def turns_right(function: Callable[[RealArray], ComplexArray], omega: RealArray) -> int:
-    """Zeros right of the axis of a function of frequencies from 0 on (F,), by its turns about 0.
+    """Number of zeros right of the axis of a function given at frequencies from 0 on (F,), by its
+    turns about 0.
 
-    It has no poles there, and is in the right half plane at infinity.
+    The function must have no poles there, and must be in the right half plane at infinity.
     """
     values = function(omega)
     for _ in range(REFINEMENTS):
@@ -47,13 +50,14 @@ def turns_right(function: Callable[[RealArray], ComplexArray], omega: RealArray)
         middle = (omega[wide] + omega[wide + 1]) / 2
         omega, order = np.unique(np.append(omega, middle), return_index=True)
         values = np.append(values, function(middle))[order]
-    # From 0 upwards is half of the axis, and it is run through from above to have the right inside.
+    # The values cover half of the axis, upwards. The axis is run through downwards, to have the
+    # right half plane inside.
     turned = float(np.angle(values[1:] / values[:-1]).sum()) + float(np.angle(1.0 / values[-1]))
     return round(-turned / math.pi)
 
 
 def tried_distance(system: Any, delay: float) -> float:
-    """The least |1 + R exp(-s delay)| at frequencies that are tried."""
+    """The least |1 + R exp(-s delay)| over the frequencies tried."""
     rho = _speed(system)
     omega = _frequencies(rho, delay)[1:]
     for _ in range(4):
@@ -66,10 +70,10 @@ def tried_distance(system: Any, delay: float) -> float:
 
 
 def tried_size(system: Any, delay: float, skew: float, pair: bool) -> float:
-    """The least |delta| that breaks the loop at frequencies that are tried.
+    """The least |delta| that breaks the loop, over the frequencies tried.
 
-    ``pair``: plant and controller have a factor each. All of L is put into the plant, and the
-    closed loop's matrix is scaled by numbers that are tried too.
+    ``pair``: plant and controller have a factor each. The whole L is then put into the plant, and
+    the closed loop's matrix is scaled by numbers that are tried too.
     """
     rho = _speed(system)
     omega, least = _frequencies(rho, delay)[1:], math.inf
@@ -85,7 +89,9 @@ def tried_size(system: Any, delay: float, skew: float, pair: bool) -> float:
 
 
 def distance_at(system: Any, delay: float, omega: float, factor: complex) -> float:
-    """|1 + factor L| over 1 + |factor L| at a frequency [rad/s]; |factor|, to be 0, at a pole."""
+    """|1 + factor L| divided by 1 + |factor L| at a frequency [rad/s]; at a pole |factor|, which
+    must be 0.
+    """
     s = np.array([1j * omega])
     try:
         L = complex(_response(system, s)[0] * np.exp(-s[0] * delay))
@@ -100,9 +106,9 @@ def _sizes(L: ComplexArray, skew: float, pair: bool) -> RealArray:
     own = shift - L * S
     if not pair:
         return 1.0 / np.abs(own)
-    # From what is added to (u, y) to (u, y) without it, u = -y and y = L u.
+    # The closed loop u = -y, y = L u, from signals added to (u, y) to (u, y) before the addition.
     closed = np.stack([np.stack([own, -S], -1), np.stack([L * S, own], -1)], -2)
-    scale = np.sqrt(np.abs(L))  # at which both entries beside the diagonal have one size
+    scale = np.sqrt(np.abs(L))  # makes both off-diagonal entries equal in size
     tried = scale[:, None] * np.geomspace(0.5, 2.0, 9)
     scaled = np.repeat(closed[:, None], 9, axis=1)
     scaled[..., 0, 1] *= tried
@@ -117,7 +123,9 @@ def _speed(system: Any) -> float:
 
 
 def _frequencies(rho: float, delay: float) -> RealArray:
-    """From 0 on, close enough to see the turns of the dead time while the loop has any size."""
+    """Frequencies from 0 on, close enough to resolve the turns of the dead time where the loop gain
+    is not small.
+    """
     points = np.geomspace(rho * 10.0**-DECADES, rho * 10.0**DECADES, POINTS)
     return np.concatenate([[0.0], points])
 

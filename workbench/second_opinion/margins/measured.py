@@ -1,4 +1,4 @@
-"""Margins of measured loops by the chords between the data, and by data drawn anew."""
+"""Margins of measured loops by the chords between the data, and by redrawn data."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 
 DRAWS = 400
-"""Data that are drawn anew."""
+"""Number of times that data are redrawn."""
 
 
 def lies_on_chord(omega: RealArray, L: ComplexArray, at: float, *, on_circle: bool) -> float:
-    """Distance of a claimed crossing from that of the chord there, as a share of the chord.
+    """Distance of a claimed crossing from the chord's own crossing, as a share of the chord.
 
-    The crossing of the unit circle or of the negative real axis, infinite where the chord has none.
+    The crossing is one of the unit circle or of the negative real axis; infinite if the chord has
+    none.
     """
     k = int(np.clip(np.searchsorted(omega, at, side="right") - 1, 0, omega.size - 2))
-    if at == omega[k] and k:  # on a datum, of either chord
+    if at == omega[k] and k:  # on a datum: either chord will do
         return min(_from_chord(omega, L, at, j, on_circle) for j in (k - 1, k))
     return _from_chord(omega, L, at, k, on_circle)
 
@@ -35,7 +36,9 @@ def _from_chord(omega: RealArray, L: ComplexArray, at: float, k: int, on_circle:
 
 
 def chords_that_cross(L: ComplexArray) -> tuple[int, int]:
-    """Number of chords that cross the unit circle, and the negative real axis, end to end."""
+    """Numbers of chords that cross the unit circle, and that cross the negative real axis; chords
+    are joined end to end.
+    """
     circle = np.diff(np.abs(L) >= 1.0).sum()
     a, b = L[:-1], L[1:]
     apart = (a.imag >= 0) != (b.imag >= 0)
@@ -47,9 +50,10 @@ def chords_that_cross(L: ComplexArray) -> tuple[int, int]:
 def redrawn_spread(
     omega: RealArray, L: ComplexArray, variance: RealArray, crossings: RealArray
 ) -> RealArray:
-    """Standard deviations [deg] of the phase margins of data drawn about the measured ones.
+    """Standard deviations [deg] of the phase margins of data redrawn around the measured ones.
 
-    For each crossing of |L| = 1 the crossing of redrawn chords nearest to it; NaN where few cross.
+    For each crossing of |L| = 1, the nearest crossing of the redrawn chords is used; NaN if few
+    redrawn chords cross.
     """
     rng = np.random.default_rng(0)
     found = np.full(len(crossings), np.nan)
@@ -68,7 +72,7 @@ def redrawn_spread(
 
 
 def _phase(L: ComplexArray) -> float:
-    """Phase [rad] from -1 where |L| passes 1 first, between data; NaN where it does not."""
+    """Phase [rad] from -1 at the first crossing of |L| = 1 between data; NaN if there is none."""
     above = np.log(np.abs(L))
     passed = np.flatnonzero(above[1:] * above[:-1] <= 0)
     if passed.size != 1:

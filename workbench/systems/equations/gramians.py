@@ -19,7 +19,7 @@ from workbench.solvers import slicot_routine
 def gramian_factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
     """Factors S and R of the Gramians P = S S^T and Q = R^T R of a stable system.
 
-    Raises InputError where the Gramians do not exist.
+    Raises InputError if the Gramians do not exist.
     """
     if not len(A):
         return np.zeros((0, 0)), np.zeros((0, 0))
@@ -50,7 +50,7 @@ def _hammarling(A: RealArray, C: RealArray) -> RealArray:
 def balancing_projections(S: RealArray, R: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     """Left and right projections onto the minimal part, and its (weighted) Hankel singular values.
 
-    S and R are factors of the Gramians as `gramian_factors` gives them.
+    S and R are factors of the Gramians, from `gramian_factors`.
     """
     if not S.size:
         return np.zeros((0, len(S))), np.zeros((len(S), 0)), np.zeros(0)

@@ -15,13 +15,17 @@ ASYMMETRY_TOLERANCE = 1e-4
 """Largest asymmetry of X1^T X2, relative to its largest entry. Rounding errors cause less than
 this; eigenvalues on the imaginary axis cause an asymmetry near 1."""
 NEGATIVE_EIGENVALUE_TOLERANCE = 1e-7
-"""Negative eigenvalues of X up to this share of the largest count as rounding errors of zero."""
+"""Negative eigenvalues of X up to this share of the largest eigenvalue count as rounding errors of
+zero.
+"""
 AXIS_ROUNDING = 10.0
-"""An eigenvalue whose real part is below this multiple of the Hamiltonian's rounding error may be
-imaginary."""
+"""An eigenvalue may be imaginary if its real part is below this multiple of the Hamiltonian's
+rounding error.
+"""
 MIRROR_TOLERANCE = 1e-2
-"""Relative distance that such an eigenvalue may have from its mirror image about the axis. Rounding
-errors move imaginary eigenvalues apart by more."""
+"""Largest relative distance of such an eigenvalue from its mirror image about the axis. Rounding
+errors move truly imaginary eigenvalues farther apart.
+"""
 DECOUPLED_FACTOR = EPS**-0.5
 """A balancing factor beyond this, or below its reciprocal, means that a state is not coupled to
 others; it says nothing about the state's size."""
@@ -55,7 +59,7 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
     H = H / scale[:, None] * scale
     try:
         T, U, stable = schur(H, sort="lhp", check_finite=False)
-    except LinAlgError:  # eigenvalues so near the axis that sorting moves them across
+    except LinAlgError:  # eigenvalues so near the axis that sorting moves them to the other side
         return None
     if stable != n:
         return None
@@ -85,20 +89,20 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
 
 
 FAR = 2.0**60
-"""Rates [1/s] beyond this one, or its reciprocal, are measured in another unit of time."""
+"""Rates [1/s] beyond this one, or below its reciprocal, are measured in another unit of time."""
 
 
 def right_factors(P: StateSpace, name: str) -> StateSpace:
     """[N; M] with P = N M^-1 and N~ N + M~ M = 1, both stable; P in continuous time.
 
-    Raises SolverError where there are none.
+    Raises SolverError if there are none.
     """
     A, B, C = balanced(P.A, P.B, P.C)
     D = P.D
     a, b, c = (float(np.abs(part).max(initial=0.0)) for part in (A, B, C))
     fastest = max(a, b * c)
     if fastest > 0.0 and not (1 / FAR < fastest < FAR and max(b, c) < FAR):
-        # In units of time and of the states of its own, by powers of two.
+        # Time and states are scaled by powers of two to units of their own.
         rate = float(np.exp2(np.round(np.log2(fastest))))
         unit = float(np.exp2(np.round(np.log2(c * rate / b) / 2))) if b * c > 0.0 else 1.0
         slow = right_factors(realisation((A / rate, B / rate * unit, C / unit, D), 0.0), name)

@@ -50,7 +50,7 @@ def product(A: Lane, B: Lane, C: Lane, rows: int, inner: int, columns: int) -> N
 
 @unchecked_kernel
 def product_of_half(A: Lane, B: Lane, C: Lane, rows: int, n: int) -> None:
-    """C = A B for a lower triangle B (n, n), of which zeros are stored beside the diagonal."""
+    """C = A B for a lower triangle B (n, n), with zeros stored directly above its diagonal."""
     for i in range(0, rows, TILE):
         for j in range(0, n, TILE):
             if i + TILE <= rows and j + TILE <= n:
@@ -65,7 +65,7 @@ def product_of_half(A: Lane, B: Lane, C: Lane, rows: int, n: int) -> None:
 
 @unchecked_kernel
 def hermitian_product(A: Lane, B: Lane, C: Lane, rows: int, inner: int) -> None:
-    """C = A B^H where that is Hermitian, of A and B (rows, inner)."""
+    """C = A B^H for A and B (rows, inner) whose product is Hermitian."""
     for i in range(0, rows, TILE):
         for j in range(0, i + 1, TILE):
             if i + TILE <= rows:
@@ -148,7 +148,7 @@ def cholesky(A: Lane, L: Lane, n: int, held: Lane) -> None:
 
 @unchecked_kernel
 def _divide(X: Lane, e: int, L: Lane, pivot: int) -> None:
-    """Divide a complex entry by a pivot, whose reciprocal stands beside it."""
+    """Divide a complex entry by a pivot; the pivot's imaginary part holds its reciprocal."""
     share = of_lanes(L, pivot + 1)
     put(X, e, of_lanes(X, e) * share)
     put(X, e + 1, of_lanes(X, e + 1) * share)
@@ -167,9 +167,9 @@ def _set_pivot(L: Lane, e: int, held: Lane) -> None:
 
 @unchecked_kernel
 def inverse_of_factored(L: Lane, work: Lane, X: Lane, n: int) -> None:
-    """X = (L L^H)^-1 from what `cholesky` leaves; ``work`` receives L^-1, but for zeros above it.
+    """X = (L L^H)^-1 from the result of `cholesky`; ``work`` receives L^-1.
 
-    They stand beside the diagonal alone.
+    Zeros of L^-1 are stored directly above its diagonal only.
     """
     for j in range(n):
         for i in range(max(j - 1, 0), n):

@@ -1,6 +1,6 @@
 """The method of `workbench.mu.upper.path` for eight matrices at once, with diagonal multipliers.
 
-A path that is lost is left to the method for one matrix.
+A path that is lost is continued by the method for one matrix.
 """
 
 from __future__ import annotations
@@ -49,20 +49,23 @@ LOST_STEP = 0.05
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
 PREDICTED_STEP = 0.6
-"""Largest step of the predictor that the corrector aims for, capped by the last accepted step. A
-search for the longest step takes longer and gives no better bounds."""
+"""Largest step of the predictor for which the corrector aims; it is also capped by the last
+accepted step. A search for the longest step takes longer and gives no better bounds.
+"""
 STEP_TRIALS = 5
-"""Trials that find the longest step."""
+"""Number of trials for the longest step."""
 FALL = 0.83
-"""Factor on the step after the first trial that fails, squared after each: the last trial is just
-above `LOST_STEP`. Once one holds, the interval is halved."""
+"""Factor on the step after the first failed trial; it is squared after each further one, so that
+the last trial is just above `LOST_STEP`. Once a trial succeeds, the interval is halved.
+"""
 STEP_HALVINGS = 20
-"""Most halvings of a step until S and D are positive definite after it."""
+"""Largest number of halvings of a step until S and D are positive definite after it."""
 ITERATIONS = 40
-"""Most iterations of one path."""
+"""Largest number of iterations of one path."""
 START = 1.5
-"""First t over the Frobenius norm of M^H M, which is at least the square of its largest singular
-value."""
+"""First t, as a multiple of the Frobenius norm of M^H M, which is at least the square of the
+largest singular value.
+"""
 
 
 @unchecked
@@ -79,8 +82,8 @@ def follow_paths(
 ) -> None:
     """D (F, N) and G (F, q) at the ends of the paths of matrices (F, c, r), from D = 1 and G = 0.
 
-    A path also ends, without a gap, where its t is ``enough`` (F,). ``places`` are those of
-    `Places`, one after the other. ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`;
+    A path also ends, without a gap, once its t is below ``enough`` (F,). ``places`` are the fields
+    of `Places`, one after the other. ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`;
     infinite where a path was lost.
     """
     count, c, r = batch.shape
@@ -92,7 +95,7 @@ def follow_paths(
     fates = fates_at(room.fates, room.rows)
     waiting, left_over = 0, 0
     while waiting < count or left_over > 0:
-        # Eight paths begin together: near their ends most steps are long, and few trials are made.
+        # Eight paths begin together: most steps near their ends are long, so few trials are needed.
         if left_over == 0:
             left_over = min(LANES, count - waiting)
             for w in range(left_over):
@@ -178,7 +181,9 @@ def _start(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None
 
 @unchecked_kernel
 def _centre(places: Places, lanes: Lanes, w: int) -> None:
-    """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
+    """Set the multipliers as if the point lay on the central path: Z = mu S^-1, W = mu D^-1, <Z,
+    D_r> = 1.
+    """
     r, total = places.r, 0.0
     for j in range(r):
         total += lanes.S_inverse[(j * r + j) * 2 * LANES + w] * lanes.x[places.right[j] * LANES + w]
@@ -201,7 +206,7 @@ def _end(
     gaps: np.ndarray,
     iterations: np.ndarray,
 ) -> None:
-    """Write down where the path of a lane has ended."""
+    """Write the end point of a lane's path to the results."""
     N, f = places.blocks, fates.matrix[w]
     for k in range(N):
         D[f, k] = lanes.x[k * LANES + w]
@@ -240,7 +245,7 @@ def _predict(places: Places, lanes: Lanes, numbers: Numbers) -> None:
 
 @unchecked_kernel
 def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> None:
-    """Go as far as the corrector's step leads; ``lost`` tells whose step is too short."""
+    """Go as far as the corrector's step leads; ``lost`` marks lanes whose step is too short."""
     r, N = places.r, places.blocks
     m = N + places.q
     Z, dZ, x, dx, W, dW = lanes.Z, lanes.dZ, lanes.x, lanes.dx, lanes.W, lanes.dW
@@ -256,7 +261,7 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
         if active[w] and t[w] + primal[w] * dt[w] < -numbers.nothing[w]:
             primal[w] = (t[w] + numbers.nothing[w]) / -dt[w]  # any t < 0 will do
         lost[w] = not (min(primal[w], dual[w]) >= LOST_STEP)
-    for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
+    for _ in range(STEP_HALVINGS):  # S is not linear in the step, and is rounded
         for w in range(LANES):
             goes = active[w] and not lost[w]
             primal[w], dual[w] = (primal[w], dual[w]) if goes else (0.0, 0.0)
@@ -283,7 +288,7 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
         t[w] = numbers.ahead[w]
     for k in range(m):
         put(x, k, of_lanes(lanes.trial, k))
-    # a lane that is done has steps that may not be numbers
+    # a lane that has ended may have steps that are not numbers
     step = of_lanes(dual, 0)
     for e in range(2 * r * r):
         now, ahead = of_lanes(Z, e), of_lanes(Z, e) + step * of_lanes(dZ, e)
@@ -295,7 +300,7 @@ def _advance(places: Places, lanes: Lanes, numbers: Numbers, fates: Fates) -> No
 
 @unchecked_kernel
 def _trace(places: Places, X: Lane, x: Lane, found: Lane) -> None:
-    """<X, D_r> (LANES,), d being the first unknowns."""
+    """<X, D_r> (LANES,), where d are the first unknowns."""
     total = 0.0 * of_lanes(x, 0)
     for j in range(places.r):
         total += of_lanes(X, 2 * (j * places.r + j)) * of_lanes(x, places.right[j])
@@ -443,7 +448,8 @@ def _reach(
 ) -> None:
     """Steps ``low`` (LANES,) after which A + a first + a^2 dt dD_r and v + a dv are still positive.
 
-    They are BOUNDARY_SHARE of the longest ones up to 1, and zero where a lane is not active.
+    They are BOUNDARY_SHARE of the longest such steps, at most 1, and zero for a lane that is not
+    active.
     """
     trial, held, step, high = lanes.V, numbers.held, numbers.step, numbers.high
     r = places.r
@@ -459,7 +465,7 @@ def _reach(
     put(step, 0, longest)
     fall = FALL
     for _ in range(STEP_TRIALS):
-        for i in range(r):  # the lower half alone
+        for i in range(r):  # only the lower half
             row = 2 * i * r
             set_sum(trial, row, A, row, step, 0, first, row, 2 * (i + 1))
         for j in range(r):

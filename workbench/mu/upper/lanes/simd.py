@@ -2,8 +2,8 @@
 
 An array of lanes is flat: entry e of a complex matrix has its eight real parts from 16 e on and its
 eight imaginary parts after them; entry e of a real array has its eight values from 8 e on. Numba
-makes no vector code of loops over lanes, as it cannot know that its arrays do not overlap; these
-functions are written in LLVM's language for that reason.
+makes no vector code from loops over lanes, as it cannot know that its arrays do not overlap. That
+is why these functions are written in LLVM's language.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numba.core.extending import intrinsic
 from workbench.addresses import cgutils, start_of, types
 
 LANES = 8
-"""Matrices that are worked on at once."""
+"""Number of matrices that are worked on at once."""
 Lane = Any
 """An array of lanes, or the address of its first number."""
 EIGHT = ir.VectorType(ir.DoubleType(), LANES)
@@ -48,7 +48,7 @@ def _fused(builder: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 SET, ADD, TAKE = 0, 1, 2
-"""What is done with a sum: it replaces an entry, is added to it, or taken from it."""
+"""Use of a sum: it replaces an entry, is added to it, or is subtracted from it."""
 
 
 def _summed(
@@ -59,7 +59,7 @@ def _summed(
     right: bool = False,
     tile: tuple[int, int] = (1, 1),
 ) -> Any:
-    """Intrinsic for a tile of C, each entry with a sum of n products.
+    """Intrinsic that updates a tile of C: each entry by a sum of n products.
 
     C[c + p c_row + q] and the sum over k of A[a + p a_row + k a_step] B[b + q b_row + k b_step];
     ``left`` and ``right`` conjugate A and B. Larger tiles load less.

@@ -1,7 +1,7 @@
-"""Data of eight central paths: points, steps, equations, scratch space, all of lanes.
+"""Data of eight central paths: points, steps, equations and scratch space, all in lanes.
 
-What a function needs of them it takes by their addresses: an array is seven numbers to hand over,
-and three dozen of them take longer to compile than the arithmetic. The arrays are of the caller.
+Functions take these data by their addresses: an array would be seven numbers to pass, and passing
+three dozen arrays takes longer to compile than the arithmetic. The caller owns the arrays.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from workbench.mu.upper.lanes.simd import LANES, Lane
 
 
 class Places(NamedTuple):
-    """Where the multipliers stand: D and G are diagonal, with one number for each block.
+    """Places of the multipliers: D and G are diagonal, with one number for each block.
 
     ``left`` (c,) and ``right`` (r,) are the blocks of the rows and columns of M, ``blocks`` is
     their number. ``row`` and ``column`` (q,) are the channels of the real scalars.
@@ -32,12 +32,12 @@ class Places(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Eight points and what is computed from them; m is the number of unknowns (d, then g).
+    """Eight points and the quantities computed from them; m is the number of unknowns (d, then g).
 
     Matrices (r, r): S, Z and their steps, L, S_inverse, V, Q, work. Matrices (c, r): M, MX, T_M and
     U_M. Matrices (c, c): T_C, U_C. Vectors of blocks: W, its step and the second orders of D and W.
-    Of unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with its
-    pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
+    Vectors of unknowns: x and its step, u, b, toward_u, toward_b, pull, other, trial; H (m, m) with
+    its pivots. Products P_R, P_C, P_M of entries; ``number`` has room for single numbers.
     """
 
     M: Lane
@@ -77,13 +77,13 @@ class Lanes(NamedTuple):
 
 
 SINGLE_NUMBERS = 16
-"""Room of ``number``."""
+"""Number of places in ``number``."""
 
 
 class Numbers(NamedTuple):
     """One number for each lane: of the point, of the step, and of the search for its length.
 
-    ``held`` tells, as 1 or 0, what the last Cholesky factor showed; ``none`` stays zero.
+    ``held`` is 1 where the last Cholesky factor existed and 0 elsewhere; ``none`` stays zero.
     """
 
     t: Lane
@@ -106,9 +106,9 @@ class Numbers(NamedTuple):
 
 
 class Fates(NamedTuple):
-    """What becomes of the path of each lane, 0 or 1; ``matrix`` is the number of the matrix.
+    """Status of the path in each lane, 0 or 1; ``matrix`` is the index of its matrix.
 
-    ``used`` counts its iterations.
+    ``used`` counts the iterations.
     """
 
     active: Lane
@@ -123,7 +123,9 @@ fates_at: Any = addresses(Fates)
 
 
 class Room(NamedTuple):
-    """Arrays of eight paths, of zeros, and where the parts of `Lanes` and of the others start."""
+    """Zero arrays for eight paths, and the places where the parts of `Lanes` and of the other
+    records start.
+    """
 
     lanes: np.ndarray
     numbers: np.ndarray

@@ -111,7 +111,7 @@ def between_M(places: Places, M: Lane, X: Lane, MX: Lane, MXM: Lane) -> None:
 def newton_matrix(places: Places, t: Lane, lanes: Lanes) -> None:
     """H[k, l] = Re trace(F_k S^-1 F_l Z) + (d_k^-1 w_k where k = l), F_k the derivatives of S.
 
-    With S^-1 and Z between M and M^H in T and U; see `between_M`. The lower half alone.
+    T and U hold S^-1 and Z between M and M^H; see `between_M`. Only the lower half is set.
     """
     c, r, N = places.c, places.r, places.blocks
     m = N + places.q
@@ -158,18 +158,18 @@ def _both(A: Lane, B: Lane, e: int) -> Values:
 
 @unchecked_kernel
 def _skew_row(places: Places, t: Lane, lanes: Lanes, k: int) -> None:
-    """The row of H of the k-th real scalar, to its diagonal."""
+    """The row of H that belongs to the k-th real scalar, up to its diagonal."""
     c, r, N = places.c, places.r, places.blocks
     m, grown = N + places.q, of_lanes(t, 0)
     H, Si, Z = lanes.H, lanes.S_inverse, lanes.Z
     TM, UM, TC, UC = lanes.T_M, lanes.U_M, lanes.T_C, lanes.U_C
     p, q, row = places.row[k], places.column[k], (N + k) * m
-    for j in range(r):  # with the part t e_j e_j^T of d; S^-1[j, q] is the conjugate of S^-1[q, j]
+    for j in range(r):  # times the part t e_j e_j^T of d; S^-1[j, q] is the conjugate of S^-1[q, j]
         to, a, b = row + places.right[j], 2 * (q * r + j), 2 * (p * r + j)
         part = of_lanes(Si, a) * of_lanes(UM, b + 1) - of_lanes(Si, a + 1) * of_lanes(UM, b)
         part += of_lanes(TM, b + 1) * of_lanes(Z, a) - of_lanes(TM, b) * of_lanes(Z, a + 1)
         put(H, to, of_lanes(H, to) + grown * part)
-    for i in range(c):  # with the part - m_i^H m_i of d; T_C[i, p] is the conjugate of T_C[p, i]
+    for i in range(c):  # times the part - m_i^H m_i of d; T_C[i, p] is the conjugate of T_C[p, i]
         to, a, b = row + places.left[i], 2 * (i * r + q), 2 * (p * c + i)
         part = of_lanes(TM, a) * of_lanes(UC, b + 1) + of_lanes(TM, a + 1) * of_lanes(UC, b)
         part += of_lanes(TC, b + 1) * of_lanes(UM, a) + of_lanes(TC, b) * of_lanes(UM, a + 1)

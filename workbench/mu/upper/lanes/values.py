@@ -1,4 +1,4 @@
-"""Eight real values, one of each lane, as a number of compiled functions.
+"""Eight real values, one for each lane, as one number type of compiled code.
 
 They are added, subtracted, multiplied and divided by each other and by floats, as vector
 instructions; see `workbench.mu.upper.lanes.simd` for sums of many products.
@@ -19,7 +19,7 @@ from workbench.mu.upper.lanes.simd import EIGHT, LANES, load_eight, store_eight
 _extend: Any = _extending  # these have no annotations
 _typing: Any = _templates
 _FREE = ("contract",)
-"""What is allowed of arithmetic: a product and a sum may be rounded once."""
+"""Permission for the compiler: a product and a sum may be rounded once, as a fused operation."""
 
 
 class _Values(types.Type):
@@ -36,14 +36,14 @@ Values = Any
 
 @_extend.register_model(_Values)
 class _Model(_extend.models.PrimitiveModel):
-    """Eight values are kept in one vector register."""
+    """Representation: eight values are kept in one vector register."""
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, EIGHT)
 
 
 def _eight(builder: Any, kind: Any, value: Any) -> Any:
-    """Eight values, or one float eight times."""
+    """Eight values, or one float repeated eight times."""
     if kind is VALUES:
         return value
     nothing, zero = ir.Constant(EIGHT, ir.Undefined), ir.Constant(ir.IntType(32), 0)
@@ -55,7 +55,7 @@ def _arithmetic(operation: Any, instruction: str) -> None:
     """Teach an operation to Numba."""
 
     class Typed(_typing.AbstractTemplate):
-        """Its types."""
+        """The types of the operation."""
 
         def generic(self, args: Any, kws: Any) -> Any:
             if VALUES in args and all(one in (VALUES, types.float64) for one in args):
@@ -124,4 +124,6 @@ put: Any = _extend.intrinsic(_put)
 square_root: Any = _extend.intrinsic(_square_root)
 """Square roots of eight values."""
 where_less: Any = _extend.intrinsic(_where_less)
-"""The third where the first is less than the second, the fourth elsewhere; of values or floats."""
+"""The third value where the first is less than the second, else the fourth; all of them values or
+floats.
+"""
