@@ -1,15 +1,15 @@
-"""Where things are: the problem folders and the results folder of the project at hand.
+"""The problem folders and the results folder of the current project.
 
-A project is the nearest folder upwards whose pyproject.toml has a table ``[tool.workbench]``::
+A project is the nearest parent folder whose pyproject.toml has a table ``[tool.workbench]``::
 
     [tool.workbench]
     problems = ["my_problems"]
     results = "results"
     solvers = ["highs", "mosek"]
 
-An installed package brings problems and solvers by entry points: of the group
-``workbench.problems`` a package whose folder holds problems; of the group ``workbench.solvers`` a
-module that adds solvers or methods when it is imported.
+An installed package adds problems and solvers by entry points. One in the group
+``workbench.problems`` names a package whose folder holds problems; one in the group
+``workbench.solvers`` names a module that adds solvers or methods when it is imported.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from workbench.errors import RegistryError, WorkbenchError
 
 @dataclass(frozen=True)
 class Project:
-    """Folders of the project at hand."""
+    """Folders of the current project."""
 
     problems: tuple[Path, ...]
     results: Path
@@ -40,7 +40,10 @@ class Project:
 
     @classmethod
     def around(cls, folder: Path) -> Project:
-        """The project that a folder lies in; without one, results stand in the folder itself."""
+        """The project that contains a folder.
+
+        Without one, results are stored in the folder itself.
+        """
         for candidate in (folder, *folder.parents):
             file = candidate / "pyproject.toml"
             if not file.is_file():
@@ -54,12 +57,12 @@ class Project:
 
 
 def _table(file: Path) -> tuple[list[str], str, list[str]] | None:
-    """Problem folders, results folder and solvers of a pyproject.toml; None without our table.
+    """Problem folders, results folder and solvers from a pyproject.toml; None without our table.
 
     Raises
     ------
     RegistryError
-        The file cannot be read or is no TOML, or an entry has another type.
+        The file cannot be read or is not TOML, or an entry has another type.
     """
     try:
         tool = tomllib.loads(file.read_text(encoding="utf-8")).get("tool", {})
@@ -86,7 +89,7 @@ def _folder_name(name: object) -> bool:
 
 
 def built_in() -> Path:
-    """The problems that come with the workbench: inside the wheel, or beside the sources."""
+    """The problems that belong to the workbench: inside the wheel, or beside the sources."""
     return Path(workbench.plants.__path__[0])
 
 
@@ -94,11 +97,11 @@ _added: list[Path] = []
 
 
 def add_problems(folder: str | Path) -> None:
-    """Discover problems in one more folder, for the rest of this process."""
+    """Use the problems of one more folder, for the rest of this process."""
     try:
         path = Path(folder).resolve()
         there = path.is_dir()
-    except (OSError, ValueError, RuntimeError):  # a name that no folder can have
+    except (OSError, ValueError, RuntimeError):  # not a possible name of a folder
         there = False
     if not there:
         raise RegistryError(f"problem folder {folder} does not exist")
@@ -110,7 +113,7 @@ _instead: list[Path] = []
 
 
 def use_problems(folders: Iterable[Path]) -> None:
-    """Discover problems in these folders and no others, for the rest of this process."""
+    """Use the problems of these folders and no others, for the rest of this process."""
     _instead[:] = folders
 
 
@@ -126,7 +129,7 @@ def registry() -> Registry:
     wrong = (*unfit, *_load_packages(), *_without(project.solvers))
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
-    # The time of a folder tells of files that an axis may be made of.
+    # A folder's modification time reveals new files, on which an axis may depend.
     files = [file for root in unique for file in (root, *root.rglob("*")) if _counts(file)]
     files += (file for file in helper_files() if file.is_file())
     state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
@@ -141,12 +144,12 @@ _named: list[str] = []
 
 
 def use_solvers(names: Iterable[str]) -> None:
-    """Make solvers that CVXPY knows methods of every conic Program, for this process.
+    """Make CVXPY's solvers of these names methods of every conic Program, for this process.
 
     Raises
     ------
     UnknownNameError, InputError
-        CVXPY does not know one, or it is not installed.
+        CVXPY does not know a solver, or it is not installed.
     """
     for name in names:
         if name not in _named:
@@ -158,9 +161,9 @@ def use_solvers(names: Iterable[str]) -> None:
 
 @cache
 def _without(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Use a project's solvers; a sentence for each that cannot be used, which costs itself only.
+    """Use a project's solvers; returns a sentence for each one that cannot be used.
 
-    Tried once for a process: whoever asks for a problem passes here.
+    Each is tried once in a process: every search for a problem comes through here.
     """
     wrong = []
     for name in names:
@@ -172,7 +175,7 @@ def _without(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def used_solvers() -> tuple[str, ...]:
-    """The solvers named so far."""
+    """Names of the solvers used so far."""
     return tuple(_named)
 
 
@@ -182,9 +185,9 @@ def _points(group: str) -> list[EntryPoint]:
 
 @cache
 def _package_folders() -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Folders of the installed packages that bring problems, none of them imported.
+    """Folders of installed packages that contain problems; no package is imported.
 
-    Beside them stands a sentence for each entry point that leads to none.
+    Also returned: one sentence for each entry point that leads to no folder.
     """
     found, wrong = [], []
     for point in _points("workbench.problems"):
@@ -202,15 +205,15 @@ def _package_folders() -> tuple[tuple[Path, ...], tuple[str, ...]]:
 
 @cache
 def _load_packages() -> tuple[str, ...]:
-    """Import the modules of installed packages that bring solvers and methods.
+    """Import the modules of installed packages that add solvers and methods.
 
-    Returns a sentence for each that cannot be imported.
+    Returns one sentence for each module that cannot be imported.
     """
     wrong = []
     for point in _points("workbench.solvers"):
         try:
             point.load()
-        except Exception as error:  # somebody else's module may raise anything
+        except Exception as error:  # a foreign module may raise any error
             words = f"{type(error).__name__}: {error}"
             wrong.append(f"entry point {point.name} = {point.value}: {words}")
     return tuple(wrong)
@@ -220,7 +223,7 @@ def _load_packages() -> tuple[str, ...]:
 def _registry(
     roots: tuple[Path, ...], state: tuple[tuple[Path, int], ...], wrong: tuple[str, ...]
 ) -> Registry:
-    """The same registry as long as no file was added, removed or edited."""
+    """The registry, kept until a file is added, removed or edited."""
     return Registry(list(roots), wrong)
 
 
@@ -228,11 +231,13 @@ RESULTS = "WORKBENCH_RESULTS"
 
 
 def use_results(folder: str | Path) -> None:
-    """Keep results in this folder, for the rest of this process and those it starts."""
+    """Store results in this folder, for the rest of this process and the processes it starts."""
     os.environ[RESULTS] = str(possible_path(folder).resolve())
 
 
 def results_root() -> Path:
-    """The results folder: the environment's WORKBENCH_RESULTS, else the project's."""
+    """The results folder: that of the environment variable WORKBENCH_RESULTS, else the
+    project's.
+    """
     override = os.environ.get(RESULTS)
     return Path(override) if override else Project.around(Path.cwd()).results

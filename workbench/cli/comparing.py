@@ -55,7 +55,8 @@ def compare(
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level.
 
-    A cell is stored when it ends and found again: what was stopped goes on where it was.
+    Each cell is stored when it ends. An interrupted comparison resumes; only new cells are
+    computed.
     """
     from workbench.bench.compare import asked_for, described, run_comparison
     from workbench.bench.comparison import changes, need_comparison, need_table_file, write_cells
@@ -70,7 +71,7 @@ def compare(
         raise click.UsageError("--in-process and --scheduler exclude each other")
     if table is not None:
         need_table_file(table)
-    # Read now: the new comparison takes the place of an old one that asked the same.
+    # Read it now: the new comparison replaces an older one of the same question.
     before = None if old is None else need_comparison(workbench.open_run(old).data.load())
     with cluster(scheduler, options["jobs"]) as executor:
         asked = asked_for(

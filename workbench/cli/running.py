@@ -134,7 +134,8 @@ def sweep(
 ) -> None:
     """Run a problem over a grid of its parameters: one labelled dataset, table and figure.
 
-    Every point is a run of its own, found again: what was stopped goes on where it was.
+    Each point is a run of its own and is stored. An interrupted sweep resumes; only new points are
+    computed.
     """
     given = [settings_of((text,), "--over", "A,B,C") for text in axes]
     names = [key for one in given for key in one]

@@ -1,4 +1,4 @@
-"""Commands for the first hour: a study, the course, the state of the installation."""
+"""Commands for the first hour: start a study, copy the course, examine the installation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.cli.group import main
 
 
 def share(text: str | None, option: str) -> float | None:
-    """A share that is written as 20% or 0.2; None where none is given."""
+    """A fraction, written as 20% or 0.2; None if none is given."""
     if text is None:
         return None
     number = text.strip()
@@ -108,7 +108,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
-    # What was tested and is usual stands in the README; a loop that may be closed is the worst.
+    # Assumptions that were tested and are usual are listed in the README only; the one about a
+    # closed loop is the most serious.
     first = [one for one in chosen.tested if "open loop" in one or ": tested;" not in one]
     for sentence in first:
         click.echo(f"assumed  {sentence}")

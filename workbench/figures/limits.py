@@ -1,4 +1,4 @@
-"""Axes that are drawn whatever their numbers are: limits and bars that are none are left out."""
+"""Axes that can be drawn whatever the numbers are: infinite or NaN limits and bars are left out."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from workbench.heavy_types import Axes
 
 ROOM = 1.2
-"""Factor by which a logarithmic axis reaches beyond its data."""
+"""Factor by which a logarithmic axis extends beyond its data."""
 NOTHING = (1.0, 10.0)
 """Limits of a logarithmic axis that has no data."""
 
 
 @cache
 def finite_axes() -> Any:
-    """The class of the house's axes: what is infinite or NaN limits nothing."""
+    """The workbench's class of axes: infinite or NaN numbers do not set limits."""
     from matplotlib import axes
 
     plain: Any = axes.Axes
@@ -30,7 +30,10 @@ def finite_axes() -> Any:
             return super().set_ylim(_finite(bottom), _finite(top), **rest)
 
         def errorbar(self, x: Any, y: Any, yerr: Any = None, xerr: Any = None, **rest: Any) -> Any:
-            """As Matplotlib's; a mean may lie outside its interval, where there is no bar."""
+            """As Matplotlib's, but a mean may lie outside its interval.
+
+            On that side there is no bar.
+            """
             up, across = (None if one is None else np.maximum(one, 0.0) for one in (yerr, xerr))
             return super().errorbar(x, y, up, across, **rest)
 
@@ -38,16 +41,16 @@ def finite_axes() -> Any:
 
 
 def _finite(end: Any) -> Any:
-    """One end, or both; None in place of what is no finite number."""
+    """One limit, or both; None in place of a number that is not finite."""
     if np.iterable(end):
         return tuple(_finite(one) for one in end)
     return end if end is None or np.isfinite(end) else None
 
 
 def mend_limits(panel: Axes) -> None:
-    """Give limits to logarithmic axes that have none: a bar of NaN leaves Matplotlib without any.
+    """Set limits of logarithmic axes that have none; Matplotlib sets none for a bar of NaN.
 
-    They reach over what is finite and positive in lines and bars.
+    The limits enclose the finite, positive numbers of lines and bars.
     """
     for name, scale in (("x", panel.get_xscale()), ("y", panel.get_yscale())):
         low, high = sorted(getattr(panel, f"get_{name}lim")())

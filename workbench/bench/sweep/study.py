@@ -1,4 +1,4 @@
-"""A sweep as a Study: what its points say, and how many of them hold."""
+"""A sweep as a Study: the results of its points, and how many of them hold."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from workbench.study import Study
 from workbench.tables import markdown
 
 MOST_LINES = 8
-"""More lines than this are a heat map, or share their colours."""
+"""Most lines with different colours; more are drawn as a heat map, or share colours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class ParameterSweep(Study):
 
     @classmethod
     def stored(cls) -> ParameterSweep:
-        """One whose points are known: it shows them, and runs no more."""
+        """A sweep whose points are stored: it can show them, but not run any."""
 
         def unknown(context: Context) -> Dataset:
             raise ResultError("a stored sweep cannot run again; call workbench.sweep")
@@ -82,7 +82,7 @@ def _short(value: Any) -> str:
 
 
 def _drawn(values: DataArray, problem: str) -> Figure:
-    """A metric over the first parameter, a line for each value of the others."""
+    """A metric over the first parameter, with one line for each value of the others."""
     from workbench import figures
 
     first, *others = values.dims

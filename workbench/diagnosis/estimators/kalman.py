@@ -8,9 +8,9 @@ prediction x^,
 
     S = C P C' + R(w),   M = P C' / S,   P := A (P - M C P) A' + Q        (Kalman, 1960)
 
-is computed at every sample, because the gain must grow while no measurement is used and fall again
-afterwards. It is computed no longer once the gain has settled; a sample of nine states then takes a
-third of the time.
+is updated at every sample, because the gain must grow while no measurement is used and fall again
+afterwards. The update stops once the gain has settled; with nine states a sample then takes a third
+of the time.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from workbench.input_checks import need_numbers
 from workbench.simulation import Controller
 
 SETTLED_GAIN_CHANGE = 1e-9
-"""The covariance is kept once the gain changes by less than this share in a sample."""
+"""The covariance stays fixed once the gain changes by less than this fraction in a sample."""
 MOST_DOUBLINGS = 60
 """Largest number of doublings of the horizon; a stationary covariance needs far fewer."""
 COVARIANCE_RESIDUAL = 1e-6
@@ -145,7 +145,7 @@ class KalmanEstimator:
 
     @cached_property
     def settled(self) -> Estimator:
-        """The estimator of constant gain that this one becomes on a long record of quality 1."""
+        """The estimator of constant gain that this one approaches on a long record of quality 1."""
         C, P = self.model.C[: self.model.seen], self.stationary
         return Estimator(self.model, P @ C / (C @ P @ C + self.noise.measurement**2))
 
@@ -158,7 +158,8 @@ class KalmanEstimator:
         model, m, n = self.model, self.model.seen, len(self.model.A)
         gain = np.zeros(n)
         gain[:m] = self.settled.gain
-        # state: x^, room for the next x^, frequency; gain; rests; P; room for A P.
+        # state: x^, work space for the next x^, frequency; gain; whether it has settled; P; work
+        # space for A P.
         state = np.zeros(3 * n + 2 + 2 * m * m)
         state[2 * n] = model.rotation.frequency
         state[2 * n + 1 : 3 * n + 1] = gain
@@ -195,7 +196,7 @@ def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
 
 
 def _entries(A: RealArray) -> RealArray:
-    """For each row of A (m, m), the count and the columns of its nonzero entries: (m (m + 1),)."""
+    """For each row of A (m, m), the number and the columns of its nonzero entries: (m (m + 1),)."""
     rows = np.zeros((len(A), len(A) + 1))
     for row, entries in zip(rows, A, strict=True):
         columns = np.flatnonzero(entries)
@@ -206,7 +207,7 @@ def _entries(A: RealArray) -> RealArray:
 
 @inlined
 def _own(p: RealArray) -> int:
-    """The place where this filter's own parameters start: r^2, d^2, Q, entries of A."""
+    """Index at which this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
     return HEADER + h + (3 + z) * n + n * n
 

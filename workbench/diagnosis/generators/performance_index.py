@@ -31,7 +31,7 @@ from workbench.systems.bilinear import to_continuous
 from workbench.systems.range_hints import warn_far_frequencies
 
 NUMBERS = ("lower", "upper", "omega")
-"""Numbers of each residual in a `PerformanceIndex`."""
+"""Names of the numbers of each residual in a `PerformanceIndex`."""
 SAMPLED_FREQUENCIES = 500
 """Frequencies at which a check tries an index."""
 FIRST_FREQUENCIES = 60
@@ -137,7 +137,7 @@ def index_checker(
     faults: Sequence[str] | None = None,
     tolerance: float = 1e-3,
 ) -> IndexChecker:
-    """What certifies the answer of `performance_index` to the same question.
+    """The checker that certifies the answer of `performance_index` to the same question.
 
     Parameters
     ----------
@@ -258,8 +258,8 @@ def _peak(
         tried = np.unique(np.concatenate([np.sqrt(edges[1:] * edges[:-1]), inside]))
         values = ratio(tried)
         if values.max() <= best:
-            # Near a narrow peak, zeros beside the axis were counted as well. Every true zero is
-            # among them, and no point between them exceeds the level.
+            # Near a narrow peak, zeros beside the axis may be included too. All true zeros are
+            # among them, and between neighbouring ones the index does not exceed the level.
             return best, level, at
         best, at = float(values.max()), float(tried[values.argmax()])
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")

@@ -118,7 +118,7 @@ def detectability(
 
 
 def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
-    """A least set of the inputs `among` that hides a fault: none of them can be left out.
+    """A smallest subset of the inputs `among` that hides a fault: none of them can be left out.
 
     It is empty if the fault moves no output at all. Raises InputError if the inputs do not hide
     the fault.
@@ -281,7 +281,8 @@ def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray
         return shown
     for place, point in enumerate(parity.points_at(omega)):
         direct = parity.left_at(faults, point)
-        if direct is None:  # a zero of the disturbances: rows of a polynomial basis lose no rank
+        # at a zero of the disturbances; the rows of a polynomial basis keep full rank there
+        if direct is None:
             order = parity.complete
             there = parity.effects(order, faults, np.array([point]))[0]
             direct = parity.rows(order) @ there, np.linalg.norm(there, axis=0)
