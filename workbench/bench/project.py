@@ -236,8 +236,6 @@ def use_results(folder: str | Path) -> None:
 
 
 def results_root() -> Path:
-    """The results folder: that of the environment variable WORKBENCH_RESULTS, else the
-    project's.
-    """
+    """The results folder: that of the environment's WORKBENCH_RESULTS, else the project's."""
     override = os.environ.get(RESULTS)
     return Path(override) if override else Project.around(Path.cwd()).results

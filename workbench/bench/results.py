@@ -176,9 +176,7 @@ class Run(Fed):
 
     @property
     def answered(self) -> Task:
-        """The task that the answer belongs to: its own, or the claim of no answer that
-        it proves.
-        """
+        """The task that the answer belongs to: its own, or a proven claim of no answer."""
         return proof_task(self.task, Outcome(self.info["claim"]), self.outcome) or self.task
 
     @property

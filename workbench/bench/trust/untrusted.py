@@ -106,7 +106,7 @@ def read_json(file: Path) -> Any:
         raise ResultError(f"{file.name} is nested more than {DEEPEST} deep, and not read")
     try:
         return json.loads(text)
-    except ValueError as error:  # also for integers of more digits than Python converts
+    except ValueError as error:  # also raised for integers with more digits than Python converts
         raise ResultError(f"{file.name} is no JSON: {error}") from None
 
 
@@ -114,7 +114,7 @@ _MARKS = re.compile(r'\\.|["\[\]{}]', re.DOTALL)
 
 
 def _depth(text: str) -> int:
-    """Largest depth of brackets outside of strings; what is beyond DEEPEST is not counted."""
+    """Largest depth of brackets outside strings; counting stops beyond DEEPEST."""
     depth = deepest = 0
     quoted = False
     for mark in _MARKS.finditer(text):
@@ -129,13 +129,13 @@ def _depth(text: str) -> int:
 
 
 def need_bounded_arrays(file: Path) -> None:
-    """Refuse an HDF5 file that leads elsewhere, or holds far more than its size.
+    """Refuse an HDF5 file that leads to other files, or would unpack to far more than its size.
 
     Raises
     ------
     ResultError
-        It is missing, a link, no HDF5; it has links of its own, data in other files, too many
-        arrays, or arrays too large for its size.
+        It is missing, a link, or not HDF5; it contains links, data in other files, too many arrays,
+        or arrays too large for its size.
     """
     import h5py
 
@@ -158,7 +158,7 @@ def need_bounded_arrays(file: Path) -> None:
 
 
 def _datasets(stored: Any, file: Path) -> Iterator[tuple[str, Any]]:
-    """The datasets of an HDF5 file; as they are written here, all lie in its root."""
+    """The datasets of an HDF5 file; this workbench writes them all in the root group."""
     import h5py
 
     for name in stored:
@@ -171,6 +171,6 @@ def _datasets(stored: Any, file: Path) -> Iterator[tuple[str, Any]]:
 
 
 def _short(value: Any) -> str:
-    """A stored value in an error: what is long or cannot be printed is cut."""
+    """A stored value for a message; long or unprintable text is shortened."""
     text = ascii(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

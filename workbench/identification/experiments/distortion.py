@@ -56,8 +56,8 @@ class LineDistortion:
     odd_p, even_p
         p-values of the hypothesis that these lines contain only noise.
     odd_square, even_square
-        Mean squares at these lines without the noise's share: unbiased, so that noise alone makes
-        them negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
+        Mean squares at these lines minus the noise's share. They are unbiased, so with noise alone
+        they are negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class LineDistortion:
     even_square: float
 
     def detected(self, level: float = 0.01) -> bool:
-        """Whether distortion is significant at this level, shared between odd and even lines."""
+        """Whether distortion is significant at this level, which odd and even lines share."""
         return min(self.odd_p, self.even_p) < level / 2
 
 
@@ -132,10 +132,10 @@ def line_distortion(
 
 
 def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
-    """Odd and even distortion from the harmonics of sines at F frequencies, taken together.
+    """Odd and even distortion from the harmonics of sines at F frequencies, pooled.
 
-    A single period hardly resolves a harmonic from its neighbours, so that the scatter of the
-    periods tells the variance of their mean only in white noise. The noise is taken from the two
+    A single period hardly separates a harmonic from its neighbours. So the scatter of the periods
+    gives the variance of their mean only for white noise. The noise is taken instead from the two
     lines nearest to each harmonic that all M periods together resolve, at f (1 +- 1 / M).
 
     Parameters
@@ -172,7 +172,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
 
 
 def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
-    """The periods behind the transients, or an `InputError` if there are too few."""
+    """The periods after the transients; raises `InputError` if there are too few."""
     kept = periods[transients:]
     if len(kept) < least:
         raise InputError(
@@ -185,9 +185,10 @@ def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArr
 def distortion_of_lines(
     means: Sequence[ComplexArray], noises: Sequence[RealArray], degrees: int
 ) -> LineDistortion:
-    """Distortion from mean amplitudes at excited, odd and even lines, and variances of the latter.
+    """Distortion from mean amplitudes at excited, odd and even lines, and their variances.
 
-    The variances have so many degrees of freedom at each line.
+    The variances are those of odd and even lines; they have ``degrees`` degrees of freedom per
+    line.
     """
     found = []
     for mean, noise in zip(means[1:], noises, strict=True):

@@ -12,12 +12,12 @@ from workbench.identification.files.text_table import columns_of_text
 
 
 def read_xlsx(path: Path) -> Columns:
-    """Columns of the first sheet of a workbook; its rows are the lines that messages name.
+    """Columns of the first sheet of a workbook; messages name its rows as lines.
 
     Raises
     ------
     InputError
-        openpyxl is not installed; the file is no workbook, or its first sheet no table.
+        openpyxl is not installed; the file is not a workbook, or its first sheet not a table.
     """
     import pandas
 
@@ -38,6 +38,6 @@ def read_xlsx(path: Path) -> Columns:
 
 
 def _shown(cell: Any) -> str:
-    """A cell as text: numbers to the last bit, dates as ISO 8601 has them."""
+    """A cell as text: numbers with all digits, dates in ISO 8601."""
     shown = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
     return " ".join(shown.split())

@@ -1,8 +1,8 @@
-"""What an excitation makes of the inputs and of the outputs of closed loops, line by line.
+"""Responses of inputs and outputs of closed loops to an excitation, line by line.
 
-Beside the responses Y / R and U / R stands the covariance of their errors, all together. Where the
-excitation repeats itself, whole periods are averaged and the noise is told between its lines;
-elsewhere local polynomials tell both.
+Besides the responses Y / R and U / R there is the joint covariance of their errors. If the
+excitation is periodic, whole periods are averaged, and the noise is estimated between the lines;
+otherwise local polynomials estimate both.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ from workbench.identification.responses.periodic_local import periodic_local_pol
 from workbench.identification.responses.ratios import seen
 
 DEGREE, FINER, SPARE_LINES = 2, 4, 20
-"""Degree of local polynomials, one that tells their bias, and lines beyond the unknowns. Bands are
-wide, because a region of U / R with few degrees of freedom seldom ends."""
+"""Degree of local polynomials, a higher degree that shows their bias, and number of lines minus
+unknowns. Bands are wide, because with few degrees of freedom the region of U / R is seldom bounded.
+"""
 FEWEST_SEEN = 2
 """Fewest lines that make a response."""
 ITSELF = 1e-12
-"""Correlation of an excitation with an input, less than 1 by this, from which they are one."""
+"""An excitation and an input are the same signal if their correlation differs from 1 by less than
+this.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +45,9 @@ class DrivenRecord:
     u, y, r
         Inputs (N, nu, experiments), outputs (N, ny, experiments), excitations (N, nu, experiments).
     period_samples
-        Samples after which the excitation repeats itself; None where it does not.
+        Period of the excitation [samples]; None if it is not periodic.
     recorded
-        Whether r was recorded; if not, it is a pulse in each period, in experiment k at input k.
+        Whether r was recorded; if not, r is a pulse in each period, at input k in experiment k.
     """
 
     u: RealArray
@@ -55,7 +58,7 @@ class DrivenRecord:
 
 
 def driven_record(u: ArrayLike, y: ArrayLike, excitation: ArrayLike | int) -> DrivenRecord:
-    """A record whose excitation can be used; raises `InputError` for another."""
+    """A record with a usable excitation; raises `InputError` for any other."""
     given = _experiments(u), _experiments(y)
     experiments = given[0].shape[-1]
     if given[1].shape[-1] != experiments:
@@ -95,7 +98,7 @@ def driven_record(u: ArrayLike, y: ArrayLike, excitation: ArrayLike | int) -> Dr
 
 
 def _experiments(signal: ArrayLike) -> Any:
-    """A signal as (N, channels, experiments); what is none is refused later."""
+    """A signal as (N, channels, experiments); invalid ones are refused later."""
     try:
         given = np.asarray(signal)
     except ValueError:
@@ -105,17 +108,19 @@ def _experiments(signal: ArrayLike) -> Any:
 
 
 def one_after_another(signal: Any) -> Any:
-    """A signal (N, channels, experiments) as (N experiments, channels)."""
+    """A signal (N, channels, experiments) as (N experiments, channels), experiments
+    concatenated.
+    """
     if np.ndim(signal) != 3:
         return signal
     return np.concatenate(np.moveaxis(signal, -1, 0))
 
 
 def pulses(count: int, samples: int, experiments: int = 1) -> RealArray:
-    """An excitation (count, experiments, experiments) that repeats itself and excites every line.
+    """A periodic excitation (count, experiments, experiments) that excites every line.
 
-    Of loops whose excitation was not recorded the last whole periods tell the same, whatever
-    signal of that period drove them, since it cancels in (Y / R) / (U / R).
+    If the excitation of a loop was not recorded, the last whole periods give the same result
+    whatever signal of that period drove them, since it cancels in (Y / R) / (U / R).
     """
     if not 1 < samples <= count // 2:
         raise InputError(
@@ -136,7 +141,7 @@ def _need_experiments(inputs: int, experiments: int) -> None:
 
 
 def _need_other(u: RealArray, r: RealArray) -> None:
-    """Raise `InputError` where an excitation of r (N, n) is an input of u (N, n)."""
+    """Raise `InputError` if an excitation of r (N, n) equals an input of u (N, n)."""
     alike = np.corrcoef(u, r, rowvar=False)[: u.shape[1], u.shape[1] :]
     if (np.abs(alike) > 1 - ITSELF).any():
         raise InputError(
@@ -149,8 +154,8 @@ def _need_other(u: RealArray, r: RealArray) -> None:
 class DrivenParts:
     """Responses (F, outputs + inputs, inputs) of the outputs and of the inputs to the excitations.
 
-    ``noise`` (F, outputs + inputs, outputs + inputs) and ``spread`` (F, inputs, inputs) are such
-    that E[error_ai conj(error_bj)] = noise_ab spread_ij.
+    ``noise`` (F, outputs + inputs, outputs + inputs) and ``spread`` (F, inputs, inputs) give
+    E[error_ai conj(error_bj)] = noise_ab spread_ij.
     """
 
     frequency: RealArray
@@ -165,7 +170,7 @@ class DrivenParts:
 
     @property
     def visible(self) -> BoolArray:
-        """Where U / R is distinguishable from a matrix that has no inverse (F,)."""
+        """Mask (F,) of frequencies at which U / R is distinguishable from a singular matrix."""
         U = self.response[:, -self.inputs :]
         apart = np.linalg.svd(U, compute_uv=False)
         whole = apart[:, -1] > np.finfo(float).eps * apart[:, 0]
