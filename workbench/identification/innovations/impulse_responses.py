@@ -34,7 +34,11 @@ DECAYS = (0.5, 0.8, 0.95)
 
 @dataclass(frozen=True)
 class _Posterior:
-    """Posterior of the taps: means (ny, nu, taps), levels (ny,), and a root for each output."""
+    """Posterior distribution of the taps, for signals scaled to unit spread.
+
+    It has the means (ny, nu, taps), the levels (ny,), and for each output a root (nu taps, nu taps)
+    of the covariance of its taps.
+    """
 
     response: RealArray
     level: RealArray

@@ -86,9 +86,7 @@ class ParameterFit(LeastSquares, Program):
         return float(np.sum(self.residuals(self._values(answer)) ** 2))
 
     def objective_rounding(self, answer: Any) -> float:
-        """Square of the residual norm that a fit of exact data may leave: 1e-9 of the
-        data's norm.
-        """
+        """Square of the residual norm that a fit of exact data may leave."""
         return float((1e-9 * self.size) ** 2)
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
@@ -164,9 +162,7 @@ class ParameterFit(LeastSquares, Program):
         )
 
     def _ground(self, residuals: np.ndarray) -> float:
-        """Size below which a change of the residuals is meaningless because of noise or
-        rounding.
-        """
+        """Size below which a change of the residuals means nothing: noise, or rounding."""
         noise = float(np.linalg.norm(residuals))
         return max(noise, 1e-9 * self.size, 1.0 if self.weighted else 0.0)
 

@@ -1,6 +1,4 @@
-"""Polynomial models as methods of state-space fits, with the same records, validation
-and checks.
-"""
+"""Polynomial models as methods of state-space fits: same records, validation and checks."""
 
 from __future__ import annotations
 

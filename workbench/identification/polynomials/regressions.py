@@ -28,6 +28,8 @@ def arx(
 ) -> InnovationsModel | None:
     """ARX model of experiments, with matrix polynomials for several outputs.
 
+    None if the record is too short.
+
         y(t) + A_1 y(t-1) + ... + A_n y(t-n) = B_0 u(t) + ... + B_n u(t-n) + e(t)
 
     Parameters

@@ -27,9 +27,7 @@ PolynomialKind = Literal["armax", "output-error", "box-jenkins"]
 
 @dataclass(frozen=True)
 class _Block:
-    """States of one polynomial: the output to which they contribute, and the signals that drive
-    them.
-    """
+    """States of one polynomial: the output that they add to, and the signals that drive them."""
 
     output: int
     inputs: tuple[int, ...]

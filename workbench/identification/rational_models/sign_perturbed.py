@@ -1,10 +1,10 @@
 """Confidence regions of rational models that are exact for finite data: sign-perturbed sums.
 
-For the true model the residuals are the errors of the data. Where these are independent from one
-frequency to the next and as likely as their negatives, sums of slopes times residuals with random
-signs are alike in distribution to the sum without, so that each of all m sums is as likely the
-largest as any other. The region holds the models whose own sum is not among the q largest, and
-contains the true model with probability exactly 1 - q / m, for any number of frequencies and any
+For the true model the residuals are the errors of the data. Suppose that these are independent from
+one frequency to the next and symmetrically distributed. Then sums of slopes times residuals have
+the same distribution with and without random signs, so each of all m sums is equally likely to be
+the largest. The region contains the models whose own sum is not among the q largest. It contains
+the true model with probability exactly 1 - q / m, for any number of frequencies and any
 distribution of the errors.
 
 Source: B. C. Csaji, M. C. Campi and E. Weyer, IEEE Trans. Signal Processing 63(1), 2015.

@@ -154,9 +154,7 @@ def _extended(point: FitPoint, order: int) -> list[FitPoint]:
 
 
 def _worst_places(structure: ModelStructure, point: FitPoint, count: int) -> RealArray:
-    """Frequencies [rad/s] (count,) of the largest smoothed errors, at a distance from
-    each other.
-    """
+    """Frequencies [rad/s] (count,) of the largest smoothed errors, not too close together."""
     power = np.sum(np.abs(point.residual) ** 2, axis=(1, 2))
     width = max(len(power) // 20, 1)
     smooth = np.convolve(power, np.ones(width) / width, mode="same")

@@ -95,7 +95,10 @@ class WeightedResponse:
         return found
 
     def whitened(self, values: ComplexArray) -> ComplexArray:
-        """Values (F, p, m, ...), scaled so that errors are independent."""
+        """Values (F, p, m, ...), scaled so that all errors are independent.
+
+        Real and imaginary part of an error have variance 1.
+        """
         if self.independent:
             scale = np.sqrt(2) / self.deviation
             return values * scale.reshape(*scale.shape, *[1] * (values.ndim - 3))

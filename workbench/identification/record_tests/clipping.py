@@ -54,9 +54,7 @@ def held_share(signal: RealArray) -> float:
 
 
 def _arrivals(at_top: BoolArray) -> IntegerArray:
-    """Samples at which a signal reaches its largest value and stays for at least one
-    more sample.
-    """
+    """Samples at which a signal reaches its largest value and then stays there."""
     return np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 2
 
 

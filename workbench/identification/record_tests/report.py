@@ -85,9 +85,7 @@ class RecordReport:
 
     @property
     def _forbidding(self) -> list[tuple[Tested, Finding]]:
-        """Findings that forbid the use of the record, each with the assumption that it
-        contradicts.
-        """
+        """Findings that forbid the use of the record, each with the assumption it contradicts."""
         return [
             (one, finding)
             for one in self.tested

@@ -26,7 +26,7 @@ from workbench.identification.record_tests.record import RecordData
 BULK = (0.1, 0.03)
 """Shares of samples from whose sizes the tail is extrapolated."""
 EXPECTED = 0.05
-"""Expected number of samples, in the whole record, by which the tail exceeds the limit."""
+"""Expected number of samples, in the whole record, that the tail puts beyond the limit."""
 LEAST = 1.0
 """Least size of a spike in standard deviations of the output; smaller ones are harmless."""
 STEPS = 4.0

@@ -108,9 +108,7 @@ def _experiments(signal: ArrayLike) -> Any:
 
 
 def one_after_another(signal: Any) -> Any:
-    """A signal (N, channels, experiments) as (N experiments, channels), experiments
-    concatenated.
-    """
+    """A signal (N, channels, experiments) as (N experiments, channels), one after another."""
     if np.ndim(signal) != 3:
         return signal
     return np.concatenate(np.moveaxis(signal, -1, 0))
@@ -184,16 +182,16 @@ class DrivenParts:
 
 
 def _after(spread: ComplexArray, inverse: ComplexArray) -> ComplexArray:
-    """Covariance S of rows times an inverse, from that of the rows: E[conj(e_i) e_j]."""
+    """Covariance S of rows multiplied by an inverse, from that of the rows: E[conj(e_i) e_j]."""
     found: ComplexArray = inverse.conj().swapaxes(1, 2) @ spread.conj() @ inverse
     return found
 
 
 def rows_after(parts: DrivenParts, chosen: BoolArray) -> tuple[ComplexArray, ...]:
-    """Of the chosen lines the plant's response (F, outputs, inputs), and J and S of its rows.
+    """The plant's response (F, outputs, inputs) at chosen lines, and J and S of its rows.
 
-    J (F, outputs, 1 + inputs, 1 + inputs) is the noise of an output and of the inputs,
-    S (F, inputs, inputs) what the inverse of U / R makes of it (see `row_reach`).
+    J (F, outputs, 1 + inputs, 1 + inputs) is the noise covariance of an output and of the inputs; S
+    (F, inputs, inputs) is the factor by which the inverse of U / R changes it (see `row_reach`).
     """
     n = parts.inputs
     both, noise = parts.response[chosen], parts.noise[chosen]
@@ -207,7 +205,7 @@ def rows_after(parts: DrivenParts, chosen: BoolArray) -> tuple[ComplexArray, ...
 def parts_of_bands(
     records: Sequence[DrivenRecord], rate: float, most: int
 ) -> tuple[list[DrivenParts], str]:
-    """Responses to the excitations by local polynomials, from records cut to one length."""
+    """Responses to the excitations by local polynomials, from records cut to the same length."""
     length = min(len(one.u) for one in records)
     unknowns = (DEGREE + 1) * (records[0].r.shape[1] + 1)
     lines = unknowns + SPARE_LINES
@@ -234,7 +232,7 @@ def parts_of_bands(
 def parts_of_periods(
     records: Sequence[DrivenRecord], samples: int, rate: float, most: int
 ) -> tuple[list[DrivenParts], str]:
-    """Responses to excitations of one period, transients taken off."""
+    """Responses to excitations of one period, with transients subtracted."""
     each = [
         excited_together(_periods(one.r if one.recorded else one.u, samples)) for one in records
     ]
@@ -272,11 +270,11 @@ def _periods(signal: RealArray, samples: int) -> ComplexArray:
 def _bias(
     apart: ComplexArray, noise: ComplexArray, spread: ComplexArray, more: ComplexArray
 ) -> ComplexArray:
-    """Bias (F, a, b) of responses, in the place of noise, from what separates a finer fit.
+    """Bias (F, a, b) of responses, in the form of noise, from the difference to a finer fit.
 
-    ``apart`` (F, rows, columns) is the difference of the fits of one band. Noise makes one of the
-    covariance of the finer fit, noise x ``more``, less that of the coarse one, noise x ``spread``;
-    what of each row is beyond that is bias.
+    ``apart`` (F, rows, columns) is the difference between the fits of one band. Noise alone gives
+    it the covariance of the finer fit, noise x ``more``, minus that of the coarse one, noise x
+    ``spread``; the excess of each row is bias.
     """
     inner = np.linalg.inv(spread)
     square = apart @ inner.conj() @ apart.conj().swapaxes(1, 2)
@@ -289,7 +287,10 @@ def _bias(
 
 
 def _spread(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
-    """The factor (F, i, j) of a covariance (F, a i, b j) beside the noise (F, a, b)."""
+    """The factor (F, i, j) of a covariance (F, a i, b j).
+
+    The other factor is the noise (F, a, b).
+    """
     rows = noise.shape[1]
     columns = covariance.shape[1] // rows
     parts = covariance.reshape(-1, rows, columns, rows, columns)

@@ -10,8 +10,9 @@ methods in system identification, Automatica 43). Second, a predictable u (sines
 has a surprise that is merely its prediction error: it is not white, or it is small, or it comes
 from a few samples.
 
-The statistic is a score: the sum of the products of surprise and past y, divided by the root of
-their summed squares (White 1980). So neither a few large steps nor changing noise have much weight.
+The statistic is a score: the sum over samples of the products of surprise and past y, normalised by
+the matrix of the summed squares of these products (White 1980). So neither a few large steps nor
+changing noise have much weight.
 """
 
 from __future__ import annotations
@@ -169,7 +170,10 @@ def _weights(P: RealArray, u: RealArray) -> RealArray:
 def _prediction(
     P: RealArray, noise: RealArray, u: RealArray, Z: RealArray, weight: RealArray, nearby: float
 ) -> Prediction:
-    """Surprise a = u - P alpha and z = Z - P Gamma, freed from the noise s D of u."""
+    """Surprise a = u - P alpha and z = Z - P Gamma, with the noise s D of u removed.
+
+    In an open loop their normal equations give E[w (z a - s Gamma' D alpha)] = 0.
+    """
     G = _gram(P, P, weight) + ROUNDING * np.eye(P.shape[1])
     targets = _gram(P, np.column_stack([u, Z]), weight)
     root = np.sqrt(noise)

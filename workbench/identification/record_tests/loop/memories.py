@@ -11,7 +11,9 @@ from workbench.identification.record_tests.loop.lags import growing, last_known,
 from workbench.identification.record_tests.record import RecordData
 
 FEWEST_SAMPLES = 200
-"""Fewest samples of a record that is tested; each of its experiments must have a quarter of it."""
+"""Fewest samples of a record that is tested; experiments shorter than a quarter of it
+are not used.
+"""
 LONGEST_LAG = 4096
 """Longest lag [samples]."""
 OF_A_PIECE = 8
