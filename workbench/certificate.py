@@ -262,7 +262,7 @@ class Certificate:
 
     def to_json(self) -> dict[str, Any]:
         """The certificate as data for `json`."""
-        checks = [_plain(check) for check in self.checks]
+        checks = [_check_to_json(check) for check in self.checks]
         gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
         found = {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
         return found | ({"facts": list(self.facts)} if self.facts else {})
@@ -272,19 +272,19 @@ class Certificate:
         """The certificate whose data `to_json` gave."""
         gap = stored["gap"]
         return cls(
-            tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
-            None if gap is None else Gap(**_read(gap, "closed")),
+            tuple(Check(**_fields_from_json(check, "holds")) for check in stored["checks"]),
+            None if gap is None else Gap(**_fields_from_json(gap, "closed")),
             tuple(map(str, stored.get("facts", ()))),
         )
 
 
-def _plain(check: Check) -> dict[str, Any]:
+def _check_to_json(check: Check) -> dict[str, Any]:
     """A check as data for `json`; the field ``proven`` is written only if it is true."""
     found = asdict(check) | {"holds": check.holds}
     return found if check.proven else {k: v for k, v in found.items() if k != "proven"}
 
 
-def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
+def _fields_from_json(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
     """Fields from JSON, with NaN and infinities read from their names.
 
     The fields ``derived`` are skipped.
@@ -417,10 +417,10 @@ class Checker(ABC):
         """Certificate of an answer; ``optimal`` if the method claims that it is the best one."""
         # A wrong answer may lead to a NaN in a check, which then fails.
         with np.errstate(all="ignore"):
-            checks = _computed(self.quantifier, lambda: self.checks(answer, tolerance))
+            checks = _checks_or_failure(self.quantifier, lambda: self.checks(answer, tolerance))
             facts: tuple[str, ...] = ()
             if all(check.holds for check in checks):
-                opinion = _computed(self.quantifier, lambda: self.second_opinion(answer))
+                opinion = _checks_or_failure(self.quantifier, lambda: self.second_opinion(answer))
                 checks += tuple(replace(check, opinion=True) for check in opinion)
                 facts = tuple(self.facts(answer))
             try:
@@ -438,7 +438,7 @@ what is wrong with an answer raises an error of the workbench instead.
 """
 
 
-def _computed(over: str, find: Callable[[], Iterable[Check]]) -> tuple[Check, ...]:
+def _checks_or_failure(over: str, find: Callable[[], Iterable[Check]]) -> tuple[Check, ...]:
     """The checks that ``find`` computes.
 
     One failing check if the answer's numbers do not allow it.
@@ -468,7 +468,7 @@ def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
     ['support']
     """
     with np.errstate(all="ignore"):
-        found = _computed(checker.quantifier, lambda: checker.deep_opinion(answer))
+        found = _checks_or_failure(checker.quantifier, lambda: checker.deep_opinion(answer))
     return tuple(replace(check, opinion=True) for check in found)
 
 

@@ -25,7 +25,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     Cached code names its module. The registry imports problem files under a package of its own,
     which no other process can import by name; their code is cached under separate names.
     """
-    return _kept(function, {})
+    return _compile_and_cache(function, {})
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -35,7 +35,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     small function. Here the counting is switched off. So a function that makes an array does not
     compile; slices of array arguments are allowed. Otherwise it is as `compiled`.
     """
-    return _kept(function, {"_nrt": False})
+    return _compile_and_cache(function, {"_nrt": False})
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -45,7 +45,7 @@ def inlined(function: Callable[..., Any]) -> Any:
     them stay the same. Besides, Numba compiles a called function again with each caller, at every
     level of calls.
     """
-    return _kept(function, {"_nrt": False, "inline": "always"})
+    return _compile_and_cache(function, {"_nrt": False, "inline": "always"})
 
 
 def unchecked(function: Callable[..., Any]) -> Any:
@@ -53,7 +53,7 @@ def unchecked(function: Callable[..., Any]) -> Any:
 
     Without that test the compiler can vectorise a loop.
     """
-    return _kept(function, {"error_model": "numpy"})
+    return _compile_and_cache(function, {"error_model": "numpy"})
 
 
 def unchecked_kernel(function: Callable[..., Any]) -> Any:
@@ -63,7 +63,9 @@ def unchecked_kernel(function: Callable[..., Any]) -> Any:
     compilation time.
     """
     options = {"_nrt": False, "error_model": "numpy"}
-    return _kept(function, {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+    return _compile_and_cache(
+        function, {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    )
 
 
 Watcher = Callable[[str, int, int], AbstractContextManager[None]]
@@ -115,7 +117,7 @@ def _listen() -> None:
     events.register("numba:compile", Listener())
 
 
-def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _compile_and_cache(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     import numba
 
     _listen()
@@ -166,13 +168,13 @@ def _stamp(file: Path, root: Path, package: str) -> tuple[tuple[str, int, int], 
         one = waiting.pop()
         if one not in reached:
             reached.add(one)
-            waiting += _imported(one, root, package)
+            waiting += _imported_files(one, root, package)
     stats = ((str(one.relative_to(root)), one.stat()) for one in sorted(reached))
     return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 
 
 @cache
-def _imported(file: Path, root: Path, package: str) -> tuple[Path, ...]:
+def _imported_files(file: Path, root: Path, package: str) -> tuple[Path, ...]:
     """Files of the package from which a file imports names.
 
     All files of a room if it imports from the room.

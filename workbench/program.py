@@ -369,7 +369,7 @@ def is_registered(program: str, name: str) -> bool:
 
 
 def _kinds(program: type[Any]) -> list[type[Program]]:
-    """Whether a function is an earlier definition of another, or its module was imported anew."""
+    """A Program class and all its subclasses that this process has imported."""
     return [program, *(one for below in program.__subclasses__() for one in _kinds(below))]
 
 

@@ -256,7 +256,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         trace = traceback.format_exc()
     total = time.perf_counter() - start
     try:
-        need_unchanged(task, _asked(task, method))
+        need_unchanged(task, _subject(task, method))
     except InputError as error:
         answer, claim, message = None, Outcome.FAILED, str(error)
     if answer is not None and context.stopped:
@@ -279,7 +279,7 @@ def need_unchanged(task: Task, by: str = "somebody") -> None:
         )
 
 
-def _asked(task: Task, method: str | None) -> str:
+def _subject(task: Task, method: str | None) -> str:
     """The method that was asked, or the Study itself, as a subject of a sentence."""
     name = type(task).__name__
     return f"method {method!r} of {name}" if method else name
@@ -296,7 +296,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         answer = task.witnessed(said.answer)
         certificate = task.certify(answer, tolerance, optimal=optimal)
     except Exception as error:
-        came = f"{_asked(task, method)} returned a {type(said.answer).__name__}"
+        came = f"{_subject(task, method)} returned a {type(said.answer).__name__}"
         reason = (
             f"the answer cannot be checked ({words_of(error)}): {came}, and "
             f"{task.answer_type()} is needed"

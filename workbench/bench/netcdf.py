@@ -33,7 +33,7 @@ def write(data: xr.Dataset, file: Path) -> None:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    split = _lean(_split(data))
+    split = _with_fixed_length_words(_split(data))
     encoding = {name: _packing(array) for name, array in split.variables.items()}
     # The file is built in memory: on a full disk HDF5 leaves files open and prints its own
     # messages.
@@ -71,7 +71,7 @@ def _split(data: xr.Dataset) -> xr.Dataset:
         halves: dict[Hashable, Any] = {name: array.astype(str) if array.dtype == object else array}
         if np.iscomplexobj(array.values):
             halves = {
-                _free(f"{name}_{part}", data): (
+                _unused_name(f"{name}_{part}", data): (
                     array.dims,
                     getattr(array.values, part),
                     array.attrs | {WHOLE: str(name), PART: part},
@@ -94,7 +94,7 @@ def _packing(array: xr.Variable) -> dict[str, Any]:
     return packed | ({"dtype": "S1"} if array.dtype.kind == "U" else plain)
 
 
-def _lean(data: xr.Dataset) -> xr.Dataset:
+def _with_fixed_length_words(data: xr.Dataset) -> xr.Dataset:
     """The dataset with fixed-length character attributes, as NetCDF's own library writes them.
 
     HDF5 stores variable-length texts separately, which takes a tenth of a file with many small
@@ -118,7 +118,7 @@ def _plain(text: str) -> bool:
     return bool(text) and text.isascii()
 
 
-def _free(name: str, data: xr.Dataset) -> str:
+def _unused_name(name: str, data: xr.Dataset) -> str:
     """A name that the dataset does not use yet."""
     while name in data.variables:
         name += "_"
@@ -160,11 +160,11 @@ def differences(old: xr.Dataset, new: xr.Dataset, tolerance: float) -> list[str]
     found += [f"{name} is unexpected" for name in old.variables if name not in new.variables]
     for name, array in new.variables.items():
         if name in old.variables and not WALL_TIME.items() <= array.attrs.items():
-            found += [f"{name} {text}" for text in _apart(old[name], array, tolerance)]
+            found += [f"{name} {text}" for text in _array_difference(old[name], array, tolerance)]
     return found
 
 
-def _apart(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[str]:
+def _array_difference(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[str]:
     units = [array.attrs.get("units", "1") for array in (old, new)]
     if units[0] != units[1]:
         yield f"has units {units[0]}, not {units[1]}"

@@ -126,17 +126,19 @@ def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
     project = Project.around(Path.cwd())
     brought, unfit = _package_folders()
-    wrong = (*unfit, *_load_packages(), *_without(project.solvers))
+    wrong = (*unfit, *_load_packages(), *_use_available_solvers(project.solvers))
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     # A folder's modification time reveals new files, on which an axis may depend.
-    files = [file for root in unique for file in (root, *root.rglob("*")) if _counts(file)]
+    files = [
+        file for root in unique for file in (root, *root.rglob("*")) if _belongs_to_state(file)
+    ]
     files += (file for file in helper_files() if file.is_file())
     state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
     return _registry(unique, state, wrong)
 
 
-def _counts(file: Path) -> bool:
+def _belongs_to_state(file: Path) -> bool:
     return file.suffix == ".py" or (file.is_dir() and file.name != "__pycache__")
 
 
@@ -160,7 +162,7 @@ def use_solvers(names: Iterable[str]) -> None:
 
 
 @cache
-def _without(names: tuple[str, ...]) -> tuple[str, ...]:
+def _use_available_solvers(names: tuple[str, ...]) -> tuple[str, ...]:
     """Use a project's solvers; returns a sentence for each one that cannot be used.
 
     Each is tried once in a process: every search for a problem comes through here.

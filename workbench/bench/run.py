@@ -287,7 +287,7 @@ def publish(
     folder = writer.start()
     task = solution.proof or bound.task
     if data is not None and solution.certificate is not None:
-        solution, metrics, files = _told(task, solution)
+        solution, metrics, files = _metrics_and_files(task, solution)
         assert solution.certificate is not None
         netcdf.write(data, folder / "data.nc")
         write_json(folder / "certificate.json", solution.certificate.to_json())
@@ -301,7 +301,9 @@ def publish(
     return seal_folder(writer, folder, info, text, bound.help)
 
 
-def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], dict[str, str]]:
+def _metrics_and_files(
+    task: Task, solution: Solution
+) -> tuple[Solution, dict[str, float], dict[str, str]]:
     """Metrics and files of an answer; if they raise an error, its certificate does not hold.
 
     The answer itself is still stored.

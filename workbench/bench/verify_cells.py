@@ -54,7 +54,7 @@ def stored_cells(
     A cell that other code has answered since, such as an edited method, counts as another cell.
     """
     data, store, light = run.data, Store(root_of(run)), light_records(root_of(run))
-    asked, wrong, missing, replaced = _asked(data), [], 0, 0
+    asked, wrong, missing, replaced = _asked_places(data), [], 0, 0
     without: list[Place] = []
     for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
@@ -66,7 +66,7 @@ def stored_cells(
         missing += not found
         replaced += bool(found) and not records
         for record in records:
-            wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
+            wrong += [f"{key}: {text}" for text in _record_differences(record, data, place)]
         answered = [one.path for one in folders if own in (str(one.info["code"]), None)]
         wrong += [f"{key}: {text}" for path in answered for text in faults(path)]
         without += [] if answered else [place]
@@ -81,12 +81,12 @@ def stored_cells(
     return wrong, notes, without
 
 
-def _asked(data: Dataset) -> list[Place]:
+def _asked_places(data: Dataset) -> list[Place]:
     """Indices of the cells that were asked."""
     return [tuple(place) for place in np.argwhere(data["key"].values != "").tolist()]
 
 
-def _apart(record: Record, data: Dataset, place: Place) -> Iterator[str]:
+def _record_differences(record: Record, data: Dataset, place: Place) -> Iterator[str]:
     for name in ("outcome", "claim", "objective", "gap", "statement", "solve", "cpu"):
         own, here = getattr(record, name), data[name].values[place]
         same = own == here if isinstance(own, str) else _same(float(own), float(here))
@@ -101,7 +101,7 @@ def rerun_cells(run: Run, places: Sequence[Place] | None = None) -> tuple[list[s
     answer that is certified now, or the other way round.
     """
     asked, data = run.info["parameters"], run.data
-    places = _asked(data) if places is None else places
+    places = _asked_places(data) if places is None else places
     problems = [str(data["problem"].values[place[0]]) for place in places]
     settings: dict[str, Any] = {name: asked[name] for name in ("repeat", "memory_limit")}
     settings |= {name: run.info["options"][name] for name in ("time_limit", "seed")}

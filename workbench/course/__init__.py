@@ -44,7 +44,7 @@ def copy_notebooks(folder: str | Path) -> list[Path]:
     InputError
         The folder holds one of them already; a reader's own work is never overwritten.
     """
-    return _copied({file: file.name for file in notebook_files()}, Path(folder))
+    return _copy_files({file: file.name for file in notebook_files()}, Path(folder))
 
 
 def copy_examples(folder: str | Path) -> list[Path]:
@@ -53,10 +53,10 @@ def copy_examples(folder: str | Path) -> list[Path]:
     Raises as `copy_notebooks`.
     """
     names = {file: f"{file.parent.name}/{file.name}" for file in example_files()}
-    return _copied(names, Path(folder))
+    return _copy_files(names, Path(folder))
 
 
-def _copied(names: Mapping[Path, str], place: Path) -> list[Path]:
+def _copy_files(names: Mapping[Path, str], place: Path) -> list[Path]:
     """Copy files below a place under the given names, and return the copies."""
     copies = [place / name for name in names.values()]
     there = [name for name in names.values() if (place / name).exists()]

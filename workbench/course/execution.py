@@ -99,7 +99,9 @@ def keep_small(notebook: Any) -> Any:
         cell.metadata.pop("execution", None)
         if cell.cell_type != "code":
             continue
-        cell.outputs = _joined([_small(one) for one in cell.outputs if _worth_keeping(one)])
+        cell.outputs = _join_printed(
+            [_without_clutter(one) for one in cell.outputs if _worth_keeping(one)]
+        )
     notebook.metadata = {
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
         "language_info": {"name": "python"},
@@ -121,7 +123,7 @@ def _worth_keeping(output: Any) -> bool:
     return output.output_type != "display_data" or "image/png" in output.data
 
 
-def _joined(outputs: list[Any]) -> list[Any]:
+def _join_printed(outputs: list[Any]) -> list[Any]:
     """Outputs in which texts printed in several portions are joined into one."""
     joined: list[Any] = []
     for output in outputs:
@@ -132,7 +134,7 @@ def _joined(outputs: list[Any]) -> list[Any]:
     return joined
 
 
-def _small(output: Any) -> Any:
+def _without_clutter(output: Any) -> Any:
     if "image/png" in output.get("data", {}):
         pixels = base64.b64decode(output.data["image/png"])
         output.data = {"image/png": base64.b64encode(few_colours(pixels)).decode()}
@@ -164,16 +166,16 @@ def output_differences(kept: Any, made: Any) -> list[str]:
     for number, (old, new) in enumerate(pairs, start=1):
         if old.cell_type != "code" or tagged(old, VARIES):
             continue
-        before, after = _said(old), _said(new)
-        if not _alike(before, after):
+        before, after = _text_of_outputs(old), _text_of_outputs(new)
+        if not _same_but_numbers(before, after):
             found.append(f"cell {number} said\n{before}\nand says\n{after}")
     return found
 
 
-def _said(cell: Any) -> str:
+def _text_of_outputs(cell: Any) -> str:
     """All text of a cell's outputs, and one word for every picture."""
     parts = []
-    for output in _joined([one for one in cell.outputs if _worth_keeping(one)]):
+    for output in _join_printed([one for one in cell.outputs if _worth_keeping(one)]):
         data = output.get("data", {})
         if "image/png" in data:
             parts.append("[picture]")
@@ -182,7 +184,7 @@ def _said(cell: Any) -> str:
     return "\n".join(part.strip() for part in parts)
 
 
-def _alike(before: str, after: str) -> bool:
+def _same_but_numbers(before: str, after: str) -> bool:
     if _NUMBER.split(before) != _NUMBER.split(after):
         return False
     pairs = zip(_NUMBER.findall(before), _NUMBER.findall(after), strict=True)

@@ -121,15 +121,15 @@ def plant_diagram(
     middle, low = 4.0, 0.6
     centre = 2.3
     drawn.block(middle, centre, "$P$", width=2.0, height=1.6)
-    drawn.wire((0.4, centre), (3.0, centre), name=_listed(exogenous))
-    drawn.wire((5.0, centre), (7.6, centre), name=_listed(performance))
+    drawn.wire((0.4, centre), (3.0, centre), name=_names_in_lines(exogenous))
+    drawn.wire((5.0, centre), (7.6, centre), name=_names_in_lines(performance))
     if controls or measurements:
         drawn.block(middle, low, "$K$", height=0.8)
         down = centre - 0.5
         drawn.wire((5.0, down), (5.9, down), (5.9, low), (4.8, low))
         drawn.wire((3.2, low), (2.1, low), (2.1, down), (3.0, down))
-        drawn.text(1.7, (low + down) / 2, "\n".join(_few(controls)))
-        drawn.text(6.3, (low + down) / 2, "\n".join(_few(measurements)))
+        drawn.text(1.7, (low + down) / 2, "\n".join(_first_and_last(controls)))
+        drawn.text(6.3, (low + down) / 2, "\n".join(_first_and_last(measurements)))
     if perturbation:
         high, up = 4.0, centre + 0.5
         drawn.block(middle, high, r"$\Delta$", height=0.8)
@@ -138,9 +138,9 @@ def plant_diagram(
     return drawn.figure
 
 
-def _listed(names: Sequence[str]) -> str:
+def _names_in_lines(names: Sequence[str]) -> str:
     """Names above a wire, in two lines if they are long."""
-    few = _few(names)
+    few = _first_and_last(names)
     half = (len(few) + 1) // 2
     text = ", ".join(few)
     if len(text) <= MOST_LETTERS or len(few) < 2:
@@ -148,7 +148,7 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(few[:half]) + ",\n" + ", ".join(few[half:])
 
 
-def _few(names: Sequence[str]) -> list[str]:
+def _first_and_last(names: Sequence[str]) -> list[str]:
     """All names; or the first, dots, and the last."""
     return list(names) if len(names) <= MOST_NAMED else [names[0], "...", names[-1]]
 

@@ -24,10 +24,10 @@ def finite_axes() -> Any:
 
     class FiniteAxes(plain):
         def set_xlim(self, left: Any = None, right: Any = None, **rest: Any) -> Any:
-            return super().set_xlim(_finite(left), _finite(right), **rest)
+            return super().set_xlim(_finite_limits(left), _finite_limits(right), **rest)
 
         def set_ylim(self, bottom: Any = None, top: Any = None, **rest: Any) -> Any:
-            return super().set_ylim(_finite(bottom), _finite(top), **rest)
+            return super().set_ylim(_finite_limits(bottom), _finite_limits(top), **rest)
 
         def errorbar(self, x: Any, y: Any, yerr: Any = None, xerr: Any = None, **rest: Any) -> Any:
             """As Matplotlib's, but a mean may lie outside its interval.
@@ -40,10 +40,10 @@ def finite_axes() -> Any:
     return FiniteAxes
 
 
-def _finite(end: Any) -> Any:
+def _finite_limits(end: Any) -> Any:
     """One limit, or both; None in place of a number that is not finite."""
     if np.iterable(end):
-        return tuple(_finite(one) for one in end)
+        return tuple(_finite_limits(one) for one in end)
     return end if end is None or np.isfinite(end) else None
 
 
@@ -55,12 +55,12 @@ def mend_limits(panel: Axes) -> None:
     for name, scale in (("x", panel.get_xscale()), ("y", panel.get_yscale())):
         low, high = sorted(getattr(panel, f"get_{name}lim")())
         if scale == "log" and not 0.0 < low < high < np.inf:
-            data = _drawn(panel, name)
+            data = _positive_data(panel, name)
             ends = (data.min() / ROOM, data.max() * ROOM) if data.size else NOTHING
             getattr(panel, f"set_{name}lim")(*ends)
 
 
-def _drawn(panel: Axes, name: str) -> Any:
+def _positive_data(panel: Axes, name: str) -> Any:
     """The finite, positive numbers of lines and bars along an axis."""
     along = {"x": "horizontal", "y": "vertical"}[name]
     every = [np.zeros(0), *(np.ravel(getattr(line, f"get_{name}data")()) for line in panel.lines)]

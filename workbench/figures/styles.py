@@ -163,11 +163,11 @@ def settle(figure: Any) -> str:
             (panel.xaxis.label, "width"),
             (panel.yaxis.label, "height"),
         ):
-            _broken(text, side, getattr(panel.get_window_extent(), side))
+            _broken_into_lines(text, side, getattr(panel.get_window_extent(), side))
     return caption
 
 
-def _broken(text: Any, side: str, room: float) -> None:
+def _broken_into_lines(text: Any, side: str, room: float) -> None:
     """A text broken into lines that fit into the length [pixel] that its panel offers."""
     words = text.get_text().split()
     for lines in range(2, 4):

@@ -59,18 +59,20 @@ def record_columns(
         found = _instants(table, names)
         if not found:
             _refuse_gaps(file, columns, table, names)
-        time = _one(found, told, "time", "or give --sample-rate HZ")
+        time = _only_name(found, told, "time", "or give --sample-rate HZ")
     if time is None and sample_rate is not None:
-        _need_rate(columns, _called(_instants(table, names), TIME), sample_rate, told)
+        _need_rate(columns, _names_with_word(_instants(table, names), TIME), sample_rate, told)
     left = [name for name in names if name not in (input, output, time)]
     if input is None:
-        fit = _called(left, INPUT)
+        fit = _names_with_word(left, INPUT)
         if not fit and output is not None and len(left) == 1:
             fit = left
-        input = _one(fit, told, "input")
+        input = _only_name(fit, told, "input")
         left = [name for name in left if name != input]
     if output is None:
-        output = _one(_called(left, OUTPUT) or (left if len(left) == 1 else []), told, "output")
+        output = _only_name(
+            _names_with_word(left, OUTPUT) or (left if len(left) == 1 else []), told, "output"
+        )
     return input, output, time
 
 
@@ -87,7 +89,7 @@ def _refuse_gaps(
     file: Path, columns: Columns, table: Mapping[str, np.ndarray], names: Sequence[str]
 ) -> None:
     """Raise InputError if a time column has gaps: it rises, and most steps are equal."""
-    for name in _called(names, TIME) or names:
+    for name in _names_with_word(names, TIME) or names:
         rows = np.flatnonzero(np.isfinite(table[name])).tolist()
         instants = table[name][rows]
         steps = np.diff(instants)
@@ -116,7 +118,7 @@ def _need_rate(columns: Columns, called: Sequence[str], sample_rate: float, told
             )
 
 
-def _one(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
+def _only_name(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
     """The name if exactly one was found; otherwise an InputError that says how to give it."""
     if len(found) == 1:
         return found[0]
@@ -124,7 +126,7 @@ def _one(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
     raise InputError(f"{told}; {what} the {kind}: name it, --{kind} NAME {also}".rstrip())
 
 
-def _called(names: Sequence[str], words: Sequence[str]) -> list[str]:
+def _names_with_word(names: Sequence[str], words: Sequence[str]) -> list[str]:
     """The names that contain one of the words as a separate word."""
     return [name for name in names if set(re.split(r"[^a-z]+", name.lower())) & set(words)]
 
@@ -141,4 +143,4 @@ def _instants(table: dict[str, np.ndarray], names: Sequence[str]) -> list[str]:
             mean = steps.mean()
             if np.abs(steps - mean).max() <= EVEN * mean:
                 rising.append(name)
-    return (_called(rising, TIME) or rising) if len(rising) > 1 else rising
+    return (_names_with_word(rising, TIME) or rising) if len(rising) > 1 else rising

@@ -145,7 +145,7 @@ def first_choices(
     """
     need_positive(period, "period")
     reasons = {}
-    used, reasons["band"] = _seen(responses)
+    used, reasons["band"] = _seen_band(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
@@ -157,7 +157,7 @@ def first_choices(
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
 
-def _seen(responses: Responses) -> tuple[Responses, str]:
+def _seen_band(responses: Responses) -> tuple[Responses, str]:
     """The responses in the longest band in which noise hides no plant, and how it was found.
 
     If plants are seen on both sides of hidden frequencies, as about an antiresonance, the band

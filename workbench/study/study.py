@@ -91,13 +91,17 @@ class Study(Task):
         declared = [one for check in self._declared(Checked) for one in check.checks(self, get)]
         restored = self._restored(answer)
         made = self._made_of(restored, get) if restored else []
-        return declared + made + _each(restored, lambda one, found: one.checks(found, tolerance))
+        return (
+            declared
+            + made
+            + _answer_checks(restored, lambda one, found: one.checks(found, tolerance))
+        )
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return _each(self._restored(answer), lambda one, found: one.second_opinion(found))
+        return _answer_checks(self._restored(answer), lambda one, found: one.second_opinion(found))
 
     def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return _each(self._restored(answer), lambda one, found: one.deep_opinion(found))
+        return _answer_checks(self._restored(answer), lambda one, found: one.deep_opinion(found))
 
     def _restored(self, answer: Dataset) -> dict[str, Restored]:
         """The declared answers of functions, with their checkers, restored from stored arrays."""
@@ -211,7 +215,9 @@ class Study(Task):
         return get
 
 
-def _each(restored: dict[str, Restored], checks: Callable[[Checker, Any], Any]) -> list[Check]:
+def _answer_checks(
+    restored: dict[str, Restored], checks: Callable[[Checker, Any], Any]
+) -> list[Check]:
     """Checks of the answers of all answer declarations."""
     every = (checks_of(name, found, checks) for name, found in restored.items())
     return [check for some in every for check in some]

@@ -91,7 +91,9 @@ class Record:
     @classmethod
     def stored(cls, run: Run) -> Record:
         """The record in a cell's results folder."""
-        return cls.from_json({**run.info.get(CELL, {}), **_said(run.info)}, str(run.path))
+        return cls.from_json(
+            {**run.info.get(CELL, {}), **_outcome_and_claim(run.info)}, str(run.path)
+        )
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -119,7 +121,7 @@ def certified_gap(certificate: Certificate | None) -> float:
     return certificate.gap.value
 
 
-def _said(info: Mapping[str, Any]) -> dict[str, Any]:
+def _outcome_and_claim(info: Mapping[str, Any]) -> dict[str, Any]:
     return {name: info[name] for name in ("outcome", "claim")}
 
 

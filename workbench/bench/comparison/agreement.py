@@ -43,7 +43,7 @@ def agreement_matrix(data: Dataset) -> Figure:
             color="white" if dark else figures.BLACK,
         )  # fmt: skip
     panel.grid(False)
-    panel.set_xticks(range(len(names)), names, **_turned(names))
+    panel.set_xticks(range(len(names)), names, **_column_label_keywords(names))
     panel.set_yticks(range(len(names)), names)
     panel.set_xlabel("method")
     panel.set_ylabel("method")
@@ -55,7 +55,7 @@ def agreement_matrix(data: Dataset) -> Figure:
     return figure
 
 
-def _turned(names: list[str]) -> dict[str, Any]:
+def _column_label_keywords(names: list[str]) -> dict[str, Any]:
     """Keywords for labels below the columns; they are rotated if they would overlap."""
     if max(map(len, names)) * len(names) <= MOST_LETTERS:
         return {}

@@ -22,11 +22,11 @@ def drawings(data: Dataset) -> dict[str, Figure]:
     found: dict[str, Figure] = {}
     for program, one in parts:
         end = f"-{_stem(program)}" if len(parts) > 1 else ""
-        found |= {f"{name}{end}": figure for name, figure in _drawn(one, known).items()}
+        found |= {f"{name}{end}": figure for name, figure in _program_figures(one, known).items()}
     return found
 
 
-def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
+def _program_figures(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
     """The figures of one Program that have data, the most important one first.
 
     Profiles need many problems; for a single one the figure of accuracy against time shows

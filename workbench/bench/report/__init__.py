@@ -88,7 +88,7 @@ def report(
     # only one report at a time may be written in a folder
     locked = FileLock(output / "report" / ".lock")
     with locked, shown_live("report") as (bar, _):
-        kept = _drawn(place, shown, executor or InProcess(), progress or bar)
+        kept = _draw_new_runs(place, shown, executor or InProcess(), progress or bar)
         where = places(shown)
         for entry in shown:
             write_whole(place.page(entry.stem), [_page(place, entry, kept[entry.stem], where)])
@@ -146,7 +146,7 @@ def single_page(run: str | Path, output: str | Path | None = None) -> Path:
     return target
 
 
-def _drawn(
+def _draw_new_runs(
     place: ReportFolder, shown: list[ReportEntry], executor: Executor, progress: Progress
 ) -> dict[str, KeptRun]:
     """Figures and tables of all runs by the names of their pages; only new ones are drawn."""

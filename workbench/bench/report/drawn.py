@@ -46,10 +46,10 @@ class DrawnRun:
 
 def draw_runs(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[DrawnRun]:
     """Figures and tables of the runs in results folders, one task for each run."""
-    return spread(partial(_drawn, added_problems()), folders, executor, progress, "runs drawn")
+    return spread(partial(_draw_run, added_problems()), folders, executor, progress, "runs drawn")
 
 
-def _drawn(problems: Sequence[Path], folder: Path) -> DrawnRun:
+def _draw_run(problems: Sequence[Path], folder: Path) -> DrawnRun:
     """Figures and tables of a run; each failure leaves a sentence and does not stop the others."""
     for each in problems:
         add_problems(each)

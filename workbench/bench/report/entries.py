@@ -140,7 +140,7 @@ def _summary(run: Run) -> str:
 
 def _differences(runs: Iterable[Run]) -> list[dict[str, str]]:
     """For each run, the parameters and options in which the runs of its problem differ."""
-    asked = [(run.problem, _asked(run)) for run in runs]
+    asked = [(run.problem, _arguments_of(run)) for run in runs]
     groups = defaultdict[str, list[dict[str, str]]](list)
     for problem, one in asked:
         groups[problem].append(one)
@@ -155,7 +155,7 @@ def _differing_names(group: list[dict[str, str]]) -> list[str]:
     return [name for name in names if len({one.get(name) for one in group}) > 1]
 
 
-def _asked(run: Run) -> dict[str, str]:
+def _arguments_of(run: Run) -> dict[str, str]:
     """Parameters and options of a run as texts."""
     options = {name: run.info["options"].get(name) for name in OPTIONS}
     return {name: text(value) for name, value in {**options, **run.info["parameters"]}.items()}
@@ -169,7 +169,7 @@ def _short(words: str) -> str:
 
 def searchable(entry: ReportEntry) -> str:
     """Text that the report's filter searches in addition to the run's row."""
-    asked = " ".join(f"{name}={value}" for name, value in _asked(entry.run).items())
+    asked = " ".join(f"{name}={value}" for name, value in _arguments_of(entry.run).items())
     return f"{entry.summary} {asked}"[:400]
 
 

@@ -70,7 +70,9 @@ class ParameterSweep(Study):
         name = str(answer.attrs.get("headline", ""))
         if name not in answer or not answer[name].notnull().any():
             return {}
-        return {"metric": _drawn(answer[name].where(proven(answer)), str(answer.attrs["problem"]))}
+        return {
+            "metric": _line_plot(answer[name].where(proven(answer)), str(answer.attrs["problem"]))
+        }
 
 
 def _metrics(data: Dataset) -> list[str]:
@@ -81,7 +83,7 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _drawn(values: DataArray, problem: str) -> Figure:
+def _line_plot(values: DataArray, problem: str) -> Figure:
     """A metric over the first parameter, with one line for each value of the others."""
     from workbench import figures
 

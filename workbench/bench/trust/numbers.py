@@ -34,24 +34,26 @@ def certificates_apart(stored: Any, fresh: dict[str, Any]) -> list[str]:
     if isinstance(checks, list) and len(checks) == len(fresh["checks"]):
         for was, now in zip(checks, fresh["checks"], strict=True):
             if isinstance(was, dict):
-                was.update({key: now[key] for key in _free(was, now)})
+                was.update({key: now[key] for key in _fields_free_to_differ(was, now)})
     # The checked value is near zero, where a relative difference means nothing.
-    return _apart(stored, fresh, floor=1.0)
+    return _json_differences(stored, fresh, floor=1.0)
 
 
 def metrics_apart(stored: Any, fresh: dict[str, float], task: Task) -> list[str]:
     """Entries in which two mappings of metrics differ."""
     if not isinstance(stored, Mapping):
-        return _apart(stored, fresh)
+        return _json_differences(stored, fresh)
     floors = dict.fromkeys(task.relative_metrics, 1.0)
     return [
         text
         for name in sorted(stored.keys() | fresh.keys())
-        for text in _apart(stored.get(name), fresh.get(name), name, floors.get(name, 0.0))
+        for text in _json_differences(
+            stored.get(name), fresh.get(name), name, floors.get(name, 0.0)
+        )
     ]
 
 
-def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
+def _fields_free_to_differ(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
     """The fields of a check that may differ between the stored and the recomputed one."""
     if now["opinion"]:
         return {"value", "limit", "over"}
@@ -63,7 +65,7 @@ def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
     return {"value"} if away <= max(abs(now["limit"]), DECIDED * slack) else set()
 
 
-def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
+def _json_differences(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
     """Entries in which two JSON values differ.
 
     Numbers differ if their distance exceeds ``SAME_NUMBER`` times their size, or times the floor.
@@ -72,13 +74,15 @@ def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[
         return [
             text
             for key in sorted(stored.keys() | fresh.keys())
-            for text in _apart(stored.get(key), fresh.get(key), f"{path}.{key}".lstrip("."), floor)
+            for text in _json_differences(
+                stored.get(key), fresh.get(key), f"{path}.{key}".lstrip("."), floor
+            )
         ]
     if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):
         return [
             text
             for i, pair in enumerate(zip(stored, fresh, strict=True))
-            for text in _apart(*pair, f"{path}[{i}]", floor)
+            for text in _json_differences(*pair, f"{path}[{i}]", floor)
         ]
     if isinstance(stored, float | int) and isinstance(fresh, float | int):
         same = abs(stored - fresh) <= SAME_NUMBER * max(floor, abs(fresh))

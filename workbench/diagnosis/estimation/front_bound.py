@@ -116,7 +116,7 @@ def least_total(
     t, E, rms = cp.Variable(coefficients), cp.Variable(nonneg=True), cp.Variable(nonneg=True)
     held: list[Any] = [cp.norm(N @ t) <= rms, most * WEIGHT_FLOOR <= E]
     waves = [_wave(angle, coefficients) for angle in np.linspace(0.0, np.pi, FIRST_VECTORS)]
-    held += [_held(limit, v, t, E) for limit in limits for v in waves]
+    held += [_limit_along(limit, v, t, E) for limit in limits for v in waves]
     best = 0.0
     for _ in range(MOST_CUT_ROUNDS):
         problem = cp.Problem(cp.Minimize(E + 3 * rms), held)
@@ -129,7 +129,7 @@ def least_total(
             level = float(E.value) if limit.leaks else 1.0
             _, sizes, right = np.linalg.svd(limit.W @ _lower(t.value) - limit.V)
             worst = max(worst, sizes[0] / level - 1)
-            held += [_held(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
+            held += [_limit_along(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
         if worst < LIMIT_EXCESS:
             break
     # A filter whose leakage is below the least E allowed counts as if it leaked that E.
@@ -173,7 +173,7 @@ def _wave(angle: float, count: int) -> Any:
     return v / np.linalg.norm(v)
 
 
-def _held(limit: ToeplitzLimit, v: Any, t: Any, E: Any) -> Any:
+def _limit_along(limit: ToeplitzLimit, v: Any, t: Any, E: Any) -> Any:
     """||(W T - V) v|| <= 1 or E, T v = Toeplitz(v) t."""
     import cvxpy as cp
 

@@ -92,7 +92,7 @@ def estimation_plant(
     """
     _need_filtered(plant)
     f = exogenous_names(plant, faults)
-    _shown(plant.channel(None, f), f)
+    _need_visible_faults(plant.channel(None, f), f)
     d = [name for name in exogenous_names(plant, None) if name not in f]
     if requirements is None:
         requirements = [Requirement("faults", f)]
@@ -190,7 +190,7 @@ def _need_filtered(plant: Any) -> None:
         )
 
 
-def _shown(plant: GeneralisedPlant, faults: list[str]) -> None:
+def _need_visible_faults(plant: GeneralisedPlant, faults: list[str]) -> None:
     """Raise InputError if the measurements do not show a fault, or cannot tell faults apart."""
     system = plant.system
     omega = frequencies_of(system)

@@ -132,7 +132,7 @@ class KalmanEstimator:
         Q = self.Q / np.outer(scale, scale)
         size = max(float(np.linalg.norm(Q, 2)), np.finfo(float).tiny)
         try:
-            P = size * _doubled(A, np.outer(C, C) * size, Q / size)
+            P = size * _riccati_by_doubling(A, np.outer(C, C) * size, Q / size)
         except np.linalg.LinAlgError as fault:
             raise SolverError(f"no stationary Kalman filter: {fault}") from fault
         M = P @ C / (C @ P @ C + 1.0)
@@ -176,7 +176,7 @@ class KalmanEstimator:
         return Controller(_step, state, np.concatenate(parameters), outputs, 3, model.period)
 
 
-def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
+def _riccati_by_doubling(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
     """The stabilising solution of P = A P (I + G P)^-1 A^T + Q, by structure-preserving doubling.
 
     Each step doubles the horizon. A method that sorts the equation's eigenvalues by Schur's form
@@ -206,7 +206,7 @@ def _entries(A: RealArray) -> RealArray:
 
 
 @inlined
-def _own(p: RealArray) -> int:
+def _own_parameters_start(p: RealArray) -> int:
     """Index at which this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
     return HEADER + h + (3 + z) * n + n * n
@@ -220,21 +220,21 @@ def _step(
     gain = state[2 * n + 1 : 3 * n + 1]
     moving = quality != 1.0 or state[3 * n + 1] == 0.0
     if moving:
-        change = _weigh(state, parameters, quality, gain)
+        change = _set_gain(state, parameters, quality, gain)
         state[3 * n + 1] = 1.0 if quality == 1.0 and change < SETTLED_GAIN_CHANGE else 0.0
     error = surprise(state, parameters, measurement[0])
     correct(state, parameters, error, gain)
     tell(state, parameters, quality, output)
     predict(state, parameters, measurement[1])
     if moving:
-        _spread(state, parameters, gain)
+        _advance_covariance(state, parameters, gain)
 
 
 @inlined
-def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
+def _set_gain(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
     """Set the gain M for a quality, and return its largest relative change."""
     n, h, m = int(p[0]), int(p[3]), int(p[4])
-    at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own(p)
+    at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own_parameters_start(p)
     shown = state[at_p + m * m : at_p + m * m + m]
     total = 0.0
     for i in range(m):
@@ -255,10 +255,10 @@ def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> f
 
 
 @inlined
-def _spread(state: RealArray, p: RealArray, gain: RealArray) -> None:
-    """Set P := A (P - M C P) A' + Q for the states that are seen; `_weigh` has left C P."""
+def _advance_covariance(state: RealArray, p: RealArray, gain: RealArray) -> None:
+    """Set P := A (P - M C P) A' + Q for the states that are seen; `_set_gain` has left C P."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])
-    at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own(p) + 2, 3 * n + 2
+    at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own_parameters_start(p) + 2, 3 * n + 2
     A = p[at_a : at_a + n * n].reshape(n, n)
     Q = p[at_q : at_q + m * m].reshape(m, m)
     entries = p[at_q + m * m : at_q + m * (2 * m + 1)].reshape(m, m + 1)

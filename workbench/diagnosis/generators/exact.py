@@ -163,7 +163,7 @@ def _residual(
     """The generator of the residual with one row of a structure."""
     hidden = unattainable(model, row, omega)
     if hidden:
-        raise InputError(_why(model, number, row, hidden, omega))
+        raise InputError(_explanation(model, number, row, hidden, omega))
     shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
     parity = Parity(model, (*model.disturbances, *zeros))
@@ -235,7 +235,7 @@ def _normalised(
     k, j = np.unravel_index(int(np.abs(gains).argmax()), gains.shape)
     gain = abs(gains[k, j]) * (1.0 if gains[k, j].real >= 0.0 else -1.0)
 
-    return replace(found, Q=_over(found.Q, gain), R=_over(found.R, gain))
+    return replace(found, Q=_divided_outputs(found.Q, gain), R=_divided_outputs(found.R, gain))
 
 
 def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[str]) -> None:
@@ -254,7 +254,7 @@ def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[st
         )
 
 
-def _over(system: StateSpace, gain: float) -> StateSpace:
+def _divided_outputs(system: StateSpace, gain: float) -> StateSpace:
     """A system with its outputs divided by a gain."""
     return realisation(
         (system.A, system.B, system.C / gain, system.D / gain),
@@ -264,7 +264,7 @@ def _over(system: StateSpace, gain: float) -> StateSpace:
     )
 
 
-def _why(
+def _explanation(
     model: FaultModel,
     number: int,
     row: NDArray[np.bool_],

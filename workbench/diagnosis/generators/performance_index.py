@@ -239,13 +239,15 @@ def _peak(
     best, at = float(values.max()), float(omega[values.argmax()])
     if best < NEGLIGIBLE_INDEX:
         return 0.0, NEGLIGIBLE_INDEX, at
-    vanish = _axis_zeros(_joined(Q, model, residual, faults), np.ones(len(faults)), model.dt)
+    vanish = _axis_zeros(
+        _residual_system(Q, model, residual, faults), np.ones(len(faults)), model.dt
+    )
     vanish = vanish[(vanish >= low) & (vanish <= high)]
     if vanish.size:
         least = fault_gain(vanish)
         if least.min() < VANISHED_GAIN_SHARE * fault_gain(omega).max():
             return np.inf, np.inf, float(vanish[least.argmin()])
-    system = _joined(Q, model, residual, (*faults, *disturbances))
+    system = _residual_system(Q, model, residual, (*faults, *disturbances))
     for _ in range(MOST_LEVELS):
         level = (1.0 + tolerance) * best
         # divided by level^2 the spectrum has a pencil with entries of one size
@@ -265,7 +267,7 @@ def _peak(
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
 
 
-def _joined(
+def _residual_system(
     Q: StateSpace, model: FaultModel, residual: int, names: Sequence[str]
 ) -> tuple[Array, ...]:
     """A, B, C, D from inputs of the model to one residual, without modes that cancel."""

@@ -35,16 +35,16 @@ def explained_part(record: Experiments, period: int | None) -> Experiments | Non
         return mean_period(record, period)
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
     model = impulse_model(Experiments(r, joint))
-    return None if model is None else _with(record, model.free_run(r, joint, model.order))
+    return None if model is None else _with_signals(record, model.free_run(r, joint, model.order))
 
 
 def mean_period(record: Experiments, period: int) -> Experiments:
     """The record with u and y replaced by their mean over whole periods, at the lines of r only."""
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
-    return _with(record, _mean_period(r, joint, period))
+    return _with_signals(record, _mean_period(r, joint, period))
 
 
-def _with(record: Experiments, signals: RealArray) -> Experiments:
+def _with_signals(record: Experiments, signals: RealArray) -> Experiments:
     """The record with other signals (N, nu + ny): inputs, then outputs."""
     nu = record.u.shape[1]
     return replace(record, u=signals[:, :nu], y=signals[:, nu:], starts=(0,))

@@ -62,14 +62,14 @@ def moves_of_lines(
     size = max(1, pairs // groups)
     moves = []
     for first in range(0, pairs - size + 1, size):
-        faded = _faded(record.part(first * period, (first + size + 1) * period), period)
+        faded = _faded_mean_period(record.part(first * period, (first + size + 1) * period), period)
         gradient = np.einsum("lqp,lq->p", weighted, input_and_error(faded)[1]).real
         moves.append(along @ (root.T @ gradient))
     overlap = np.sqrt(size / (size - 1 / 4))  # a squared fade has 3/8 of the power, not 1/2
     return np.array(moves) * overlap / (len(moves) - 1)
 
 
-def _faded(part: Experiments, period: int) -> Experiments:
+def _faded_mean_period(part: Experiments, period: int) -> Experiments:
     """The mean period of a part, with its last period faded into its first.
 
     So it is periodic without a jump: what u did before the part does not appear as an error of the

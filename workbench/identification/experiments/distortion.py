@@ -126,7 +126,7 @@ def line_distortion(
         if not np.any(silent % 2 == remainder):
             raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
     odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
-    parts = [_evaluated(one, transients, 2) for one in (periods[:, lines], odd, even)]
+    parts = [_without_transients(one, transients, 2) for one in (periods[:, lines], odd, even)]
     noises = [one.var(axis=0, ddof=1) / len(one) for one in parts[1:]]
     return distortion_of_lines([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
 
@@ -162,7 +162,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
             f"amplitudes have shape {every.shape}; (frequencies, periods, harmonics) is needed, "
             "with three harmonics or more"
         )
-    periods = _evaluated(np.moveaxis(every, 1, 0), transients, 3)
+    periods = _without_transients(np.moveaxis(every, 1, 0), transients, 3)
     lines = np.fft.fft(periods, axis=0) / len(periods)
     noise = np.mean(np.abs(lines[[1, -1]]) ** 2, axis=0)
     kinds = slice(2, None, 2), slice(1, None, 2)
@@ -171,7 +171,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
     return distortion_of_lines([one.ravel() for one in means], noises, 4)
 
 
-def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
+def _without_transients(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
     """The periods after the transients; raises `InputError` if there are too few."""
     kept = periods[transients:]
     if len(kept) < least:

@@ -81,7 +81,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
         parts = {name: column(table, name) for name in names}
     found, _ = picked(table, {frequency: hertz} | parts)
     frequencies = found[frequency].ravel()
-    values, formed = _formed(table, names, [found[name] for name in names])
+    values, formed = _response_of_parts(table, names, [found[name] for name in names])
     if values.size == len(frequencies):
         values = values.reshape(-1, 1, 1)
     if values.ndim != 3 or len(values) != len(frequencies):
@@ -122,7 +122,7 @@ def _kind(table: Columns, name: str) -> Kind:
     return next((role for role in ROLES if words[role].search(own[role])), "part")
 
 
-def _formed(
+def _response_of_parts(
     table: Columns, names: Sequence[str], parts: Sequence[np.ndarray]
 ) -> tuple[ComplexArray, str]:
     """A complex response from its two parts, with a sentence on how it was formed."""

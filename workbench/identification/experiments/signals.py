@@ -63,7 +63,7 @@ def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
         u, y = _of_dataset(u)
     tables = {"u": _table(u, "u"), "y": _table(y, "y")}
     arrays = {name: _numbers(table, name) for name, table in tables.items()}
-    turned = _turned(arrays, tables, samples)
+    turned = _with_samples_in_rows(arrays, tables, samples)
     if len(turned["u"]) != len(turned["y"]):
         raise InputError(
             f"u has {len(turned['u'])} samples and y {len(turned['y'])}; they must be equal"
@@ -171,7 +171,7 @@ def _numbers(table: _Table, name: str) -> RealArray:
     return values.astype(float)
 
 
-def _turned(
+def _with_samples_in_rows(
     arrays: dict[str, RealArray], tables: dict[str, _Table], samples: str | None
 ) -> dict[str, RealArray]:
     """Arrays with samples along the rows."""

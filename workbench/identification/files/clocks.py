@@ -70,7 +70,7 @@ def as_seconds(cells: Sequence[str]) -> tuple[RealArray, str] | int:
         days = _days(written, order)
         if days is not None:
             readings[order] = (days - days[0]) * DAY + (clock - clock[0])
-    return _only(readings, written[0])
+    return _only_possible_reading(readings, written[0])
 
 
 def _iso_dates(cells: Sequence[str]) -> RealArray | None:
@@ -122,7 +122,7 @@ def _days(written: Sequence[str], order: str) -> RealArray | None:
     return np.array([known[one] for one in written], dtype=float)
 
 
-def _only(readings: dict[str, RealArray], first: str) -> tuple[RealArray, str]:
+def _only_possible_reading(readings: dict[str, RealArray], first: str) -> tuple[RealArray, str]:
     """The only possible reading of dates; of several readings the one with even steps."""
     if not readings:
         raise InputError(f"{first!r} is no date that is known: write it as 2024-01-31")

@@ -31,13 +31,13 @@ def read_xlsx(path: Path) -> Columns:
         ) from None
     except Exception as error:  # openpyxl raises many kinds of errors for a broken file
         raise InputError(f"{path} cannot be read as an Excel workbook: {error}") from None
-    text = "\n".join("\t".join(map(_shown, row)) for row in sheet.itertuples(index=False))
+    text = "\n".join("\t".join(map(_cell_text, row)) for row in sheet.itertuples(index=False))
     found = columns_of_text(path, text)
     others = f", the first of {len(names)}" if len(names) > 1 else ""
     return replace(found, said=f"sheet {names[0]!r}{others}; {found.said}")
 
 
-def _shown(cell: Any) -> str:
+def _cell_text(cell: Any) -> str:
     """A cell as text: numbers with all digits, dates in ISO 8601."""
     shown = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
     return " ".join(shown.split())

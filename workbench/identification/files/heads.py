@@ -70,12 +70,12 @@ def read_head(
         )
     before = cells(head[-2]) if len(head) > 1 else []
     if _names_above_units(before[:used], last):
-        names = _own(before[:used])
+        names = _unique_names(before[:used])
         units = dict(zip(names, map(plain_unit, last), strict=True))
         return Head(names, units, f"names in line {head[-2] + 1}, units below")
     said = f"names in line {head[-1] + 1}"
     said += f"; without entries: {', '.join(more)}" if more else ""
-    return Head(_own([cell or plain[j] for j, cell in enumerate(last)]), {}, said)
+    return Head(_unique_names([cell or plain[j] for j, cell in enumerate(last)]), {}, said)
 
 
 def _names_above_units(names: Sequence[str], units: Sequence[str]) -> bool:
@@ -87,7 +87,7 @@ def _names_above_units(names: Sequence[str], units: Sequence[str]) -> bool:
     )
 
 
-def _own(names: Sequence[str]) -> list[str]:
+def _unique_names(names: Sequence[str]) -> list[str]:
     """Names; those shared by several columns get a number, such as ``y[0]`` and ``y[1]``."""
     seen: dict[str, int] = {}
     found = []

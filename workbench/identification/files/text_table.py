@@ -45,7 +45,7 @@ def read_columns(path: Path) -> Columns:
 def columns_of_text(path: Path, text: str) -> Columns:
     """The columns of a text; messages name ``path`` and are those of `read_columns`."""
     lines = text.splitlines()
-    kept = _kept(text, lines)
+    kept = _lines_with_content(text, lines)
     sample = kept if len(kept) <= 2 * SAMPLE else _sample(kept)
     layout, split = found_layout([lines[i] for i in sample])
     rows = [cells for cells in split if any(map(layout.is_number, cells))]
@@ -64,7 +64,7 @@ def columns_of_text(path: Path, text: str) -> Columns:
     used = width
     while used > 1 and not any(row[used - 1] for row in rows):
         used -= 1  # every line ends with separators
-    numeric = [_mostly(layout, [row[j] for row in rows]) for j in range(used)]
+    numeric = [_are_mostly_numbers(layout, [row[j] for row in rows]) for j in range(used)]
     if not any(numeric):
         raise InputError(f"{path} has no column whose cells are mostly numbers")
     start = _start(layout, lines, kept, numeric, (used, width))
@@ -91,7 +91,7 @@ def columns_of_text(path: Path, text: str) -> Columns:
     )
 
 
-def _kept(text: str, lines: Sequence[str]) -> Sequence[int]:
+def _lines_with_content(text: str, lines: Sequence[str]) -> Sequence[int]:
     """Numbers of the lines that are not blank, comments or rules."""
     kept: Sequence[int] = range(len(lines))
     if any(mark in text for mark in "#%") or "" in lines or any(map(str.isspace, lines)):
@@ -109,7 +109,7 @@ def _sample(kept: Sequence[int]) -> list[int]:
     return [kept[k] for k in half] + list(kept[-SAMPLE:])
 
 
-def _mostly(layout: Layout, cells: Sequence[str]) -> bool:
+def _are_mostly_numbers(layout: Layout, cells: Sequence[str]) -> bool:
     """Whether at least half of the cells that are not blank are numbers."""
     told = list(filter(layout.is_told, cells))
     return bool(told) and 2 * sum(map(layout.is_number, told)) >= len(told)

@@ -62,7 +62,9 @@ def model_deviations(
     estimates = _estimates(model, record, direct, known)
     criterion, theta = estimates.criterion, estimates.theta
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = estimates.deviations(lambda step: _moved(criterion, theta, step), poles)
+    pole_deviations = estimates.deviations(
+        lambda step: _modulus_slopes(criterion, theta, step), poles
+    )
     gains = static_gain(model)
     if np.isfinite(gains).all():
         gain_deviations = estimates.deviations(
@@ -101,7 +103,7 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    frequency = _checked(model, record, frequency)
+    frequency = _checked_frequencies(model, record, frequency)
     estimates = _estimates(model, record, direct, None)
     return estimates.deviations(
         lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
@@ -148,7 +150,9 @@ def _unit(response: Array) -> Array:
     return np.asarray(response / np.maximum(np.abs(response), np.finfo(float).tiny))
 
 
-def _checked(model: InnovationsModel, record: Experiments, frequency: ArrayLike) -> RealArray:
+def _checked_frequencies(
+    model: InnovationsModel, record: Experiments, frequency: ArrayLike
+) -> RealArray:
     """Frequencies (F,) as numbers; raises `InputError` for invalid ones, model or record."""
     need_kind(model, InnovationsModel, "model")
     need_kind(record, Experiments, "record")
@@ -206,7 +210,7 @@ def _estimates(
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
         along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    told, untold = _curved(along.T @ hessian @ along)
+    told, untold = _split_by_curvature(along.T @ hessian @ along)
     return _Estimates(criterion, theta, along @ told, along @ untold)
 
 
@@ -258,10 +262,10 @@ def static_gain(model: InnovationsModel) -> RealArray:
 
 def root_of_inverse(hessian: RealArray) -> RealArray:
     """Matrix R such that R R' is the inverse of a Hessian on the directions with curvature."""
-    return _curved(hessian)[0]
+    return _split_by_curvature(hessian)[0]
 
 
-def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
+def _split_by_curvature(hessian: RealArray) -> tuple[RealArray, RealArray]:
     """Root of a Hessian's inverse on directions with curvature, and directions without.
 
     The latter are scaled by the standard deviation of each parameter.
@@ -280,7 +284,7 @@ def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealA
     return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
 
 
-def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+def _modulus_slopes(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
     """Derivatives of the moduli of the poles along one standard deviation."""
     left, right = np.linalg.eig(criterion.model(theta).A)
     inverse = np.linalg.pinv(right)

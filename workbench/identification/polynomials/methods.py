@@ -128,7 +128,7 @@ def _structured_answer(program: StateSpaceFit, context: Context, kind: Polynomia
 
 def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
     """Fitting functions for ARX models of an order; ``apart`` as in `arx`."""
-    return _checked(
+    return _with_allowed_poles(
         program,
         lambda record, order: arx_model(
             record, order, direct=program.direct, delay=program.delays, apart=apart
@@ -138,7 +138,7 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
 
 def sparse_arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
     """Fitting functions for sparse ARX models with a longest lag; ``apart`` as in `arx`."""
-    return _checked(
+    return _with_allowed_poles(
         program,
         lambda record, lags: sparse_arx(
             record, lags, direct=program.direct, delay=program.delays, apart=apart
@@ -155,7 +155,7 @@ def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
             found[id(record)] = impulse_model(record, direct=program.direct, delay=program.delays)
         return found[id(record)]
 
-    return _checked(program, fit)
+    return _with_allowed_poles(program, fit)
 
 
 def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
@@ -176,7 +176,7 @@ def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
     return lambda _: fit
 
 
-def _checked(
+def _with_allowed_poles(
     program: StateSpaceFit, fit: Callable[[Experiments, int], InnovationsModel | None]
 ) -> FitterOfOrder:
     """Fitting functions that drop models with poles where the program forbids them."""

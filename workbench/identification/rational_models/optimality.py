@@ -50,7 +50,7 @@ def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
     if not (np.isfinite(rows).all() and np.isfinite(residual).all()):
         return float("nan")
     rows = rows[:, size > 0] / size[size > 0]
-    held = _held(structure, model, poles, residual, rows, size > 0, size)
+    held = _forbidden_motions(structure, model, poles, residual, rows, size > 0, size)
     if held.size:
         rows = rows @ null_space(held)
     u, s, _ = np.linalg.svd(rows, full_matrices=False)
@@ -100,7 +100,7 @@ def _newton(x: ComplexArray, poles: ComplexArray) -> ComplexArray:
     return found
 
 
-def _held(
+def _forbidden_motions(
     structure: ModelStructure,
     model: CommonPoleModel,
     at: slice,
@@ -167,11 +167,11 @@ def fall_nearby(
     for distance in DISTANCES:
         for _ in range(tries(NEIGHBOURS)):
             way = _drawn_way(model, structure, rng)
-            probe = residual(_along(model, structure, way, PROBE))
+            probe = residual(_changed_model(model, structure, way, PROBE))
             speed = float(np.linalg.norm(probe - here)) / PROBE
             if not np.isfinite(speed) or speed == 0:
                 continue
-            near = residual(_along(model, structure, way, distance / speed))
+            near = residual(_changed_model(model, structure, way, distance / speed))
             best = min(best, float(np.sum(np.abs(near) ** 2)))
     return float(np.sqrt(max(cost - best, 0.0)))
 
@@ -193,19 +193,19 @@ def _drawn_way(
     }
 
 
-def _along(
+def _changed_model(
     model: CommonPoleModel, structure: ModelStructure, way: dict[str, Any], share: float
 ) -> CommonPoleModel:
     """The model after a fraction of a random change, kept within its bounds."""
     unit = structure.unit
-    poles = _moved(model.poles, way["poles"], share)
+    poles = _moved_roots(model.poles, way["poles"], share)
     poles = structure.allowed(poles / unit) * unit
     entries = []
     for i, row in enumerate(model.entries):
         entries.append(
             [
                 Rational(
-                    _moved(each.zeros, way["zeros"][i][j], share),
+                    _moved_roots(each.zeros, way["zeros"][i][j], share),
                     poles,
                     each.gain * (1.0 + share * way["gains"][i, j]),
                 )
@@ -218,7 +218,7 @@ def _along(
     return CommonPoleModel(entries, structure.delay + extra, model.sample_time)
 
 
-def _moved(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:
+def _moved_roots(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:
     """Roots, moved relative to their sizes; pairs stay pairs, real roots stay real."""
     upper = roots.imag > 0
     real = roots.imag == 0

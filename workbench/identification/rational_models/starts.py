@@ -36,10 +36,10 @@ def first_points(
     """
     found = []
     for delay in _delays(structure, order):
-        spread = _spread(structure, order)
+        spread = _poles_over_the_band(structure, order)
         found += [by_regressions(structure, spread, delay, mirror) for mirror in (True, False)]
         if order:
-            larger = _spread(structure, order + EXTRA_POLES)
+            larger = _poles_over_the_band(structure, order + EXTRA_POLES)
             if structure.unknowns(order + EXTRA_POLES) < structure.data.count:
                 wide = by_regressions(structure, larger, delay, True)
                 kept = FitPoint(structure, _foremost(wide, order), delay)
@@ -74,7 +74,7 @@ def by_regressions(
     return best
 
 
-def _spread(structure: ModelStructure, order: int) -> ComplexArray:
+def _poles_over_the_band(structure: ModelStructure, order: int) -> ComplexArray:
     """Lightly damped pairs over the band; for sampled models on a linear scale of frequency."""
     omega = structure.data.omega
     if structure.sample_time is None:
@@ -92,7 +92,7 @@ def _delays(structure: ModelStructure, order: int) -> list[float]:
     low, high = structure.delay_bounds
     step = DELAY_PHASE / float(structure.data.omega[-1])
     grid = np.linspace(low, high, int(np.clip(np.ceil((high - low) / step), 2, MOST_DELAYS)) + 1)
-    spread = _spread(structure, order)
+    spread = _poles_over_the_band(structure, order)
     costs = [by_regressions(structure, spread, float(each), True).cost for each in grid]
     return [float(grid[k]) for k in np.argsort(costs)[:BEST_DELAYS]]
 

@@ -49,7 +49,7 @@ def gauss_newton_minimum(point: FitPoint) -> FitPoint:
         for _ in range(DAMPING_TRIALS):
             step = Vt.T @ (s / (s**2 + damping * s[0] ** 2) * along)
             with np.errstate(all="ignore"):  # a step that overflows is refused
-                trial = _tried(point, -free @ (step / size))
+                trial = _moved_if_finite(point, -free @ (step / size))
             if trial is not None and trial.cost < point.cost:
                 after, damping = trial, max(damping / 30, MIN_DAMPING)
                 break
@@ -60,7 +60,7 @@ def gauss_newton_minimum(point: FitPoint) -> FitPoint:
     return point
 
 
-def _tried(point: FitPoint, change: RealArray) -> FitPoint | None:
+def _moved_if_finite(point: FitPoint, change: RealArray) -> FitPoint | None:
     """The moved point; None if its numbers are not finite."""
     try:
         return point.moved(change)
@@ -135,4 +135,4 @@ def linear_step(point: FitPoint, instruments: RealArray, share: float = 1.0) -> 
     if not np.isfinite(change).all():
         return None
     padded = np.append(share * change, np.zeros(int(point.structure.free_delay)))
-    return _tried(point, padded)
+    return _moved_if_finite(point, padded)

@@ -66,7 +66,7 @@ def clipping(record: RecordData) -> Tested:
         for end, sign in (("largest", 1.0), ("least", -1.0)):
             signal = sign * clean.y[:, i]
             share = held_share(signal)
-            if share and _beyond(clean, signal, i):
+            if share and _would_exceed(clean, signal, i):
                 value = sign * float(np.nanmax(signal))
                 found.append(
                     Finding(
@@ -84,7 +84,7 @@ def clipping(record: RecordData) -> Tested:
     return Tested("outputs stay inside their range", told, findings=tuple(found))
 
 
-def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
+def _would_exceed(record: RecordData, signal: RealArray, output: int) -> bool:
     """Whether an output (N,) would exceed its largest value when it arrives there.
 
     Shorter regressions are used if longer ones have too few rows inside the range.
@@ -98,7 +98,7 @@ def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
     # number of samples since the last arrival
     since = at - np.maximum.accumulate(np.where(outside, at, -1))
     arrivals = _arrivals(signal == top)
-    noisy = _never_repeats(signal, outside) and np.sum(signal == top) >= FEWEST_REPEATS
+    noisy = _is_not_rounded(signal, outside) and np.sum(signal == top) >= FEWEST_REPEATS
     for past in PASTS:
         begin = np.zeros(len(signal), dtype=bool)
         for piece in record.pieces():
@@ -122,7 +122,7 @@ def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
     return False
 
 
-def _never_repeats(signal: RealArray, outside: BoolArray) -> bool:
+def _is_not_rounded(signal: RealArray, outside: BoolArray) -> bool:
     """Whether the values of a signal (N,) inside its range are noisy, and not rounded.
 
     Then a largest value that repeats exactly is an end of the range.

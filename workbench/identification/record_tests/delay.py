@@ -93,13 +93,13 @@ def delays(record: RecordData) -> tuple[Delay, ...]:
         while response is not None:
             for j in range(u.shape[1]):
                 if found[j, i].least is None:
-                    found[j, i] = _waited(response, found[j, i])
+                    found[j, i] = _delay_in_response(response, found[j, i])
             size *= COARSER
             response = impulse(u, y, size) if len(u) >= FEWEST_BLOCKS * size else None
     return tuple(found[pair] for pair in sorted(found))
 
 
-def _waited(response: Impulse, known: Delay) -> Delay:
+def _delay_in_response(response: Impulse, known: Delay) -> Delay:
     """A delay, if an impulse response shows one within its lags."""
     lags, size = response.response.shape[1], response.block
     own = slice(known.input * lags, (known.input + 1) * lags)

@@ -64,14 +64,14 @@ def instants(record: RecordData) -> Tested:
         usual, digit = float(np.median(steps)), _last_digit(np.diff(times))
         turns = np.round(steps / usual)
         lost = (turns > 1) & (np.abs(steps - turns * usual) < WHOLE * usual)
-        away = _from_even(times, number)
+        away = _distance_from_even(times, number)
         if np.abs(away).max() < ROUNDED * digit and not 0 < lost.sum() < FEWEST_ROUNDED:
             rounded = f"; they are rounded to {digit:.3g} s: give the sample rate"
         elif lost.any():
             missing += int((turns[lost] - 1).sum())
             places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]
             number = np.concatenate([[0], np.cumsum(np.where(lost, turns, 1))])
-            away = _from_even(times, number)
+            away = _distance_from_even(times, number)
         far = float(np.abs(away).max()) / usual
         if far > UNEVEN and not rounded:
             places.append(piece.start + int(np.argmax(np.abs(away))))
@@ -105,7 +105,7 @@ def instants(record: RecordData) -> Tested:
     return Tested(assumption, told, findings=tuple(found))
 
 
-def _from_even(times: RealArray, number: Array) -> RealArray:
+def _distance_from_even(times: RealArray, number: Array) -> RealArray:
     """Distance of instants (N,) from the best-fitting even instants with these numbers."""
     line = np.polynomial.polynomial.polyfit(number, times, 1)
     return np.asarray(times - np.polynomial.polynomial.polyval(number, line))

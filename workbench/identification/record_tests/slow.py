@@ -93,7 +93,7 @@ def slow_parts(record: RecordData) -> tuple[Slow | None, ...]:
     for i, y in enumerate(clean.y[longest].T):
         waits = [one.least or 0 for one in delays(record) if one.output == i]
         u = np.column_stack(
-            [_late(column, wait) for wait, column in zip(waits, clean.u[longest].T, strict=True)]
+            [_delayed(column, wait) for wait, column in zip(waits, clean.u[longest].T, strict=True)]
         )
         response = first_impulses(record)[0][i]
         soon = explained(record)[longest, i]
@@ -123,7 +123,7 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
     trends = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(y)), DEGREES)[:, 1:]
     fast = np.column_stack(
         [np.ones(len(y)), soon / (float(np.abs(soon).max()) or 1.0)]
-        + [_late(column, k)[first:] for column in u.T for k in range(TAPS)]
+        + [_delayed(column, k)[first:] for column in u.T for k in range(TAPS)]
         + [answered_lines(u, constant)[first:] for constant in FAST]
         + [np.exp(-time / constant) for constant in FAST]
     )
@@ -159,7 +159,7 @@ def moves(u: RealArray) -> RealArray:
     return np.asarray(squares.sum(axis=0) ** 2 / np.maximum((squares**2).sum(axis=0), 1e-300))
 
 
-def _late(column: RealArray, wait: int) -> RealArray:
+def _delayed(column: RealArray, wait: int) -> RealArray:
     """A signal (N,) delayed by ``wait`` samples; it starts with its first value."""
     return np.concatenate([np.full(wait, column[0]), column[: len(column) - wait]])
 

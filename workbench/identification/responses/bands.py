@@ -99,7 +99,7 @@ def fitted_bands(
         last, slopes, left = fit.solved(last)
         free = width - unknowns(nu, degree, poles)
         variance = _variance(slopes, left, nu, free)
-        variance[_dark(fit.above, degree, U)] = np.inf
+        variance[_unexcited_bands(fit.above, degree, U)] = np.inf
         share = once / width
         found.append(
             BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
@@ -107,7 +107,7 @@ def fitted_bands(
     return found
 
 
-def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
+def _unexcited_bands(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
     """Mask (F,) of bands in which an input excites too few lines for numerators of this degree."""
     size = np.linalg.norm(above, axis=1).reshape(len(above), degree + 1, -1)
     few = (size <= UNEXCITED * size[:, :1]).any(axis=(1, 2))

@@ -174,14 +174,14 @@ class DrivenParts:
         whole = apart[:, -1] > np.finfo(float).eps * apart[:, 0]
         inverse: Any = np.linalg.inv(np.where(whole[:, None, None], U, np.eye(self.inputs)))
         noise: Any = self.noise[:, -self.inputs :, -self.inputs :]
-        own = noise @ _after(self.spread, inverse)
+        own = noise @ _inverse_covariance(self.spread, inverse)
         largest = np.abs(np.linalg.eigvals(own)).max(axis=1)
         with np.errstate(divide="ignore"):
             power = np.where(whole, 1.0 / largest, 0.0)
         return seen(power, self.degrees)
 
 
-def _after(spread: ComplexArray, inverse: ComplexArray) -> ComplexArray:
+def _inverse_covariance(spread: ComplexArray, inverse: ComplexArray) -> ComplexArray:
     """Covariance S of rows multiplied by an inverse, from that of the rows: E[conj(e_i) e_j]."""
     found: ComplexArray = inverse.conj().swapaxes(1, 2) @ spread.conj() @ inverse
     return found
@@ -199,7 +199,7 @@ def rows_after(parts: DrivenParts, chosen: BoolArray) -> tuple[ComplexArray, ...
     inverse: Any = np.linalg.inv(both[:, outputs:])
     ways = np.array([[o, *range(outputs, outputs + n)] for o in range(outputs)])
     joint = noise[:, ways[:, :, None], ways[:, None, :]]
-    return both[:, :outputs] @ inverse, joint, _after(parts.spread[chosen], inverse)
+    return both[:, :outputs] @ inverse, joint, _inverse_covariance(parts.spread[chosen], inverse)
 
 
 def parts_of_bands(
@@ -219,7 +219,7 @@ def parts_of_bands(
             polynomials_in_bands(one.r[-length:, :, 0], both, degree, lines, at=at)
             for degree in (DEGREE, FINER)
         )
-        spread, more = (_spread(fit.covariance, fit.noise) for fit in (local, finer))
+        spread, more = (_covariance_factor(fit.covariance, fit.noise) for fit in (local, finer))
         noise = local.noise + _bias(finer.response - local.response, local.noise, spread, more)
         found.append(
             DrivenParts(local.frequency * rate, local.response, noise, spread, 2.0 * SPARE_LINES)
@@ -252,7 +252,7 @@ def parts_of_periods(
         columns = one.r.shape[1]
         parts = local.covariance.reshape(-1, both.shape[1], columns, both.shape[1], columns)
         noise = np.einsum("faibi->fab", parts)
-        spread = _spread(local.covariance, noise)
+        spread = _covariance_factor(local.covariance, noise)
         found.append(DrivenParts(local.frequency, local.response, noise, spread, local.degrees))
     thin = f", {at.size} taken" if at.size < lines.size else ""
     said = f"an excitation of period {samples} samples; {lines.size} excited lines{thin}"
@@ -286,7 +286,7 @@ def _bias(
     return found
 
 
-def _spread(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
+def _covariance_factor(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
     """The factor (F, i, j) of a covariance (F, a i, b j).
 
     The other factor is the noise (F, a, b).

@@ -188,11 +188,11 @@ def _candidates(
     found: list[BandFits] = []
     for width in [width for width in widths if width <= last] or [last]:
         models = [one for one in MODELS if unknowns(nu, *one) + SPARE_LINES <= width]
-        found += _not_rejected(fitted_bands(U, y, samples, places, width, models))
+        found += _reject_smaller_fits(fitted_bands(U, y, samples, places, width, models))
     return found
 
 
-def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
+def _reject_smaller_fits(nested: list[BandFits]) -> list[BandFits]:
     """Nested fits of one band; rejected ones get infinite variance.
 
     A fit is rejected if its residuals favour a larger one. A larger fit whose coefficients are
@@ -223,7 +223,7 @@ def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
 
 def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
     """Average (F, nu) of fits, and its variance; infinite if no fit has information."""
-    variance = np.array([_as_of_one_size(one) for one in bands])
+    variance = np.array([_variance_of_same_radius(one) for one in bands])
     told = np.isfinite(variance)
     response: ComplexArray = np.where(told, [one.response for one in bands], 0j)
     known = told.any(axis=0)
@@ -238,7 +238,7 @@ def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
     return mean * np.sqrt(scale), np.where(known, total * scale, np.inf)
 
 
-def _as_of_one_size(band: BandFits) -> RealArray:
+def _variance_of_same_radius(band: BandFits) -> RealArray:
     """Variances (F, nu) with the same 95 % radius at the degrees of freedom of an average."""
     factor = stats.f.ppf(0.95, 2, 2 * band.free) / stats.f.ppf(0.95, 2, DEGREES)
     factor *= 1.0 + (MIRRORED - 1.0) * band.mirrored

@@ -56,7 +56,7 @@ def ratio_reach(
 
 def row_variance(row: ComplexArray, joint: ComplexArray, spread: ComplexArray) -> RealArray:
     """E|error|^2 (..., n) of rows y U^-1, to first order; arguments as for `row_reach`."""
-    ways = _ways(row)
+    ways = _noise_factors(row)
     own = np.einsum("...a,...ab,...b->...", ways, joint, ways.conj()).real
     found: RealArray = np.maximum(own, 0.0)[..., None] * np.einsum("...ii->...i", spread).real
     return found
@@ -89,7 +89,7 @@ def row_reach(
     """
     n = row.shape[-1]
     quantile = np.asarray(n * stats.f.ppf(confidence, 2 * n, degrees))
-    ways, inner = _ways(row), np.linalg.inv(spread)
+    ways, inner = _noise_factors(row), np.linalg.inv(spread)
     product = np.einsum("...ab,...b->...a", joint, ways.conj())
     variance = np.einsum("...a,...a->...", ways, product).real
     lean = product[..., 1:]
@@ -103,7 +103,7 @@ def row_reach(
     return np.where(ends[..., None], np.abs(shift) + size, np.inf)
 
 
-def _ways(row: ComplexArray) -> ComplexArray:
+def _noise_factors(row: ComplexArray) -> ComplexArray:
     """(1, -G), the factors with which noise enters y - G U."""
     return np.concatenate([np.ones_like(row[..., :1]), -row], axis=-1)
 

@@ -114,7 +114,7 @@ class PhysicalModel:
 
         def errors(theta: RealArray) -> RealArray:
             values = dict(zip(names, theta * scale, strict=True))
-            model = _still(self.sampled(values, record.sample_time), record, delay)
+            model = _without_gain(self.sampled(values, record.sample_time), record, delay)
             with np.errstate(all="ignore"):
                 found = _simulation_errors(model, record)
                 found = (found - np.nanmean(found, axis=0)) / spread
@@ -141,7 +141,7 @@ class PhysicalModel:
         radius.
         """
         values = self.estimated(record, delay)
-        model = _still(self.sampled(values, record.sample_time), record, delay)
+        model = _without_gain(self.sampled(values, record.sample_time), record, delay)
         outside = model.radius > largest_radius * (1 + 1e-12)
         if outside or (model.D.any() and not direct):
             return None
@@ -153,7 +153,7 @@ class PhysicalModel:
         return allowed(replace(model, y_offset=level), record, direct, largest_radius)
 
 
-def _still(
+def _without_gain(
     matrices: tuple[RealArray, ...], record: Experiments, delay: tuple[int, ...]
 ) -> InnovationsModel:
     """An innovations model without a gain, with the record's means as offsets."""

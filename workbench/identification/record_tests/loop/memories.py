@@ -64,7 +64,7 @@ class Memory:
 
 def memory(record: RecordData) -> Memory | None:
     """The memory of a record; None if it is too short."""
-    pieces = [p for p in stretches(record) if _tells(record.y[p])]
+    pieces = [p for p in stretches(record) if _is_long_enough(record.y[p])]
     total = sum(piece.stop - piece.start for piece in pieces)
     if total < FEWEST_SAMPLES:
         return None
@@ -86,16 +86,18 @@ def memory(record: RecordData) -> Memory | None:
         return None
     noise = np.repeat(1 / np.diff(lags), u.shape[1]) * np.tile(u.var(axis=0), len(lags) - 1)
     at_once = [u] if record.direct else []
-    new = _unpredicted(y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1)))
+    new = _regression_residual(
+        y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1))
+    )
     return Memory(u, past_u, noise, past_y, new, int(record.direct), longest)
 
 
-def _tells(y: RealArray) -> bool:
+def _is_long_enough(y: RealArray) -> bool:
     """Whether the outputs of a piece are long enough, with at least one sample of each."""
     return 4 * len(y) >= FEWEST_SAMPLES and not np.isnan(y).all(axis=0).any()
 
 
-def _unpredicted(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:
+def _regression_residual(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:
     """Residual of y (N, ny) in a regression on the known signals, on the available rows."""
     scale = np.sqrt(np.mean(told**2, axis=0)) + np.finfo(float).tiny
     columns = told[there] / scale
