@@ -163,8 +163,8 @@ def certified_answer(answer: Any, certificate: Certificate | None, message: str)
         )
     if not certificate.valid:
         raise InputError(
-            f"the answer's certificate does not hold ({'; '.join(certificate.failures)}); whoever "
-            "wants it nevertheless takes `.answer`"
+            f"the answer's certificate does not hold ({'; '.join(certificate.failures)}); to "
+            "use it nevertheless, take `.answer`"
         )
     return answer
 

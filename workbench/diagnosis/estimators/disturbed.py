@@ -23,9 +23,9 @@ class DisturbedPlant:
 
     plant     discrete and strictly proper; inputs: the known u and the disturbance; outputs: the
               measured y, then the other outputs to be estimated;
-    rotation  the disturbance: the sum of the first states of the oscillators; colour    discrete,
-    driven by white noise of variance 1, its output added to y; or None; beside    discrete and
-    stable, driven by u alone, for motions that u causes but do not show in
+    rotation  the disturbance: the sum of the first states of the oscillators;
+    colour    discrete, driven by white noise of variance 1, its output added to y; or None;
+    beside    discrete and stable, driven by u alone, for motions that u causes but do not show in
               y; its outputs are estimated too; or None.
 
     The state is (plant, oscillators, colour, beside). Raises InputError if something does not

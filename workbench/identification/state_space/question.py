@@ -182,7 +182,7 @@ class RecordedQuestion:
 
         Of all, if those give fewer folds.
 
-        Differences that so many samples do not show do not matter.
+        Differences between candidates that this many samples do not show are too small to matter.
         """
         whole = validation_folds(self.used)
         if len(self.used) <= samples:
