@@ -14,7 +14,9 @@ from workbench.on_demand import on_demand
 __version__ = "0.2.0"
 
 IMPORT_TIME = time.time_ns()
-"""When this process imported the workbench [ns since the epoch], before any plant's module."""
+"""Time at which this process imported the workbench [ns since the epoch], before any plant's
+module.
+"""
 
 if TYPE_CHECKING:
     from workbench import certificate as certificate

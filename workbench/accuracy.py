@@ -1,4 +1,4 @@
-"""Which accuracies make a difference to a method; the others ask for the same computation."""
+"""Range of tolerances to which a method responds; it serves any other as the nearest of them."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ DEFAULT_TOLERANCE = ACCURACY["middle"]
 
 @dataclass(frozen=True)
 class AccuracyRange:
-    """The tolerances that make a difference to a method: those from ``finest`` to ``coarsest``.
+    """Range of tolerances, from ``finest`` to ``coarsest``, that change what a method computes.
 
-    A finer tolerance is served as the finest one, a coarser tolerance as the coarsest one.
+    A finer tolerance is treated as ``finest``, a coarser one as ``coarsest``.
     """
 
     finest: float = 0.0
     coarsest: float = 1.0
 
     def served(self, tolerance: float) -> float:
-        """The tolerance that stands for all those which a method serves alike with this one.
+        """The tolerance that the method uses when this one is asked for.
 
-        It is the default tolerance wherever that is served alike.
+        If the default tolerance leads to the same computation, the default tolerance is returned.
         """
         nearest = self._nearest(tolerance)
         return DEFAULT_TOLERANCE if nearest == self._nearest(DEFAULT_TOLERANCE) else nearest
 
     def joined(self, finest: float) -> AccuracyRange:
-        """The range without tolerances finer than this one."""
+        """This range, cut off so that it holds no tolerance finer than the one given."""
         return AccuracyRange(max(self.finest, finest), max(self.coarsest, finest))
 
     @property
     def none(self) -> bool:
-        """No tolerance makes a difference."""
+        """Whether the method ignores the tolerance."""
         return self.finest >= self.coarsest
 
     @property
     def words(self) -> str:
-        """What a user should know of the range; empty where every tolerance makes a difference."""
+        """A phrase that tells the user the limits of the range; empty if it has none."""
         if self.none:
             return "the same at every accuracy"
         limits = [
@@ -57,6 +57,6 @@ class AccuracyRange:
 
 
 EVERY_ACCURACY = AccuracyRange()
-"""Of a method to which every tolerance makes a difference."""
+"""Range of a method for which every tolerance makes a difference."""
 ANY_ACCURACY_ALIKE = AccuracyRange(DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)
-"""Of a method that computes the same whatever tolerance is asked for."""
+"""Range of a method that computes the same for every tolerance."""

@@ -1,9 +1,9 @@
 """Addresses of numbers in arrays, for compiled functions.
 
-An array is seven numbers to hand over, and its entries are counted from its end where their place
-is negative; both cost more than the arithmetic of small functions, and most of their compilation.
-An address is one number, and its entries ``a[i]`` are read and written as they are. The arrays must
-outlive it, and nothing looks for places outside of them.
+Numba hands an array over as seven numbers, and checks for each index whether it is negative and
+counts from the end. For small functions both cost more than the arithmetic, and they take most of
+the compilation. An address is one number; its entries ``a[i]`` are read and written without such
+checks. The array must outlive its address, and an index beyond the array is not noticed.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numba.core.extending import intrinsic
 from numba.np.arrayobj import make_array as _make_array
 from numba.np.arrayobj import populate_array as _populate_array
 
-cgutils: Any = _cgutils  # these have no annotations
+cgutils: Any = _cgutils  # Numba's extension functions have no annotations.
 types: Any = _types
 make_array: Any = _make_array
 populate_array: Any = _populate_array
 
 
 def start_of(context: Any, builder: Any, kind: Any, array: Any) -> Any:
-    """Address of the first entry of an array, or the address that is given."""
+    """Address of the first entry of an array; an address is returned as it is."""
     if isinstance(kind, types.CPointer):
         return array
     return make_array(kind)(context, builder, array).data
@@ -40,11 +40,11 @@ def _address(typing: Any, array: Any, place: Any) -> Any:
 
 
 address: Any = intrinsic(_address)
-"""Address of an entry of a contiguous array, by its place in all of it."""
+"""Address of an entry of a contiguous array, given the entry's index in the flattened array."""
 
 
 def addresses(kind: Any) -> Any:
-    """Intrinsic for a named tuple of addresses in an array, given where each field starts there."""
+    """Intrinsic that makes a named tuple of addresses in an array from each field's start index."""
     count = len(kind._fields)
 
     def found(typing: Any, array: Any, starts: Any) -> Any:
@@ -62,7 +62,7 @@ def addresses(kind: Any) -> Any:
 
 
 def _vector_at(dtype: Any) -> Any:
-    """Intrinsic for the array of a type at an address, with so many entries."""
+    """Intrinsic that views ``count`` entries of the type at an address as an array."""
     kind = types.Array(dtype, 1, "C")
 
     def found(typing: Any, address: Any, count: Any) -> Any:
@@ -80,6 +80,6 @@ def _vector_at(dtype: Any) -> Any:
 
 
 numbers_at: Any = _vector_at(types.float64)
-"""The float array at an address, with so many entries; its owner must outlive it."""
+"""View ``count`` floats at an address as an array; the owner of the memory must outlive it."""
 places_at: Any = _vector_at(types.int64)
-"""The same of integers."""
+"""View ``count`` integers at an address as an array, as `numbers_at` does for floats."""

@@ -23,17 +23,19 @@ from workbench.program import Program
 from workbench.solvers import Options, Outcome
 
 REPEATED_ROUNDING = 1e-9
-"""Share by which a bound may be better than the one computed again, on another processor."""
+"""Relative amount by which a claimed bound may be better than the recomputed one, since processors
+round differently.
+"""
 _carried: ContextVar[bool] = ContextVar("_carried", default=False)
-"""Whether an answer that holds others is on its way to another process."""
+"""Whether an answer that contains other answers is being sent to another process."""
 
 
 class Answer:
-    """What a method or a function answers, with what checks it.
+    """The result of a method or a function, with the checker that certifies it.
 
-    The certificate is made when it is asked for first, by `certificate` or `holds`: until then an
-    answer costs what its computation costs. An answer that was made by hand, or changed by
-    `dataclasses.replace`, has none.
+    `certificate` and `holds` make the certificate when they are first used; an answer whose
+    certificate nobody asks for costs only its computation. An answer that was made by hand, or
+    changed by `dataclasses.replace`, has no certificate.
 
     Examples
     --------
@@ -44,7 +46,7 @@ class Answer:
     """
 
     _checked_by: tuple[Checker, float, bool] | None = None
-    """Who checks it, to which tolerance, and whether it is claimed to be the best answer."""
+    """Its checker, the tolerance of the gap, and whether the answer is claimed to be optimal."""
 
     def checked_by(
         self,
@@ -54,18 +56,18 @@ class Answer:
         optimal: bool = False,
         certificate: Certificate | None = None,
     ) -> Self:
-        """This answer, which remembers who certifies it.
+        """This answer, with its checker attached.
 
         Parameters
         ----------
         checker
-            What `Checker.certify` is asked of.
+            Certifies the answer, by `Checker.certify`.
         gap_tolerance
-            Relative optimality gap of its certificate.
+            Relative optimality gap that the certificate allows.
         optimal
             Whether this answer is claimed to be the best one.
         certificate
-            The one that is made already.
+            Its certificate, if that has been made already.
         """
         vars(self)["_checked_by"] = checker, gap_tolerance, optimal
         vars(self).pop("certificate", None)
@@ -75,7 +77,10 @@ class Answer:
 
     @cached_property
     def certificate(self) -> Certificate | None:
-        """What was checked, by how much it holds and over what; None where nobody can check it."""
+        """What was checked, by how much it holds, and for what.
+
+        None if the answer has no checker.
+        """
         if self._checked_by is None:
             return None
         checker, tolerance, optimal = self._checked_by
@@ -83,16 +88,16 @@ class Answer:
 
     @property
     def holds(self) -> bool:
-        """Whether there is a certificate and it holds; makes it where nobody asked before."""
+        """Whether there is a certificate and it holds. The first use makes the certificate."""
         return self.certificate is not None and self.certificate.holds
 
     def plot(self, *, name: str | None = None) -> Figure:
-        """A figure of the answer; None: the one that people look at. A notebook shows it.
+        """A figure of the answer, by name; None: the main one. A notebook shows it.
 
         Raises
         ------
         InputError, UnknownNameError
-            There is no figure; there is none of this name.
+            The answer has no figure, or none of this name.
         """
         drawn = self._checked_by[0].figures(self) if self._checked_by else {}
         if not drawn:
@@ -103,9 +108,11 @@ class Answer:
         return drawn[name]
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """How it goes to another process: whole, as systems and checkers go by cloudpickle alone.
+        """Prepare the whole answer for another process.
 
-        Answers that it holds, or its checker, go with it, each once.
+        Cloudpickle serialises systems and checkers.
+
+        Each answer that is contained in it, or in its checker, is sent once.
         """
         if _carried.get():
             return super().__reduce_ex__(protocol)
@@ -121,7 +128,7 @@ class Answer:
         return f"{self.said()}\n  {self._proof()}"
 
     def said(self) -> str:
-        """The numbers, in one line or a few."""
+        """The numbers of the answer as text, in one line or a few."""
         if hasattr(self, "lower"):
             numbers = f"from {_shown(self.lower)} to {_shown(self.upper)}"  # type: ignore[attr-defined]
         else:
@@ -129,7 +136,7 @@ class Answer:
         return f"{type(self).__name__}: {numbers}"
 
     def _proof(self) -> str:
-        """What the numbers quantify over, and how the certificate stands."""
+        """Text that says what the numbers quantify over, and whether the certificate holds."""
         if self._checked_by is None:
             return "no certificate: made by hand, or changed"
         over = self._checked_by[0].quantifier
@@ -148,19 +155,19 @@ class ProgramAnswer(Answer):
 
     @property
     def value(self) -> float:
-        """That metric; NaN where nobody is known who checks it, or it has no such metric."""
+        """That metric; NaN if the answer has no checker or no such metric."""
         return self._checked_by[0].headline_value(self) if self._checked_by else math.nan
 
 
 class PartsChecker(Checker):
-    """Certifies an answer that consists of answers, each with a certificate of its own."""
+    """Certifies an answer that consists of other answers, each with its own certificate."""
 
     @abstractmethod
     def parts(self, answer: Any) -> Mapping[str, Answer | None]:
-        """The answers by name; None for one that is not there, of which nothing is claimed."""
+        """The contained answers by name; None for a missing one, about which nothing is claimed."""
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
-        """Checks of the answer beside those of its parts."""
+        """Checks of the answer itself, in addition to those of its parts."""
         return ()
 
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
@@ -189,12 +196,12 @@ class PartsChecker(Checker):
 
 
 def stored_numbers(name: str, answer: Any, *fields: str) -> dict[str, Any]:
-    """Numbers of an answer as variables of a dataset; `restored_numbers` reads them back."""
+    """Numbers of an answer as dataset variables; `restored_numbers` reads them back."""
     return {f"{name}_{field}": ((), getattr(answer, field)) for field in fields}
 
 
 def restored_numbers(name: str, data: Dataset, *fields: str) -> dict[str, float] | None:
-    """The numbers by field; None where the dataset has none of this name."""
+    """The numbers by field; None if the dataset has none under this name."""
     if f"{name}_{fields[0]}" not in data:
         return None
     return {field: float(data[f"{name}_{field}"]) for field in fields}
@@ -202,12 +209,12 @@ def restored_numbers(name: str, data: Dataset, *fields: str) -> dict[str, float]
 
 @dataclass(frozen=True, eq=False)
 class RepeatedChecker(Checker):
-    """Checks bounds by computing them again from the data alone: nothing shorter proves them."""
+    """Checks bounds by recomputing them from the data alone, for bounds without a shorter proof."""
 
     again: Callable[[], Any]
-    """Gives an answer with the same numbers."""
+    """Recomputes the answer."""
     over: str
-    """What they quantify over."""
+    """What its numbers quantify over."""
 
     @property
     def quantifier(self) -> str:
@@ -243,8 +250,9 @@ class RepeatedChecker(Checker):
 def no_better(answer: Any, lower: Any, upper: Any, statement: str, limit: float) -> list[Check]:
     """Checks that the bounds of an answer are no better than bounds that are proven.
 
-    ``lower`` and ``upper`` are the proven ones, numbers or arrays; a check's value is the share by
-    which a claimed one is better, and ``statement`` says so.
+    ``lower`` and ``upper`` are the proven bounds, numbers or arrays. The value of a check is the
+    relative amount by which the claimed bound is better than the proven one; ``statement``
+    describes it.
     """
     return [
         Check("lower", statement, _largest(answer.lower, lower), limit),
@@ -253,18 +261,18 @@ def no_better(answer: Any, lower: Any, upper: Any, statement: str, limit: float)
 
 
 def _largest(values: Any, claimed: Any) -> float:
-    """The largest `excess` of numbers or arrays."""
+    """The largest `excess` of the values over the claimed ones, entry by entry."""
     pairs = np.broadcast(np.asarray(values, dtype=float), np.asarray(claimed, dtype=float))
     return max((excess(float(one), float(other)) for one, other in pairs), default=0.0)
 
 
 def _plain(values: Any) -> Any:
-    """A number where there is one, else the array."""
+    """A float for an array without dimensions, otherwise the array."""
     return values if values.ndim else values.item()
 
 
 def _shown(value: Any) -> str:
-    """A number, or the range of an array's numbers."""
+    """A number as text; for an array the range of its numbers."""
     values = np.asarray(value, dtype=float)
     if values.size == 1:
         return f"{values.item():.6g}"
@@ -280,9 +288,10 @@ def answer_of(
     executor: Executor | None = None,
     usable: Callable[[Any], bool] = lambda answer: True,
 ) -> Any:
-    """The answer of a Program by a method, not certified before somebody asks.
+    """The answer of a Program by a method; its certificate is made when somebody asks for it.
 
-    ``usable`` says whether an answer is one at all, such as of finite numbers.
+    ``usable`` tells whether the method's result counts as an answer, for instance whether it is
+    finite.
 
     Raises
     ------

@@ -45,7 +45,7 @@ def problems(pattern: str = "*") -> Catalogue:
 def load(name: str, **parameters: Any) -> Task:
     """A named problem with its data bound: a Program or a Study.
 
-    Its needs are run first where their results are missing.
+    Problems that it needs are run first if their results are missing.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def run(
     watch: Watch | None = None,
     **parameters: Any,
 ) -> Run:
-    """Run a named problem, or find its stored answer; an iteration goes on where it was stopped.
+    """Run a named problem, or return its stored answer. An iteration that was stopped is resumed.
 
     Parameters
     ----------
@@ -82,23 +82,24 @@ def run(
     tolerance, time_limit, verbose, seed
         As in `Options`.
     fresh
-        Compute anew even where the answer is stored, or an iteration was stopped.
+        Compute anew even if the answer is stored or a stopped iteration could be resumed.
     executor
-        Where parts that do not wait for each other go, such as the draws of an ensemble or the
-        starts of a search: anybody's `concurrent.futures.Executor`, as that of `connect`; None:
-        threads. The answer is the same.
+        Executor for parts of the work that are independent of each other, such as the draws of an
+        ensemble or the starts of a search: any `concurrent.futures.Executor`, such as that of
+        `connect`; None: threads. The answer does not depend on it.
     progress, watch
-        Told how far the work is; told the rows of an iteration's rounds after each. None: a
-        terminal or a notebook shows it.
+        ``progress`` is called with how much of the work is done, ``watch`` after each round of an
+        iteration with the rows of all its rounds. None: shown at a terminal or in a notebook.
     parameters
         Parameters of the problem.
 
     Returns
     -------
     Run
-        Its ``holds`` tells whether the certificate does; a failure is a Run too, whose
-        ``outcome`` and ``certificate`` say why. So is the best so far of an iteration that met
-        its time limit: ``best_so_far``, of outcome "time limit", and not found again.
+        Its ``holds`` tells whether the certificate holds. A failure is returned as a Run too; its
+        ``outcome`` and ``certificate`` say why it failed. An iteration that reaches its time limit
+        returns its best answer so far, with ``best_so_far`` set and the outcome "time limit"; such
+        a Run is not reused later.
     """
     from workbench.bench.run import default_bench
 
@@ -129,42 +130,42 @@ def compare(
     progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
-    """Every problem that fits a pattern, by every method, at every accuracy level.
+    """Run every method on every problem that fits a pattern, at every accuracy level.
 
-    A cell (problem, method, level, repetition) is stored when it ends and found again: what is
-    stopped goes on where it was, and what is added is all that is computed. By default cells run in
-    warm processes of their own; one that hangs, crashes or takes too much memory costs itself.
+    Each cell (problem, method, level, repetition) is stored when it ends. An interrupted comparison
+    resumes, and only new cells are computed. By default cells run in separate processes that are
+    started once; a cell that hangs, crashes or takes too much memory spoils no other.
 
     Parameters
     ----------
     pattern
-        Shell pattern of the problems; those marked slow only with ``slow``, or by their full name.
+        Shell pattern of the problems. Problems marked slow are included only with ``slow``, or if
+        the pattern is their full name.
     methods
         Names of methods; None: all that each problem has.
     accuracies
         Levels among "low", "middle", "high".
     time_limit
-        Seconds for each cell, from the start of its statement; it is killed there.
+        Longest time of each cell [s], its statement included; the cell is killed after it.
     memory_limit
-        Resident memory of a cell's process [byte]; it is killed beyond.
+        Most resident memory of a cell's process [byte]; the process is killed if it takes more.
     repeat
-        How often each cell is timed. What is a method's first call in a process is not counted.
+        How often each cell is timed, not counting a method's first call in a process.
     seed
-        Of the methods, and of the order in which cells run.
+        Seed of the methods, and of the order in which cells run.
     jobs, threads
-        Processes, and the threads of linear algebra and solvers in each.
+        Number of processes, and number of threads that linear algebra and solvers use in each.
     executor
-        Where cells run instead: `InProcess` to look for errors, or anybody's
-        `concurrent.futures.Executor`, such as that of `connect`; there each has a child process
-        under its limits.
+        Where cells run instead: `InProcess` for debugging, or any `concurrent.futures.Executor`,
+        such as that of `connect`, which runs each cell in a child process with these limits.
     light
-        Keep a record of each cell only, without a folder for its answer.
+        Keep only a record of each cell, without a folder for its answer.
     fresh
-        Compute anew even where cells are stored.
+        Compute anew even if cells are stored.
     verbose
         Let the solvers print into the logs of their cells.
     progress
-        Told how many cells are done. None: a terminal or a notebook shows it.
+        Called with the number of cells that are done. None: shown at a terminal or in a notebook.
 
     Returns
     -------
@@ -216,8 +217,8 @@ def sweep(
 ) -> Run:
     """Run a problem over a grid of its parameters.
 
-    Each point is a run of its own, stored when it ends and found again: a sweep that is stopped
-    goes on where it was. A point that fails costs itself.
+    Each point is a run of its own and is stored when it ends. An interrupted sweep resumes, and
+    only new points are computed. A point that fails spoils no other.
 
     Parameters
     ----------
@@ -232,10 +233,9 @@ def sweep(
     jobs
         Processes.
     executor
-        Where points run instead: anybody's `concurrent.futures.Executor`, such as that of
-        `connect`.
+        Where points run instead: any `concurrent.futures.Executor`, such as that of `connect`.
     progress
-        Told how many points are done. None: a terminal or a notebook shows it.
+        Called with the number of points that are done. None: shown at a terminal or in a notebook.
     parameters
         Further parameters of the problem.
 
@@ -244,12 +244,12 @@ def sweep(
     Run
         A results folder. ``data`` has the swept parameters as dimensions, and as variables every
         metric of the runs, their ``outcome``, ``message``, ``key``, ``holds`` and ``seconds``. It
-        holds where every point does.
+        holds if every point holds.
 
     Raises
     ------
     UnknownNameError, InputError
-        No such problem or parameter; a value that does not fit, or is there twice.
+        No such problem or parameter; a value that does not fit; or a value that is given twice.
     """
     from workbench.sweeps import grid_of, run_sweep
 
@@ -260,37 +260,38 @@ def sweep(
 
 
 def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cluster:
-    """An executor on the workers of a Dask scheduler, for `run`, `compare` and `sweep`.
+    """An executor for `run`, `compare` and `sweep` that uses the workers of a Dask scheduler.
 
-    Problem folders, the results folder and solvers are those of the caller at this time. Workers
-    need the same names for them, as on a shared file system, and the same versions and sources of
-    everything that can change an answer; then answers are the same wherever they are computed.
+    The workers use the caller's problem folders, results folder and list of solvers, as they are
+    now. The folders must have the same names there, as on a shared file system. Versions and
+    sources of everything that can change an answer must be the same too; then answers are the same
+    wherever they are computed.
 
     Parameters
     ----------
     address
-        Such as "tcp://10.0.0.5:8786"; or "local": processes of this machine, which end with the
-        executor.
+        Address such as "tcp://10.0.0.5:8786"; or "local": processes on this machine, which end with
+        the executor.
     workers
-        How many processes of this machine; None: one for each core.
+        Number of local worker processes; None: one for each core.
     threads
         Threads that linear algebra and solvers may use in each task.
 
     Returns
     -------
     Cluster
-        A `concurrent.futures.Executor`; leave it by ``with`` or ``shutdown()``.
+        A `concurrent.futures.Executor`; close it by ``with`` or ``shutdown()``.
 
     Raises
     ------
     ClusterError
         Dask is not installed, no scheduler answers, or a worker lacks a folder or has other code.
     InputError
-        A count below 1, or ``workers`` for a scheduler that has its own.
+        A count is below 1, or ``workers`` is given for a scheduler that has its own.
     """
     from workbench.bench.cells.site import SameCode
 
-    results_root().mkdir(parents=True, exist_ok=True)  # or no worker finds it
+    results_root().mkdir(parents=True, exist_ok=True)  # or no worker finds the folder
     return Cluster(address, SameCode.here(), workers=workers, threads=threads)
 
 
@@ -311,19 +312,20 @@ def verify(
     path
         The folder.
     rerun
-        The question is also answered anew and the arrays compared.
+        Also run the problem again and compare the arrays.
     trust
-        Import the problems of the project that the folder lies in, where that is not the project
-        at hand: they are somebody's code.
+        Import the problems of the project that contains the folder, if that is not the current
+        project. This runs somebody's code.
     deep
-        The second opinion also tries more draws, samples and frequencies, and its dear checks; the
-        cells of a comparison are certified again, and those without a stored answer answered anew.
+        The second opinion also tries more draws, samples and frequencies, and makes its expensive
+        checks. The cells of a comparison are certified again, and those without a stored answer are
+        run again.
 
     Returns
     -------
     Verification
-        Its ``holds`` tells whether the certificate, recomputed here, holds for what is stored. The
-        log, the seconds and the method's claim are covered by their checksums only.
+        Its ``holds`` tells whether the stored answer passes the certificate that is recomputed
+        here. The log, the seconds and the method's claim are covered by their checksums only.
     """
     from workbench.bench.trust.untrusted import possible_path
     from workbench.bench.verify import verify_folder

@@ -1,4 +1,4 @@
-"""Kinds of NumPy arrays, the spacing of their numbers, single precision, and what holds arrays."""
+"""Types of NumPy arrays, machine epsilon, outward rounding to single precision, and hashes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def outward_single(bounds: Any) -> NDArray[np.float32]:
-    """Lower and upper bounds (..., 2, F) in single precision, as safe: each rounded outward."""
+    """Lower and upper bounds (..., 2, F) in single precision, rounded outward to stay safe."""
     exact = np.asarray(bounds, float)
-    with np.errstate(over="ignore"):  # what is too large for single precision is infinite there
+    with np.errstate(over="ignore"):  # Numbers too large for single precision become infinite.
         rounded = exact.astype(np.float32)
     lower = np.array([[True], [False]])
     inward = np.where(lower, rounded > exact, rounded < exact)
@@ -32,7 +32,7 @@ def outward_single(bounds: Any) -> NDArray[np.float32]:
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """A view of an array through which nobody writes."""
+    """A view of an array that cannot be written to."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -41,7 +41,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 def content_hash(value: Any) -> str:
     """Hash of all numbers in arrays, systems, datasets, dataclasses, sequences and mappings.
 
-    Two values that differ in something else may have the same hash.
+    It covers numbers only: values that differ in anything else may have the same hash.
     """
     found = hashlib.blake2b(digest_size=16)
     _feed(found, value, set())
@@ -49,7 +49,7 @@ def content_hash(value: Any) -> str:
 
 
 def _feed(found: Any, value: Any, seen: set[int]) -> None:
-    """Add what a value holds to a hash; each object once."""
+    """Add everything that a value contains to a hash, each object once."""
     if isinstance(value, np.ndarray):
         if value.dtype.hasobject:
             _feed(found, value.tolist(), seen)
@@ -66,7 +66,7 @@ def _feed(found: Any, value: Any, seen: set[int]) -> None:
 
 
 def _parts(value: Any) -> list[tuple[str, Any]]:
-    """What an object holds, by name."""
+    """The contents of an object, by name."""
     if is_dataclass(value) and not isinstance(value, type):
         return [(field.name, getattr(value, field.name)) for field in fields(value)]
     if isinstance(value, Mapping):

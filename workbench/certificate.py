@@ -1,4 +1,4 @@
-"""Certificates: checks of an answer from the data alone, and what makes them."""
+"""Certificates: checks of an answer from the data alone, and the checkers that issue them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if not TYPE_CHECKING:
 
 
 def told_apart(value: float, limit: float, *, digits: int = 6) -> tuple[str, str]:
-    """Texts of a value and its limit, in so many digits or as many more as tell them apart.
+    """A value and its limit as texts, with as many digits as are needed to tell them apart.
 
     Examples
     --------
@@ -114,15 +114,15 @@ class Check:
 
 
 EVERY_FREQUENCY = "at every frequency"
-"""What is said of a bound that is proven from 0 to infinity, or to half the sampling rate."""
+"""Quantifier of a bound that is proven from 0 to infinity, or to half the sampling rate."""
 EVERY_PERTURBATION = f"{EVERY_FREQUENCY}, for every perturbation of the structure"
-"""What is said of a proven peak of mu."""
+"""Quantifier of a proven peak of mu."""
 THIS_SYSTEM = "for this one system"
-"""What is said of the stability of a system or loop; it claims nothing of a set of plants."""
+"""Quantifier of the stability of one system or loop; nothing is claimed about a set of plants."""
 
 
 def these(count: int, one: str, several: str) -> str:
-    """Words of a quantifier over a number of given things.
+    """A quantifier that counts the given things, such as "for these 3 plants".
 
     Examples
     --------
@@ -134,7 +134,7 @@ def these(count: int, one: str, several: str) -> str:
 
 
 def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
-    """The checks, with ``over`` filled in where a check does not say what it quantifies over.
+    """The checks; ``over`` is filled in for those that have none.
 
     Examples
     --------
@@ -147,7 +147,9 @@ def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
 
 
 def excess(value: float, claimed: float) -> float:
-    """Value over what is claimed, less 1: 0 for equal ones, infinite for others over 0 or less.
+    """value / claimed - 1: 0 if both are equal.
+
+    Infinite for a positive value over a claim of 0 or less.
 
     Examples
     --------
@@ -162,7 +164,7 @@ def excess(value: float, claimed: float) -> float:
 
 @dataclass(frozen=True)
 class Gap:
-    """Largest distance of an answer from the best one, by a bound that no method supplied.
+    """Largest relative distance of an answer from the optimum, by a bound not from the method.
 
     Examples
     --------
@@ -185,20 +187,20 @@ class Gap:
 
     @property
     def closed(self) -> bool:
-        """Whether the value is at most the tolerance, on either side of 0."""
+        """Whether the absolute value is at most the tolerance."""
         return abs(self.value) <= self.tolerance
 
     @property
     def contradicts(self) -> bool:
-        """Whether the answer lies beyond its bound, so that one of both is wrong."""
+        """Whether the answer is better than its bound allows, so that one of the two is wrong."""
         return self.value < -self.tolerance
 
 
 @dataclass(frozen=True, repr=False)
 class Certificate:
-    """Validity checks, which must hold, and where there is one the optimality gap.
+    """Checks of validity, all of which must hold, and the optimality gap if there is one.
 
-    ``facts`` say in words what else to know of the answer; nothing is asked of them.
+    ``facts`` are sentences with further information on the answer; they are not checked.
 
     Examples
     --------
@@ -215,30 +217,30 @@ class Certificate:
 
     @property
     def valid(self) -> bool:
-        """Whether there are checks and all hold, and no answer lies beyond its bound."""
+        """Whether there are checks, all hold, and the gap does not contradict the answer."""
         beyond = self.gap is not None and self.gap.contradicts
         return self._decided and all(check.holds for check in self.checks) and not beyond
 
     @property
     def _decided(self) -> bool:
-        """Whether a check of the kernel is there: a second opinion refutes, and never confirms."""
+        """Whether the kernel made a check: a second opinion can refute but not confirm."""
         return any(not check.opinion for check in self.checks)
 
     @property
     def holds(self) -> bool:
-        """Valid, and as good as the method claims."""
+        """Whether the answer is valid and, if its method claims the optimum, the gap is closed."""
         return self.valid and (self.gap is None or not self.gap.required or self.gap.closed)
 
     @property
     def outcome(self) -> Outcome:
-        """Solved, or inaccurate where only the optimum is missed, or failed."""
+        """Solved; inaccurate if only the optimality gap is too large; or failed."""
         if self.holds:
             return Outcome.SOLVED
         return Outcome.INACCURATE if self.valid else Outcome.FAILED
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """A sentence for each thing that does not hold."""
+        """One sentence for each check that fails, and for the gap."""
         failed = [check.failure for check in self.checks if not check.holds]
         if not self._decided:
             failed.append("nothing is checked" + " but by a second opinion" * bool(self.checks))
@@ -260,7 +262,7 @@ class Certificate:
 
     def to_json(self) -> dict[str, Any]:
         """The certificate as data for `json`."""
-        checks = [_plain(check) for check in self.checks]
+        checks = [_check_to_json(check) for check in self.checks]
         gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
         found = {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
         return found | ({"facts": list(self.facts)} if self.facts else {})
@@ -270,20 +272,23 @@ class Certificate:
         """The certificate whose data `to_json` gave."""
         gap = stored["gap"]
         return cls(
-            tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
-            None if gap is None else Gap(**_read(gap, "closed")),
+            tuple(Check(**_fields_from_json(check, "holds")) for check in stored["checks"]),
+            None if gap is None else Gap(**_fields_from_json(gap, "closed")),
             tuple(map(str, stored.get("facts", ()))),
         )
 
 
-def _plain(check: Check) -> dict[str, Any]:
-    """A check as data for `json`, which says of proven ones that they are."""
+def _check_to_json(check: Check) -> dict[str, Any]:
+    """A check as data for `json`; the field ``proven`` is written only if it is true."""
     found = asdict(check) | {"holds": check.holds}
     return found if check.proven else {k: v for k, v in found.items() if k != "proven"}
 
 
-def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
-    """Fields from JSON, which has NaN and infinities as their names; ``derived`` is left out."""
+def _fields_from_json(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
+    """Fields from JSON, with NaN and infinities read from their names.
+
+    The fields ``derived`` are skipped.
+    """
     numbers, found = {"value", "limit", "tolerance"}, {}
     for name, entry in stored.items():
         if name == derived:
@@ -315,9 +320,9 @@ def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float,
 
 
 class Checker(ABC):
-    """The data of a question, and what checks an answer from them: `certify` issues a certificate.
+    """The data of a question and the checks of its answers: `certify` issues a certificate.
 
-    Every Program and every Study is one. So is what a function leaves with its `Answer`.
+    Every Program and every Study is a Checker. A function attaches one to its `Answer`.
 
     Examples
     --------
@@ -336,57 +341,60 @@ class Checker(ABC):
 
     @property
     def quantifier(self) -> str:
-        """What the checks quantify over that do not say it themselves: frequencies, plants, data.
+        """Quantifier of those checks that do not state their own: frequencies, plants, data.
 
-        Such as "at the 400 given frequencies, for these 12 plants".
+        For example "at the 400 given frequencies, for these 12 plants".
         """
         return ""
 
     @abstractmethod
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
-        """Validity checks of an answer from the data alone, decided by the kernel."""
+        """Checks that an answer is valid, by the kernel, from the data alone."""
 
     def witnessed(self, answer: Any) -> Any:
-        """The answer with what its second opinion looks at, found once and stored.
+        """The answer with the points that the second opinion tests, searched once and stored.
 
-        `solve` asks for it, so that `verify` searches nothing.
+        `solve` calls this, so that `verify` need not search.
         """
         return answer
 
     def second_opinion(self, answer: Any) -> Sequence[Check]:
-        """Checks that share neither code nor mathematics with `checks`, of a valid answer.
+        """Checks of a valid answer that share neither code nor mathematics with `checks`.
 
-        They try the same claims in another way, and fail only if something is wrong.
+        They test the same claims in another way, and fail only if something is wrong.
         """
         return ()
 
     def deep_opinion(self, answer: Any) -> Sequence[Check]:
-        """Dear checks, as those of `second_opinion`, which `workbench verify --deep` asks for.
+        """Expensive checks in the manner of `second_opinion`, made by `workbench verify --deep`.
 
         By default the second opinion with more draws, samples and frequencies
-        (`workbench.executor.effort`). A checker with another dear way adds it.
+        (`workbench.executor.effort`). A checker that has another expensive test adds it here.
         """
         with deeper():
             return self.second_opinion(answer)
 
     def gap(self, answer: Any) -> tuple[str, float] | None:
-        """Relative optimality gap by an independent bound, and what it says; None without one."""
+        """Relative optimality gap by an independent bound, with a description.
+
+        None if there is no bound.
+        """
         return None
 
     def facts(self, answer: Any) -> Sequence[str]:
-        """What the certificate of a valid answer tells besides, such as a controller's order."""
+        """Further facts about a valid answer that its certificate states, such as an order."""
         return ()
 
     def headline_value(self, answer: Any) -> float:
-        """The number that an answer is known by; NaN where it has none, or several."""
+        """The main number of an answer; NaN if it has none, or several."""
         return math.nan
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        """Figures by file stem; returned, never written."""
+        """Figures by file stem; they are returned, not written."""
         return {}
 
     def stored_answer(self, name: str, answer: Any) -> dict[str, Any]:
-        """The answer as variables of a dataset whose names begin with this one.
+        """The answer as dataset variables whose names begin with ``name``.
 
         Raises
         ------
@@ -399,16 +407,20 @@ class Checker(ABC):
         )
 
     def restored_answer(self, name: str, data: Dataset) -> Any:
-        """The answer that `stored_answer` put into a dataset under a name; None: there is none."""
+        """The answer that `stored_answer` wrote into a dataset under a name.
+
+        None if it is not there.
+        """
         raise InputError(f"a {type(self).__name__} stores no answers")
 
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
-        """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
-        with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
-            checks = _computed(self.quantifier, lambda: self.checks(answer, tolerance))
+        """Certificate of an answer; ``optimal`` if the method claims that it is the best one."""
+        # A wrong answer may lead to a NaN in a check, which then fails.
+        with np.errstate(all="ignore"):
+            checks = _checks_or_failure(self.quantifier, lambda: self.checks(answer, tolerance))
             facts: tuple[str, ...] = ()
             if all(check.holds for check in checks):
-                opinion = _computed(self.quantifier, lambda: self.second_opinion(answer))
+                opinion = _checks_or_failure(self.quantifier, lambda: self.second_opinion(answer))
                 checks += tuple(replace(check, opinion=True) for check in opinion)
                 facts = tuple(self.facts(answer))
             try:
@@ -421,12 +433,16 @@ class Checker(ABC):
 
 
 _NUMERICAL = (np.linalg.LinAlgError, ArithmeticError, ValueError)
-"""What arithmetic raises over numbers that it cannot take, as NaN. Who knows of a wrong answer what
-is wrong with it says so by an error of the workbench."""
+"""Errors that arithmetic raises for numbers that it cannot use, such as NaN. A checker that knows
+what is wrong with an answer raises an error of the workbench instead.
+"""
 
 
-def _computed(over: str, find: Callable[[], Iterable[Check]]) -> tuple[Check, ...]:
-    """Checks that are found; one that fails, where an answer has numbers that allow none."""
+def _checks_or_failure(over: str, find: Callable[[], Iterable[Check]]) -> tuple[Check, ...]:
+    """The checks that ``find`` computes.
+
+    One failing check if the answer's numbers do not allow it.
+    """
     try:
         return tuple(quantified(over, find()))
     except _NUMERICAL as error:
@@ -441,7 +457,7 @@ def _not_computed(error: Exception) -> Check:
 
 
 def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
-    """The dear checks of a valid answer, each with what it quantifies over.
+    """The expensive checks of a valid answer, each with its quantifier.
 
     Examples
     --------
@@ -452,13 +468,13 @@ def deep_checks(checker: Checker, answer: Any) -> tuple[Check, ...]:
     ['support']
     """
     with np.errstate(all="ignore"):
-        found = _computed(checker.quantifier, lambda: checker.deep_opinion(answer))
+        found = _checks_or_failure(checker.quantifier, lambda: checker.deep_opinion(answer))
     return tuple(replace(check, opinion=True) for check in found)
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedAs(Checker):
-    """Certifies what was made from the answer of another checker, by that answer.
+    """Certifies an answer that was made from another checker's answer by certifying the latter.
 
     Examples
     --------

@@ -13,79 +13,88 @@ from typing import Any
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function to machine code at its first call, and keep that on disk.
+    """Compile a function to machine code at its first call, and cache the code on disk.
 
-    While it runs, other threads of Python do.
+    While the compiled function runs, other Python threads can run too.
 
-    Numba looks for changes in the function's own file alone; a change in a function that it calls,
-    or in a constant, would go unseen and old code would run. So the stamp it compares covers every
-    file of the package that the function's file imports, and those that these import.
+    Numba looks only at the function's own file to see whether cached code is out of date. It would
+    miss a change in a constant or in a function that is called, and run old code. So the time stamp
+    here covers every file of the package that the function's file imports, directly or through
+    others.
 
-    What is kept names the module it came from. The registry imports problem files under a package
-    of its own, which no other process can import by name; what it compiles is kept apart.
+    Cached code names its module. The registry imports problem files under a package of its own,
+    which no other process can import by name; their code is cached under separate names.
     """
-    return _kept(function, {})
+    return _compile_and_cache(function, {})
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a small function that is called very often and makes no array.
 
-    Numba counts the references to every array that a function is given, which takes longer than
-    the arithmetic of a small function. Here that is switched off, so a function that makes an array
-    does not compile; slices of given arrays are allowed. Otherwise as `compiled`.
+    Numba counts the references to every array argument, which takes longer than the arithmetic of a
+    small function. Here the counting is switched off. So a function that makes an array does not
+    compile; slices of array arguments are allowed. Otherwise it is as `compiled`.
     """
-    return _kept(function, {"_nrt": False})
+    return _compile_and_cache(function, {"_nrt": False})
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """As `kernel`, for a function that is to become a part of those that call it.
+    """As `kernel`, for a function whose code is inserted into its callers.
 
-    A call hands over seven numbers for each array, and hides from the caller which of them stay.
-    Besides, Numba compiles what a function calls once more with it, at every level of calls.
+    A call hands over seven numbers for each array, and the caller's compiler cannot see which of
+    them stay the same. Besides, Numba compiles a called function again with each caller, at every
+    level of calls.
     """
-    return _kept(function, {"_nrt": False, "inline": "always"})
+    return _compile_and_cache(function, {"_nrt": False, "inline": "always"})
 
 
 def unchecked(function: Callable[..., Any]) -> Any:
-    """As `compiled`, where a division by zero gives what it gives in NumPy, and is not looked for.
+    """As `compiled`, but a division by zero gives inf or NaN as in NumPy, without a test for it.
 
-    That lets a loop become vector instructions.
+    Without that test the compiler can vectorise a loop.
     """
-    return _kept(function, {"error_model": "numpy"})
+    return _compile_and_cache(function, {"error_model": "numpy"})
 
 
 def unchecked_kernel(function: Callable[..., Any]) -> Any:
-    """As `kernel`, with the divisions of `unchecked`, for compiled functions alone to call.
+    """As `kernel`, with the divisions of `unchecked`; only compiled functions can call it.
 
-    What would let Python call it takes up to half of the time of its compilation, and is left out.
+    The wrapper through which Python would call it is left out: it takes up to half of the
+    compilation time.
     """
     options = {"_nrt": False, "error_model": "numpy"}
-    return _kept(function, {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+    return _compile_and_cache(
+        function, {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    )
 
 
 Watcher = Callable[[str, int, int], AbstractContextManager[None]]
-"""Given the name of a function that is compiled, how many of its room are, and how many it has."""
+"""Called with the name of a function that is being compiled, how many functions of its room have
+been compiled, and how many there are.
+"""
 _watchers: list[Watcher] = []
 LONGEST_COMPILATION = 600.0
 """Time [s] to wait for another process that compiles the same function."""
 _IMPORT = re.compile(r"^from[ \t]+(\.*)([\w.]*)[ \t]+import\b", re.MULTILINE)
-"""Statements that import names from a module of the package; dots, and its name."""
+"""Pattern of a statement that imports names from a module: its leading dots and the
+module's name.
+"""
 _functions: dict[str, int] = {}
 """Number of compiled functions of each room."""
 
 
 def watched_by(watcher: Watcher) -> None:
-    """Have a context entered whenever a function of the project is compiled anew."""
+    """Enter the watcher's context during each compilation of a function of the project."""
     _watchers.append(watcher)
 
 
 @cache
 def _listen() -> None:
-    """Report compilations of Numba to the watchers; code that is found on disk is not reported."""
+    """Report Numba's compilations to the watchers; loading code from disk is not reported."""
     from numba.core import event
 
     class Listener(event.Listener):
-        """Compilation is locked: one at a time, but a function compiles what it calls."""
+        """Follows Numba's compilations, which nest: a function's callees are compiled within it."""
 
         def __init__(self) -> None:
             self._entered: list[ExitStack] = []
@@ -104,20 +113,20 @@ def _listen() -> None:
         def on_end(self, event: Any) -> None:
             self._entered.pop().close()
 
-    events: Any = event  # has no annotations
+    events: Any = event  # Numba's event module has no annotations
     events.register("numba:compile", Listener())
 
 
-def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def _compile_and_cache(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     import numba
 
     _listen()
     room = function.__module__.rpartition(".")[0]
     _functions[room] = _functions.get(room, 0) + 1
-    njit: Any = numba.njit  # its annotations lack the options that have no documentation
+    njit: Any = numba.njit  # njit's annotations lack its undocumented options
     try:
         dispatcher = njit(cache=True, nogil=True, **options)(function)
-    except RuntimeError:  # nowhere to keep it: compile in every process
+    except RuntimeError:  # no folder can hold the cache: compile in every process
         return njit(nogil=True, **options)(function)
     kept = dispatcher._cache
     name, package = kept._impl.filename_base, function.__module__.partition(".")[0]
@@ -131,11 +140,11 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 
 def _compile_once(dispatcher: Any, compile_: Callable[[Any], Any], signature: Any) -> Any:
-    """Compile a function unless another process just does: then wait, and take what it keeps.
+    """Compile a function, unless another process is compiling it: then wait and load its result.
 
-    A lock is held while the functions that a function calls are locked in turn, never the other way
-    round, and in a process one thread at a time compiles, so no two wait for each other. Where no
-    lock can be had, two processes may compile the same.
+    No two processes can wait for each other: one thread of a process compiles at a time, and it
+    takes the locks in the order of calls, the caller's before those of the functions it calls.
+    Where locks are not available, two processes may compile the same function.
     """
     from filelock import FileLock
     from numba.core.compiler_lock import global_compiler_lock
@@ -144,7 +153,8 @@ def _compile_once(dispatcher: Any, compile_: Callable[[Any], Any], signature: An
         kept = dispatcher._cache
         key = kept._index_key(signature, dispatcher.targetctx.codegen())
         if key not in kept._cache_file._load_index():
-            with suppress(OSError, NotImplementedError):  # read-only, no locks; a `Timeout` too
+            # a read-only folder, no locks, or a `Timeout`
+            with suppress(OSError, NotImplementedError):
                 lock = FileLock(f"{kept._cache_file._index_path}.lock", timeout=LONGEST_COMPILATION)
                 held.enter_context(lock)
         return compile_(signature)
@@ -152,20 +162,23 @@ def _compile_once(dispatcher: Any, compile_: Callable[[Any], Any], signature: An
 
 @cache
 def _stamp(file: Path, root: Path, package: str) -> tuple[tuple[str, int, int], ...]:
-    """Name, time of change and size of a file and of all that it imports of its package."""
+    """Names, modification times and sizes of a file and of its package's files that it imports."""
     reached, waiting = set(), [file]
     while waiting:
         one = waiting.pop()
         if one not in reached:
             reached.add(one)
-            waiting += _imported(one, root, package)
+            waiting += _imported_files(one, root, package)
     stats = ((str(one.relative_to(root)), one.stat()) for one in sorted(reached))
     return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 
 
 @cache
-def _imported(file: Path, root: Path, package: str) -> tuple[Path, ...]:
-    """Files of the package from which a file imports names; of a room all of them."""
+def _imported_files(file: Path, root: Path, package: str) -> tuple[Path, ...]:
+    """Files of the package from which a file imports names.
+
+    All files of a room if it imports from the room.
+    """
     found: list[Path] = []
     for dots, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
         parts = module.split(".") if module else []

@@ -1,6 +1,6 @@
-"""The bench's own small family of errors.
+"""The workbench's own errors.
 
-Every message says what was given, what is needed and, where there is something to do, what to do.
+Every message says what was given, what is needed and, if something can be done, what to do.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if not TYPE_CHECKING:
 
 
 class WorkbenchError(Exception):
-    """Root of every error the workbench raises on purpose.
+    """Base class of every error that the workbench raises on purpose.
 
     Examples
     --------
@@ -31,7 +31,8 @@ class WorkbenchError(Exception):
     """
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A process hands its error to another one by its message; what made the message stays.
+        # An error is sent to another process by its message alone; the objects that made the
+        # message stay.
         return _restored, (type(self), self.args, self.__dict__)
 
 
@@ -44,7 +45,7 @@ def _restored(
 
 
 class InputError(WorkbenchError, ValueError):
-    """Data or parameters that a task cannot take.
+    """Data or parameters that a task cannot use.
 
     Examples
     --------
@@ -80,13 +81,15 @@ class UnknownNameError(WorkbenchError, LookupError):
 
 
 MOST_KNOWN = 20
-"""Most names that a message lists."""
+"""Largest number of known names that a message lists."""
 SIMILAR, BESIDE = 0.5, 0.1
-"""Least similarity of a suggested name, and the most by which it falls behind the nearest one."""
+"""Least similarity of a suggested name, and how much less similar than the nearest name
+it may be.
+"""
 
 
 def _similar(name: str, known: list[str]) -> list[str]:
-    """At most three names: those that this one is a part of between slashes, else those alike."""
+    """At most three known names: those that contain this one between slashes, else similar ones."""
     holding = [one for one in known if f"/{name}/" in f"/{one}/"]
     if holding:
         return holding[:3]
@@ -108,7 +111,7 @@ class RegistryError(WorkbenchError):
 
 
 class ContradictionError(WorkbenchError):
-    """Two bounds of the same quantity that cannot both hold: one of their proofs is wrong.
+    """Two bounds on the same quantity that contradict each other: one of their proofs is wrong.
 
     Parameters
     ----------
@@ -117,7 +120,7 @@ class ContradictionError(WorkbenchError):
     lower, upper
         The bounds; the lower one is above the upper one.
     lower_claim, upper_claim
-        What each bound rests on.
+        The argument on which each bound rests.
 
     Examples
     --------
@@ -139,7 +142,7 @@ class ContradictionError(WorkbenchError):
 
 
 class SolverError(WorkbenchError):
-    """A method that gave no answer; the message carries the solver's own words.
+    """A method that gave no answer; the message quotes the solver.
 
     Examples
     --------
@@ -170,7 +173,7 @@ class TimeLimitError(WorkbenchError):
 
 
 class MemoryLimitError(WorkbenchError):
-    """A task whose process was killed because it took more memory than it may.
+    """A task whose process was killed because it took more memory than allowed.
 
     Examples
     --------
@@ -181,7 +184,7 @@ class MemoryLimitError(WorkbenchError):
 
 
 class CrashedError(WorkbenchError):
-    """A task whose process died, twice: by a signal, or by an exit of its own.
+    """A task whose process died twice: by a signal, or by calling exit.
 
     Examples
     --------
@@ -199,7 +202,7 @@ class CrashedError(WorkbenchError):
 
 
 class ClusterError(WorkbenchError):
-    """A scheduler that does not answer or is lost, or a worker that has other code.
+    """A scheduler that does not answer or was lost, or a worker with different code.
 
     Examples
     --------
@@ -215,7 +218,7 @@ class ClusterError(WorkbenchError):
 
 
 class ResultError(WorkbenchError):
-    """A results folder that cannot be read or that does not hold what it should.
+    """A results folder that cannot be read, or that lacks something.
 
     Examples
     --------
@@ -231,7 +234,7 @@ class ResultError(WorkbenchError):
 
 
 class RangeWarning(UserWarning):
-    """Frequencies or times so far from a system's poles that their unit may be mistaken.
+    """Frequencies or times so far from a system's time scale that their unit may be wrong.
 
     Examples
     --------
@@ -252,7 +255,7 @@ class RangeWarning(UserWarning):
 
 
 def words_of(error: BaseException) -> str:
-    """Kind and words of an error, in characters that any file can hold.
+    """An error's type and message, in characters that any file can hold.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Types of libraries that are slow to import, for annotations alone: nothing is imported here."""
+"""Types from libraries that are slow to import, for annotations only; none is imported."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from workbench.structure import Structure
 
 
 def need_structure(structure: Any) -> None:
-    """Raise InputError where something else is given in a Structure's place."""
+    """Raise InputError unless the argument is a Structure."""
     if not isinstance(structure, Structure):
         raise InputError(
             f"structure must be a Structure, not {type(structure).__name__}; "
@@ -25,13 +25,13 @@ def need_structure(structure: Any) -> None:
 
 
 def need_tolerance(tolerance: Any) -> None:
-    """Raise InputError for what is no number between 0 and 1."""
+    """Raise InputError unless the tolerance is a number between 0 and 1."""
     if not (is_real(tolerance) and 0.0 < tolerance < 1.0):
         raise InputError(f"tolerance is {tolerance!r}; it must be a number between 0 and 1")
 
 
 def need_count(name: str, value: Any, most: float = math.inf) -> None:
-    """Raise InputError for what is no integer from 1 to the largest that is taken."""
+    """Raise InputError unless the value is an integer from 1 to ``most``."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
     if not (whole and 1 <= int(value) <= most):
         wanted = "of at least 1" if math.isinf(most) else f"from 1 to {most}"
@@ -39,7 +39,7 @@ def need_count(name: str, value: Any, most: float = math.inf) -> None:
 
 
 def need_positive(value: Any, name: str, or_none: bool = False) -> None:
-    """Raise InputError for what is no number, positive and finite (or None, where that may be)."""
+    """Raise InputError unless the value is positive and finite (or None, if that is allowed)."""
     if or_none and value is None:
         return
     if not (is_real(value) and 0.0 < value < math.inf):
@@ -48,7 +48,7 @@ def need_positive(value: Any, name: str, or_none: bool = False) -> None:
 
 
 def need_time_base(dt: Any) -> None:
-    """Raise InputError for what is no sampling time [s], nor python-control's 0, None or True."""
+    """Raise InputError unless dt is a sampling time [s], or python-control's 0, None or True."""
     if dt is None or dt is True:
         return
     if not (is_real(dt) and 0.0 <= dt < math.inf):
@@ -59,42 +59,42 @@ def need_time_base(dt: Any) -> None:
 
 
 def need_whole(value: Any, name: str) -> None:
-    """Raise InputError for what is no whole number."""
+    """Raise InputError unless the value is a whole number."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise InputError(f"{name} is {value!r}; it must be a whole number")
 
 
 def as_list(values: Any, name: str) -> list[Any]:
-    """Several things as a list; raises InputError where they are none, such as a number."""
+    """The values as a list; raises InputError if they cannot be iterated, such as a number."""
     if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
         raise InputError(f"{name} must be a list, not {values!r}")
     try:
         return list(values)
-    except InputError:  # of what makes the values
+    except InputError:  # An iterator may raise an error of its own.
         raise
-    except Exception as error:  # some things look like sequences and are none
+    except Exception as error:  # Some objects look like sequences but cannot be iterated.
         raise InputError(f"{name} must be a list, not {values!r}: {error}") from None
 
 
 def need_choice(value: Any, choices: Any, name: str) -> None:
-    """Raise InputError for what is none of the words of a Literal."""
+    """Raise InputError unless the value is one of the words of a Literal."""
     if not (isinstance(value, str) and value in get_args(choices)):
         raise InputError(f"{name} is {value!r}; it must be one of {', '.join(get_args(choices))}")
 
 
 def need_kind(value: Any, kind: type, name: str) -> None:
-    """Raise InputError for what is no instance of a class."""
+    """Raise InputError unless the value is an instance of the class."""
     if not isinstance(value, kind):
         raise InputError(f"{name} must be a {kind.__name__}, not {type(value).__name__}")
 
 
 def is_real(value: Any) -> bool:
-    """Whether a value is a real number that a double can be near; True and False are not."""
+    """Whether a value is a real number within the range of doubles; True and False are not."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
     try:
         float(value)
-    except OverflowError:  # an integer of hundreds of digits
+    except OverflowError:  # an integer with hundreds of digits
         return False
     return True
 
@@ -102,15 +102,15 @@ def is_real(value: Any) -> bool:
 def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[Any]:
     """Convert values to an array of numbers.
 
-    Raises InputError for rows of different lengths, for entries that are no numbers, and for
-    complex numbers where `dtype` is real.
+    Raises InputError for rows of different lengths, for entries that are not numbers, and for
+    complex numbers if `dtype` is real.
     """
     try:
         given = np.asarray(values)
         if given.dtype.kind not in ("biufc" if dtype is complex else "biuf"):
             raise TypeError
         return given.astype(dtype)
-    except Exception:  # an object that is no array may say so by any error
+    except Exception:  # Converting an arbitrary object may raise any error.
         kind = "" if dtype is complex else "real "
         raise InputError(
             f"{name} is {values!r}; {kind}numbers in rows of one length are needed"
@@ -127,7 +127,7 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
     """
     try:
         matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except Exception:  # an object that is no array may say so by any error
+    except Exception:  # Converting an arbitrary object may raise any error.
         raise InputError("M must be an array of numbers (..., columns, rows)") from None
     need_structure(structure)
     structure.check(matrices)
@@ -138,14 +138,14 @@ def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
 
 
 def need_numbers(**values: Any) -> None:
-    """Raise InputError, by its name, for the first that is no real number."""
+    """Raise InputError, with the argument's name, for the first value that is not a real number."""
     for name, value in values.items():
         if not is_real(value):
             raise InputError(f"{name} is {value!r}; it must be a real number")
 
 
 def need_places(**values: Any) -> None:
-    """Raise InputError, by its name, for the first that numbers no channel."""
+    """Raise InputError, with the argument's name, for the first that is no channel number."""
     for name, value in values.items():
         need_whole(value, name)
         if value < 0:

@@ -1,6 +1,6 @@
-"""Names that a package imports when they are first asked for, and words for those it does not have.
+"""Names that a package imports only when they are used, and messages for names that it lacks.
 
-A user of one function of a room does not wait for all of its modules.
+So somebody who uses one function of a room does not wait for all its modules to be imported.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any, NoReturn
 
 
 def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """``__getattr__`` and ``__dir__`` of a package whose imports stand for type checkers only.
+    """``__getattr__`` and ``__dir__`` of a package whose imports only type checkers execute.
 
     The package imports its names under ``if TYPE_CHECKING:``, so that editors, type checkers and
-    readers see ordinary imports; the statement that binds a name runs when the name is first asked
-    for, by Python's own rules. Rooms below the package, imported from itself, are found so too.
+    readers see ordinary imports. The statement that imports a name is executed when the name is
+    first used. Rooms that the package imports from itself are found in the same way.
     """
     module = sys.modules[package]
 
@@ -37,7 +37,8 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
     def imported(name: str) -> Any:
         if name.startswith("__") or name not in statements():
             _refuse(package, name)
-        if statements()[name].module == package:  # a room: the statement would ask for it again
+        # A room: executing the statement would call this function again.
+        if statements()[name].module == package:
             from importlib import import_module
 
             return import_module(f"{package}.{name}")
@@ -49,16 +50,17 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
 
 
 def no_more_names(room: str) -> Callable[[str], NoReturn]:
-    """``__getattr__`` of a room that has imported all of its names."""
+    """``__getattr__`` of a room that has no names left to import."""
     return lambda name: _refuse(room, name)
 
 
 def _refuse(room: str, name: str) -> NoReturn:
-    """Say that a room lacks a name and, where another tool calls something so, what it is here.
+    """Report that a room lacks a name and, if another tool uses that name, what it is called here.
 
-    ``from room import name`` keeps no word of an AttributeError. Its first step, Python's function
-    `_handle_fromlist`, lets an ImportError through, and asks for modules of the room too; elsewhere
-    ``hasattr`` has to answer no.
+    ``from room import name`` hides the text of an AttributeError. Its first step, Python's function
+    `_handle_fromlist`, passes an ImportError on, so the text is put there; that function also looks
+    for modules of the room, which must raise an AttributeError. So must any other access, since
+    ``hasattr`` has to answer False.
     """
     told = ""
     imported = sys._getframe(2).f_code.co_name == "_handle_fromlist"

@@ -36,16 +36,18 @@ from workbench.input_checks import need_kind
 from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
 
 Claim = tuple[Any, Outcome, str]
-"""Return value of a method: an answer or None, its outcome by the method, the solver's message."""
+"""Return value of a method: an answer or None, the outcome that it claims, and the solver's
+message.
+"""
 
 
 # --- programs and studies ---------------------------------------------------------------------
 
 
 class Task(Checker):
-    """A Program or a Study: its answer can be checked, stored and shown.
+    """A Program or a Study: its answer can be checked, stored and plotted.
 
-    Nobody writes into its arrays: after it is made they are views that are read only.
+    Its arrays cannot be changed: once it is made they are read-only views.
     """
 
     def __init_subclass__(cls, **keywords: Any) -> None:
@@ -61,27 +63,30 @@ class Task(Checker):
             cls.__post_init__ = then_sealed  # type: ignore[method-assign]
 
     def __post_init__(self) -> None:
-        """Seal the arrays: `dataclasses` calls this last when a Program is made."""
+        """Make the arrays read-only; `dataclasses` calls this at the end of ``__init__``."""
         for name, value in list(vars(self).items()):
             if isinstance(value, np.ndarray) and value.flags.writeable:
                 vars(self)[name] = read_only(value)
 
     headline: ClassVar[str] = ""
-    """The metric that stands for the task in tables."""
+    """Name of the main metric of the task, which tables show."""
 
     relative_metrics: ClassVar[tuple[str, ...]] = ()
-    """Metrics that are a ratio less 1 or the logarithm of one: rounding is that of numbers near 1,
-    however small the metric."""
+    """Metrics that are a ratio minus 1, or the logarithm of a ratio. Their rounding error is that
+    of numbers near 1, however small the metric is.
+    """
 
     checks_follow_accuracy: ClassVar[bool] = False
-    """Whether limits of `checks` depend on the tolerance. Otherwise they are absolute: the same at
-    every accuracy."""
+    """Whether limits of `checks` depend on the tolerance. Otherwise they are the same at every
+    accuracy.
+    """
 
     def of_stored(self, data: Dataset) -> Task:
-        """The question about the data that a results folder stores, which are the same to rounding.
+        """The same question about the data in a results folder, which may differ by rounding.
 
         `verify` compares the two. Data that a problem computes differ in their last bits between
-        processors. A Program whose checks have no room for that certifies those that were stored.
+        processors. A Program whose checks do not tolerate that certifies the answer with the stored
+        data.
         """
         return self
 
@@ -93,7 +98,10 @@ class Task(Checker):
         return self.metrics(answer).get(self.headline, math.nan) if self.headline else math.nan
 
     def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:
-        """What draws the figures, by name: each of them can be called where another one fails."""
+        """Functions that draw the figures, by name.
+
+        If one fails, the others can still be called.
+        """
         return {"figures": lambda: self.figures(answer)}
 
     def tables(self, answer: Any) -> dict[str, str]:
@@ -101,14 +109,14 @@ class Task(Checker):
         return {}
 
     def files(self, answer: Any) -> dict[str, str]:
-        """Texts that the results folder holds beside the arrays, by file name."""
+        """Texts that are stored in the results folder beside the arrays, by file name."""
         return {}
 
     def to_dataset(self, answer: Any) -> Dataset:
-        """Every array of question and answer, labelled, with units.
+        """Every array of question and answer, labelled and with units.
 
-        An answer that is a dataset is stored as it is. A task with answers of another type defines
-        this method and `from_dataset`; without them InputError is raised.
+        An answer that is a dataset is stored as it is. A task with answers of another type must
+        define this method and `from_dataset`; otherwise InputError is raised.
         """
         import xarray as xr
 
@@ -138,7 +146,7 @@ class Task(Checker):
 
     @classmethod
     def answer_type(cls) -> str:
-        """Name of the type of its answers: what `from_dataset` is annotated with, or "Dataset"."""
+        """Name of its answers' type: the return annotation of `from_dataset`, or "Dataset"."""
         if cls.from_dataset is Task.from_dataset:
             return "Dataset"
         told = cls.from_dataset.__annotations__.get("return", "what from_dataset returns")
@@ -146,24 +154,29 @@ class Task(Checker):
 
     @abstractmethod
     def respond(self, method: str | None, context: Context) -> Claim:
-        """An answer by a method (None: the default one), what is said of it, and in what words."""
+        """A method's answer (None: the default method), the outcome that it claims, its message."""
 
     @abstractmethod
     def claims_optimum(self, method: str | None) -> bool:
-        """Whether the method claims the best answer; raises as `find_method` for an unknown one."""
+        """Whether the method claims to find the optimum.
+
+        Raises as `find_method` for an unknown method.
+        """
 
     @abstractmethod
     def accuracy_range(self, method: str | None) -> AccuracyRange:
-        """The tolerances that make a difference to the answer of a method."""
+        """The tolerances that make a difference to the method's answer."""
 
     @abstractmethod
     def judging_tolerance(self, method: str | None, tolerance: float) -> float:
-        """The tolerance of the certificate, which stands in the question and so in its key."""
+        """The tolerance of the certificate; it belongs to the question, and so to its key."""
 
     def unheeded(self, method: str | None, tolerance: float) -> str:
-        """A note to whoever asks for a tolerance that the method does not heed; empty if it does.
+        """A note to the user if the method ignores the tolerance that was asked for.
 
-        Nobody asks for the default tolerance.
+        Otherwise empty.
+
+        For the default tolerance there is no note.
         """
         accuracies = self.accuracy_range(method)
         heeded = not accuracies.none and accuracies.served(tolerance) == tolerance
@@ -173,15 +186,15 @@ class Task(Checker):
         return f"tolerance {tolerance:.2g} is not heeded: {accuracies.words}{held}"
 
     def claim_task(self, claim: Outcome) -> Task | None:
-        """The task whose answer proves the claim that there is no solution, or no least value.
+        """The task whose answer proves the claim that the problem is infeasible or unbounded.
 
-        None where no such proof is known; then the claim counts for nothing.
+        None if no such proof is known; then the claim counts for nothing.
         """
         return None
 
 
 class ProofTask(Task):
-    """A claim of no answer, which its answer proves; there is no method to choose."""
+    """A task whose answer proves a claim that there is no answer; it has no choice of method."""
 
     def claims_optimum(self, method: str | None) -> bool:
         return False
@@ -194,24 +207,30 @@ class ProofTask(Task):
 
 
 class Program(Task):
-    """One family of optimisation problems. Subclasses are frozen dataclasses of its data."""
+    """One family of optimisation problems.
+
+    Its subclasses are frozen dataclasses that hold the data.
+    """
 
     default_method: ClassVar[str]
     methods_in: ClassVar[tuple[str, ...]] = ()
-    """Modules of its methods, beside its own: they are imported when its methods are asked for."""
+    """Further modules that define its methods; they are imported when the methods are needed."""
 
     # --- what a comparison of methods reads -------------------------------------------------------
 
     @property
     def problem_size(self) -> float | None:
-        """Size of the problem, over which times are drawn: a number of variables or of data.
+        """Size of the problem for timing plots: a number of variables or of data.
 
-        A Program that has one says in words what is counted; None where it has none.
+        A Program that overrides this says in its docstring what is counted. None: no size is
+        defined.
         """
         return None
 
     def objective(self, answer: Any) -> float | None:
-        """What the methods minimise, at a valid answer; None where the Program has no objective.
+        """The value of the objective that the methods minimise, at a valid answer.
+
+        None without an objective.
 
         A quantity to be maximised is returned with its sign changed. A batch of independent
         problems returns one number, such as the sum of their objectives.
@@ -219,17 +238,17 @@ class Program(Task):
         return None
 
     def objective_scale(self, answer: Any) -> float:
-        """What the optimality gap and differences of the objective are relative to."""
+        """The scale that makes the optimality gap and differences of the objective relative."""
         return abs(self.objective(answer) or 0.0)
 
     def objective_rounding(self, answer: Any) -> float:
-        """Difference of the objective, absolute, that rounding alone may make."""
+        """Absolute difference of the objective that rounding alone can cause."""
         return 0.0
 
     def lower_bound(self, answer: Any, gap: float) -> float | None:
-        """The lower bound on every objective that the gap of a valid answer proves.
+        """Lower bound on the optimal objective that the gap of a valid answer proves.
 
-        It is objective - gap * scale - rounding, rounded downward. None where the Program has no
+        It is objective - gap * scale - rounding, rounded downward. None if the Program has no
         objective.
         """
         objective = self.objective(answer)
@@ -264,7 +283,7 @@ class Program(Task):
 
 
 def _described(value: Any) -> str:
-    """What a value is, in a few words: None, (float, float), Dataset."""
+    """A short description of a value: None, (float, float), Dataset."""
     if isinstance(value, tuple):
         return f"({', '.join(map(_described, value))})"
     return "None" if value is None else type(value).__name__
@@ -275,11 +294,11 @@ def _described(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Method:
-    """Anything that answers a Program.
+    """A function that answers a Program.
 
-    ``optimal`` says that it claims the best answer; ``unfit`` returns the reason why it cannot
-    take a program, or None; ``accuracy`` holds the tolerances that make a difference to it;
-    ``packages`` are those that it calls without importing them by name.
+    ``optimal`` tells whether it claims to find the optimum; ``unfit`` returns the reason why it
+    cannot take a program, or None; ``accuracy`` is the range of tolerances that make a difference
+    to it; ``packages`` lists those that it uses without importing them by name.
     """
 
     name: str
@@ -293,8 +312,8 @@ class Method:
     def judging_tolerance(self, tolerance: float) -> float:
         """The tolerance of the certificate.
 
-        It is the tolerance asked for where the method claims the best answer, since the gap must
-        close to it; else the one that the method serves.
+        It is the tolerance asked for if the method claims the optimum, since the gap must close to
+        that tolerance; otherwise the nearest one that makes a difference to the method.
         """
         return tolerance if self.optimal else self.accuracy.served(tolerance)
 
@@ -317,11 +336,11 @@ def method(
 ) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
     """Register ``function(program, context)`` as a method; its docstring is the method's help.
 
-    Tolerances outside ``accuracy`` must make no difference to it: they never reach it. ``packages``
-    are those that it calls without an import that names them: other versions, another answer.
+    Tolerances outside ``accuracy`` are never passed to the function. ``packages`` are those that it
+    uses without an import that names them; the question's key includes their versions.
 
-    A subclass may have a method of its own under a name of its base class. A function that is
-    defined again (its file imported anew, its notebook cell run again) takes its former place.
+    A subclass may have its own method under a name of its base class. Defining a function again (by
+    importing its file or running its notebook cell again) replaces it.
 
     Raises
     ------
@@ -345,17 +364,17 @@ def method(
 
 
 def is_registered(program: str, name: str) -> bool:
-    """Whether a Program of this class name, or a base of it, has a method of this name here."""
+    """Whether a Program class of this name, or a subclass of it, has a method of this name here."""
     return any(name in methods(kind) for kind in _kinds(Program) if kind.__name__ == program)
 
 
 def _kinds(program: type[Any]) -> list[type[Program]]:
-    """The Programs of this process that are one of another, itself included."""
+    """A Program class and all its subclasses that this process has imported."""
     return [program, *(one for below in program.__subclasses__() for one in _kinds(below))]
 
 
 def _is_replaced(old: Callable[..., Any], new: Callable[..., Any]) -> bool:
-    """Whether a function is an older version of another, or its module was imported anew since."""
+    """Whether a function is an earlier definition of another, or comes from an outdated module."""
     module = sys.modules.get(getattr(old, "__module__", ""))
     if module is None or vars(module) is not getattr(inspect.unwrap(old), "__globals__", None):
         return True
@@ -386,9 +405,9 @@ def conic_method(
 ) -> Callable[..., Any]:
     """Register ``function(program, context, solver)`` once for every conic solver.
 
-    ``optimal`` is false where what is convex is only a part of the program. No method is more
-    accurate than its solver. ``cones``: the widest of `workbench.solvers.CONES` in the statement,
-    or a function of the program that tells it; solvers that do not take it are unfit.
+    ``optimal`` is false if only a part of the program is convex. No method is more accurate than
+    its solver. ``cones``: the most general of `workbench.solvers.CONES` that the program uses, or a
+    function of the program that returns it; solvers that cannot handle it are unfit.
     """
 
     def register(

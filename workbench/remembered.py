@@ -1,4 +1,4 @@
-"""Results of a function that are remembered while they fit into memory."""
+"""A cache for a function's results, limited by memory."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ T = TypeVar("T")
 
 
 def remembered(megabytes: float) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Remember the arrays that a function returned last, up to so many megabytes in all.
+    """Cache the arrays that a function returned last, up to so many megabytes in total.
 
-    As `functools.lru_cache`, whose number of results is fixed: here many short series or few long
-    ones are kept. The function returns an array or a tuple of arrays; its arguments are hashable.
+    `functools.lru_cache` limits the number of results; here many short series or a few long ones
+    are kept. The function must return an array or a tuple of arrays, and its arguments must be
+    hashable.
 
     Examples
     --------

@@ -22,17 +22,17 @@ from workbench.program import Task
 from workbench.solvers import Options, Outcome
 
 LONGEST = 1000
-"""Most characters of an answer that a solution prints."""
+"""Most characters of a text that a printed solution shows."""
 
 
 def _cut(text: str, most: int = 200) -> str:
-    """A text cut to its first characters."""
+    """A text, shortened to at most this many characters."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 @dataclass(frozen=True)
 class Solution:
-    """An answer, what its method claimed, and what the certificate says."""
+    """An answer, its method's claim, and its certificate."""
 
     answer: Any
     claim: Outcome
@@ -41,9 +41,9 @@ class Solution:
     seconds: Mapping[str, float] = field(default_factory=dict)
     trace: str = ""
     note: str = ""
-    """What else there is to say, such as that the tolerance asked for makes no difference."""
+    """A further remark, for instance that the tolerance asked for makes no difference."""
     proof: Task | None = None
-    """The task that answer and certificate belong to, where they prove a claim of no answer."""
+    """The task that answer and certificate belong to, if they prove that there is no answer."""
     task: Task | None = field(default=None, repr=False)
     """The task that was asked."""
 
@@ -52,7 +52,8 @@ class Solution:
         if self.message:
             lines[0] += f" ({_cut(self.message)})"
         evidence = self.proof is not None and not isinstance(self.answer, Answer)
-        if self.answer is not None and not evidence:  # raw evidence is for the certificate
+        # Raw evidence is for the certificate, not for readers.
+        if self.answer is not None and not evidence:
             said = self.answer.said() if isinstance(self.answer, Answer) else repr(self.answer)
             lines += [f"  {line}" for line in _cut(said, LONGEST).splitlines()]
         if self.certificate is not None:
@@ -67,7 +68,7 @@ class Solution:
 
     @property
     def _headline(self) -> str:
-        """The number that matters, where there is one and the answer is valid."""
+        """The main number, if there is one and the answer is valid."""
         task, certificate = self._answered, self.certificate
         if task is None or not task.headline or certificate is None or not certificate.valid:
             return ""
@@ -86,7 +87,7 @@ class Solution:
 
     @property
     def value(self) -> float:
-        """The metric that the task is known by; NaN where it has none, or nothing was checked."""
+        """The main metric of the task; NaN if it has none, or if nothing was checked."""
         task = self._answered
         if task is None or self.certificate is None:
             return math.nan
@@ -94,23 +95,23 @@ class Solution:
 
     @property
     def metrics(self) -> dict[str, float]:
-        """The numbers people quote; none without an answer that could be checked."""
+        """The numbers people quote; empty unless an answer could be checked."""
         task = self._answered
         return {} if task is None or self.certificate is None else task.metrics(self.answer)
 
     @property
     def figures(self) -> dict[str, Figure]:
-        """Figures by name; the first is the one that people look at."""
+        """Figures by name; the first is the main one."""
         task = self._answered
         return {} if task is None or self.certificate is None else task.figures(self.answer)
 
     def plot(self, name: str | None = None) -> Figure:
-        """A figure of the answer, None: the one that people look at. A notebook shows it.
+        """A figure of the answer, by name; None: the main one. A notebook shows it.
 
         Raises
         ------
         InputError, UnknownNameError
-            There is no figure; there is none of this name.
+            The answer has no figure, or none of this name.
         """
         drawn = self.figures
         if not drawn:
@@ -123,16 +124,17 @@ class Solution:
 
     @property
     def lti(self) -> Any:
-        """The answer, where a linear system is wanted.
+        """The answer as a linear system.
 
-        Raises InputError where no certificate says that it is valid, or there is proven to be none.
+        Raises InputError unless a certificate says that the answer is valid, and for a proof that
+        there is none.
         """
         answer = None if self.proof is not None else self.answer
         return certified_answer(answer, self.certificate, self.message)
 
     @property
     def outcome(self) -> Outcome:
-        """Set by the certificate, whatever the method said.
+        """The outcome by the certificate, whatever the method claimed.
 
         After a time limit a valid answer counts as the best so far, unless the gap proves that it
         is optimal. The claim that there is no answer counts for nothing without a proof.
@@ -154,23 +156,24 @@ class Solution:
 
 
 def certified_answer(answer: Any, certificate: Certificate | None, message: str) -> Any:
-    """An answer that is used further; raises InputError where it is not certified to be valid."""
+    """An answer that later steps rely on; raises InputError unless it is certified to be valid."""
     if certificate is None or answer is None:
         raise InputError(
             f"there is no certified answer to go on with: {message or 'none was given'}"
         )
     if not certificate.valid:
         raise InputError(
-            f"the answer's certificate does not hold ({'; '.join(certificate.failures)}); whoever "
-            "wants it nevertheless takes `.answer`"
+            f"the answer's certificate does not hold ({'; '.join(certificate.failures)}); to "
+            "use it nevertheless, take `.answer`"
         )
     return answer
 
 
 STATED_ELSEWHERE = {"cvxpy.problems.problem.Problem": "workbench.conic.cvxpy_program"}
-"""Modules whose `solve_problem` answers what is stated in another library, by the class of that.
+"""For a class of another library that states a problem: the module here whose `solve_problem`
+solves it.
 
-A module is imported when it is asked."""
+The module is imported when such a problem is given."""
 
 
 def solve(
@@ -181,25 +184,26 @@ def solve(
 ) -> Solution:
     """Answer a Program by a method (or compute a Study) and certify the answer.
 
-    Without a context, a terminal or a notebook shows how far the work is.
-    Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
+    Without a context, progress is shown at a terminal or in a notebook. An exception of a method
+    does not leave this function: the method has failed, and the exception's text is its message.
 
     Parameters
     ----------
     task
         A Program, a Study, or a `cvxpy.Problem`, which becomes a `workbench.conic.CvxpyProgram`.
-        Behind it the problem has a value, a status and values of its variables and dual variables,
-        as behind CVXPY's own ``solve``, of what is certified only.
+        Afterwards the problem has a value, a status and values of its variables and dual variables,
+        as after CVXPY's own ``solve``, but only if they are certified.
     method
         A method of the Program, such as the name of a solver; None: the default one.
     options, context
-        Accuracy, time limit and seed; or what has these and more, of an enclosing work.
+        Accuracy, time limit and seed; or the context of an enclosing piece of work, which has these
+        and more.
 
     Raises
     ------
     UnknownNameError, InputError
-        As `find_method`; a method was named for a Study, which has none; or the problem is none
-        that can be certified.
+        As `find_method`; a method was named for a Study, which has none; or the problem cannot be
+        certified.
 
     Examples
     --------
@@ -226,9 +230,9 @@ def solve(
 
 
 def ask(task: Task, method: str | None, context: Context) -> Solution:
-    """What a method answers and claims, not yet judged: there is no certificate. Raises as `solve`.
+    """A method's answer and claim, without a certificate. Raises as `solve`.
 
-    Whatever the method does not book as statement is solve: one without a statement books nothing.
+    Time that the method does not book as statement counts as solving.
     """
     if not isinstance(task, Task):
         raise InputError(
@@ -247,12 +251,12 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
-    except BaseException as error:  # a Rust panic is no Exception
+    except BaseException as error:  # A Rust panic is not derived from Exception.
         answer, claim, message = None, Outcome.FAILED, words_of(error)
         trace = traceback.format_exc()
     total = time.perf_counter() - start
     try:
-        need_unchanged(task, _asked(task, method))
+        need_unchanged(task, _subject(task, method))
     except InputError as error:
         answer, claim, message = None, Outcome.FAILED, str(error)
     if answer is not None and context.stopped:
@@ -263,9 +267,9 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
 
 
 def need_unchanged(task: Task, by: str = "somebody") -> None:
-    """Raise InputError where the data of a task are not those with which it was first asked.
+    """Raise InputError if the data of a task have changed since it was first solved.
 
-    The answers of all methods are certified against the same data.
+    So the answers of all methods are certified against the same data.
     """
     now = content_hash(task)
     if vars(task).setdefault("_first_asked", now) != now:
@@ -275,14 +279,14 @@ def need_unchanged(task: Task, by: str = "somebody") -> None:
         )
 
 
-def _asked(task: Task, method: str | None) -> str:
+def _subject(task: Task, method: str | None) -> str:
     """The method that was asked, or the Study itself, as a subject of a sentence."""
     name = type(task).__name__
     return f"method {method!r} of {name}" if method else name
 
 
 def judge(task: Task, method: str | None, said: Solution, context: Context) -> Solution:
-    """What a method said, with the certificate of its answer, or of there being none."""
+    """A method's answer with its certificate, or with the proof that there is no answer."""
     if said.answer is None:
         return _with_proof(task, said, context) if said.claim.without_answer else said
     start = time.perf_counter()
@@ -292,7 +296,7 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
         answer = task.witnessed(said.answer)
         certificate = task.certify(answer, tolerance, optimal=optimal)
     except Exception as error:
-        came = f"{_asked(task, method)} returned a {type(said.answer).__name__}"
+        came = f"{_subject(task, method)} returned a {type(said.answer).__name__}"
         reason = (
             f"the answer cannot be checked ({words_of(error)}): {came}, and "
             f"{task.answer_type()} is needed"
@@ -306,14 +310,14 @@ def judge(task: Task, method: str | None, said: Solution, context: Context) -> S
 
 
 def proof_task(task: Task, claim: Outcome, outcome: Outcome) -> Task | None:
-    """The task that a stored answer belongs to if it proves a claim of no answer; else None."""
+    """The task of a stored answer that proves a claim of no answer; otherwise None."""
     proofs = (claim, Outcome.NONE_UP_TO_R, Outcome.NO_CLAIM)
     stored_proof = claim.without_answer and outcome in proofs
     return task.claim_task(claim) if stored_proof else None
 
 
 def _with_proof(task: Task, found: Solution, context: Context) -> Solution:
-    """A claim that there is no answer, with what proves it, wherever that was found."""
+    """A claim that there is no answer, together with its proof, whoever finds that."""
     start = time.perf_counter()
     try:
         proof = task.claim_task(found.claim)

@@ -1,7 +1,7 @@
 """Solvers by name, with one vocabulary of outcomes and options for all of them.
 
-A conic solver is described by data: how CVXPY calls it, how the accuracy asked for is told to it.
-Nothing here imports a solver before it is used.
+A conic solver is described by data: its name in CVXPY, and how it is told the accuracy asked for.
+No solver is imported before it is used.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
-"""Accuracy levels: the relative optimality gap that a method which claims optimality must meet."""
+"""Accuracy levels: the largest relative optimality gap allowed for a method that claims
+optimality.
+"""
 
 
 class Outcome(StrEnum):
@@ -49,17 +51,17 @@ class Outcome(StrEnum):
 
     @property
     def proven(self) -> bool:
-        """The question is answered, and a certificate holds for the answer."""
+        """Whether the question is answered and the answer has a certificate that holds."""
         return self in (Outcome.SOLVED, Outcome.INFEASIBLE, Outcome.UNBOUNDED)
 
     @property
     def without_answer(self) -> bool:
-        """The claim that a program has no answer: it is infeasible or unbounded."""
+        """Whether it claims that a program has no answer: that it is infeasible or unbounded."""
         return self in (Outcome.INFEASIBLE, Outcome.UNBOUNDED)
 
     @property
     def advice(self) -> str:
-        """One sentence on what to do."""
+        """One sentence that tells the user what to do."""
         return _ADVICE[self]
 
 
@@ -140,7 +142,7 @@ class Options:
 
 
 class Stopwatch(Protocol):
-    """Clock of a solver call: it books the time of the statement apart from that of the solve.
+    """Clock of a solver call: it separates stating a problem from solving it.
 
     Examples
     --------
@@ -156,30 +158,30 @@ class Stopwatch(Protocol):
     """
 
     def stating(self) -> AbstractContextManager[None]:
-        """What is done within counts as statement of the problem, not as solving it."""
+        """Time spent inside counts as stating the problem, not as solving it."""
 
 
 @dataclass(frozen=True)
 class ConicSolver:
-    """A conic solver as CVXPY knows it, and how our options are told to it.
+    """A conic solver: its name in CVXPY, and the translation of our options into its own.
 
     Parameters
     ----------
     name
         Its name as a method.
     module
-        The module without which it is not installed.
+        Module that must be installed.
     settings
-        Its own options for ours.
+        Function that translates our options into the solver's own.
     finest
-        Tolerances below this one are told to it as this one is.
+        Finest tolerance that the solver is given; finer ones are replaced by it.
     package
-        The distribution whose version can change its answers; "": it is called as the module is.
+        Distribution whose version can change its answers; "": it has the name of the module.
     widest
-        The widest of `CONES` that it takes.
+        The most general of `CONES` that it can handle.
     of_cvxpy
-        CVXPY's name for it; "": the same as its own. Two solvers of one such name differ in their
-        settings.
+        Its name in CVXPY; "": the same as ``name``. Two solvers may share a CVXPY name and differ
+        in their settings.
 
     Examples
     --------
@@ -198,56 +200,58 @@ class ConicSolver:
     of_cvxpy: str = ""
 
     def unfit(self, cones: str) -> str:
-        """Why it cannot take a program with these of `CONES`; empty where it can."""
+        """The reason why it cannot solve a program with these of `CONES`; empty if it can."""
         if CONES.index(cones) <= CONES.index(self.widest):
             return ""
         return f"{self.name} takes {self.widest} cones only, it has {cones} ones"
 
     @property
     def installed(self) -> bool:
-        """Whether the module that it needs can be imported."""
+        """Whether the module that it needs can be found."""
         return importlib.util.find_spec(self.module) is not None
 
 
-# Solvers stop on residuals of their own scaling, which the gap measured by a certificate exceeds
-# by some factor: each is asked for a share of the accuracy wanted that it was found to need.
+# Solvers stop on residuals in their own scaling. The gap that a certificate measures is larger by
+# some factor. So each solver is asked for a finer tolerance than wanted, by a factor found by
+# experiment.
 
 
 CVXOPT_FINEST = 3.4e-8
-"""Finest tolerance asked of CVXOPT, which ends without an answer at finer ones."""
+"""Finest tolerance that CVXOPT is given; at finer ones it ends without an answer."""
 
 
 def _clarabel(options: Options) -> dict[str, Any]:
-    tolerance = 0.003 * options.accuracy  # an iteration more, at most two
+    tolerance = 0.003 * options.accuracy  # costs one or two more iterations
     settings = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
     return settings | ({"time_limit": options.time_limit} if options.time_limit else {})
 
 
 def _scs(options: Options) -> dict[str, Any]:
-    tolerance = 0.1 * options.accuracy  # a first-order method pays dearly for more
+    # a first-order method becomes much slower with more accuracy
+    tolerance = 0.1 * options.accuracy
     settings = {"eps_abs": tolerance, "eps_rel": tolerance, "max_iters": 100_000}
     return settings | ({"time_limit_secs": options.time_limit} if options.time_limit else {})
 
 
 def _cvxopt(options: Options) -> dict[str, Any]:
     tolerance = 0.3 * max(options.accuracy, CVXOPT_FINEST)
-    # The default KKT solver fails on control LMIs; this one is dense but right.
+    # The default KKT solver fails on LMIs of control; this one is dense but correct.
     return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
 
 
 CONES = ("linear", "second-order", "semidefinite")
-"""Cones of programs; who takes one takes those before it."""
+"""Kinds of cones, from special to general; a solver that handles one handles those before it."""
 _CONIC = [
     ConicSolver("clarabel", "clarabel", _clarabel),
     ConicSolver("scs", "scs", _scs),
     ConicSolver("cvxopt", "cvxopt", _cvxopt, CVXOPT_FINEST),
 ]
 _told: list[Callable[[ConicSolver], None]] = []
-"""Who is told of every conic solver."""
+"""Functions that are called with every conic solver."""
 
 
 def for_every_conic_solver(told: Callable[[ConicSolver], None]) -> None:
-    """Tell somebody of the installed conic solvers, and of those that are added later.
+    """Call a function with every installed conic solver, and with each one that is added later.
 
     Examples
     --------
@@ -263,12 +267,12 @@ def for_every_conic_solver(told: Callable[[ConicSolver], None]) -> None:
 
 
 def add_conic_solver(solver: ConicSolver) -> None:
-    """Make a solver a method of every Program that is stated as a conic program.
+    """Make a solver available as a method of every Program that is stated as a conic program.
 
     Raises
     ------
     InputError
-        It is not installed, or another solver has its name.
+        It is not installed, or another solver has this name.
 
     Examples
     --------
@@ -307,8 +311,8 @@ def solve_conic(
 ) -> tuple[Outcome, str]:
     """Solve a CVXPY problem in place; return its outcome and the solver's own status.
 
-    Compilation is booked as statement. Whatever the solver raises, a panic included, becomes
-    ``Outcome.FAILED`` with its words.
+    Compilation counts as stating the problem. An exception of the solver, or a panic, becomes
+    ``Outcome.FAILED`` with its text.
 
     Examples
     --------
@@ -328,7 +332,8 @@ def solve_conic(
             data, chain, inverse = problem.get_problem_data(
                 (solver.of_cvxpy or solver.name).upper(), solver_opts=settings
             )
-        with warnings.catch_warnings():  # what a solver warns of, the certificate judges
+        # The certificate, not the solver's warning, judges the answer.
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             raw = chain.solve_via_data(
                 problem, data, warm_start=False, verbose=options.verbose, solver_opts=settings
@@ -336,7 +341,7 @@ def solve_conic(
             problem.unpack_results(raw, chain, inverse)
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException as error:  # a Rust panic is no Exception
+    except BaseException as error:  # A Rust panic is not derived from Exception.
         return Outcome.FAILED, f"{type(error).__name__}: {error}"
     return _CVXPY_STATUS.get(problem.status, Outcome.FAILED), f"{solver.name}: {problem.status}"
 
@@ -356,7 +361,7 @@ _CVXPY_STATUS = {
 def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any) -> Any:
     """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT.
 
-    ``more`` are further options of IPOPT, by its names for them.
+    ``more`` are further options of IPOPT, under IPOPT's own names.
 
     Examples
     --------
@@ -374,7 +379,7 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any
     tolerance = 0.1 * options.accuracy
     settings: dict[str, Any] = {
         "ipopt.tol": tolerance,
-        # IPOPT widens every bound by 1e-8 unless told less.
+        # By default IPOPT widens every bound by 1e-8.
         "ipopt.bound_relax_factor": min(1e-8, tolerance),
         "ipopt.print_level": 5 if options.verbose else 0,
         "ipopt.sb": "yes",
@@ -389,7 +394,7 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any
 
 
 def ipopt_outcome(solver: Any) -> tuple[Outcome, str]:
-    """Outcome and own status of the last call of a function made by `ipopt`.
+    """Outcome and IPOPT's own status of the last call of a function made by `ipopt`.
 
     Examples
     --------
@@ -439,7 +444,7 @@ def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 @cache
 def _version(package: str) -> str | None:
-    """Version of an installed package, None for another."""
+    """Version of a package; None if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -451,12 +456,12 @@ def _version(package: str) -> str | None:
 SLYCOT_ADVICE = (
     "slycot is not installed: pip install slycot, or conda install -c conda-forge slycot"
 )
-"""What is said where slycot, which some platforms lack, is not installed."""
+"""Advice for users without slycot, which some platforms lack."""
 
 
 @cache
 def slycot_missing() -> str | None:
-    """Why SLICOT cannot be asked; None where it can.
+    """The reason why SLICOT cannot be used; None if it can.
 
     Examples
     --------

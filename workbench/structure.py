@@ -40,17 +40,17 @@ class Block(ABC):
     @property
     @abstractmethod
     def rows(self) -> int:
-        """Perturbation inputs of the plant that it drives."""
+        """Number of perturbation inputs of the plant that it drives."""
 
     @property
     @abstractmethod
     def columns(self) -> int:
-        """Perturbation outputs of the plant that it reads."""
+        """Number of perturbation outputs of the plant that it reads."""
 
     @property
     @abstractmethod
     def pair(self) -> tuple[int, int]:
-        """Its row in the two-column integer form."""
+        """Its row in the two-column integer form that other tools use."""
 
     @abstractmethod
     def nearest(self, matrix: Array) -> Array:
@@ -131,7 +131,8 @@ class Complex(_Repeated):
 class Full(Block):
     """A full complex block, not necessarily square.
 
-    `outputs` and `inputs` are the block's own: it drives `outputs` signals and reads `inputs`.
+    `outputs` and `inputs` are those of the block: it drives `outputs` signals and reads `inputs`
+    signals.
 
     Examples
     --------
@@ -171,7 +172,7 @@ class Full(Block):
 
 @dataclass(frozen=True)
 class Structure:
-    """Delta = diag(blocks), the blocks in any order; raises InputError where there is none.
+    """Delta = diag(blocks) with the blocks in any order; raises InputError if there are no blocks.
 
     Examples
     --------
@@ -186,9 +187,9 @@ class Structure:
     def __init__(self, blocks: Iterable[Block]) -> None:
         try:
             object.__setattr__(self, "blocks", tuple(blocks))
-        except InputError:  # of what makes the blocks
+        except InputError:  # An iterator may raise an error of its own.
             raise
-        except Exception:  # some things look like sequences and are none
+        except Exception:  # Some objects look like sequences but cannot be iterated.
             raise InputError(f"a list of blocks is needed, not {blocks!r}") from None
         if not self.blocks:
             raise InputError("the structure has no blocks; give at least one")
@@ -201,7 +202,7 @@ class Structure:
 
     @classmethod
     def from_pairs(cls, pairs: Iterable[Sequence[int]]) -> Structure:
-        """From the two-column integer form that other tools use.
+        """A structure from the two-column integer form that other tools use.
 
         [-n 0] is a real scalar repeated n times, [n 0] a complex one, [r c] a full r-by-c block;
         [-1 1] is accepted as a real scalar. [1 1] is a full 1-by-1 block, which is the same set
@@ -212,7 +213,7 @@ class Structure:
         return cls(_from_pair(pair) for pair in pairs)
 
     def to_pairs(self) -> list[tuple[int, int]]:
-        """The two-column integer form; names are lost."""
+        """The two-column integer form; names of blocks are lost."""
         return [block.pair for block in self.blocks]
 
     def __iter__(self) -> Iterator[Block]:
@@ -223,26 +224,26 @@ class Structure:
 
     @property
     def rows(self) -> int:
-        """Perturbation inputs of the plant, all blocks together."""
+        """Number of perturbation inputs of the plant, all blocks together."""
         return sum(block.rows for block in self.blocks)
 
     @property
     def columns(self) -> int:
-        """Perturbation outputs of the plant, all blocks together."""
+        """Number of perturbation outputs of the plant, all blocks together."""
         return sum(block.columns for block in self.blocks)
 
     @cached_property
     def row_slices(self) -> tuple[slice, ...]:
-        """Rows of Delta (columns of M) that each block takes."""
+        """Rows of Delta (columns of M) that belong to each block."""
         return _slices([block.rows for block in self.blocks])
 
     @cached_property
     def column_slices(self) -> tuple[slice, ...]:
-        """Columns of Delta (rows of M) that each block takes."""
+        """Columns of Delta (rows of M) that belong to each block."""
         return _slices([block.columns for block in self.blocks])
 
     def check(self, M: ArrayLike) -> None:
-        """Raise InputError unless M has the shape (..., columns, rows) of what Delta closes."""
+        """Raise InputError unless M has the shape (..., columns, rows) that Delta can close."""
         shape = np.shape(M)
         if shape[-2:] != (self.columns, self.rows):
             raise InputError(
@@ -262,8 +263,8 @@ class Structure:
     def contains(self, delta: ArrayLike, tolerance: float = 1e-12) -> bool:
         """Whether `delta` (rows, columns) has this structure.
 
-        No entry may be off by more than `tolerance` times the largest one. Says nothing of the
-        size of delta. Raises InputError where its shape does not fit.
+        No entry may deviate by more than `tolerance` times the largest entry. The size of delta is
+        not checked. Raises InputError if the shape does not fit.
         """
         array = np.asarray(delta)
         if array.shape != (self.rows, self.columns):
@@ -276,25 +277,26 @@ class Structure:
         return bool((abs(array - nearest) <= tolerance * abs(array).max()).all())
 
     def random(self, rng: np.random.Generator) -> Array:
-        """A random Delta (rows, columns), its largest singular value 1."""
+        """A random Delta (rows, columns) with largest singular value 1."""
         parts = [block.random(rng) for block in self.blocks]
         return self.diagonal(parts) / max(np.linalg.norm(part, 2) for part in parts)
 
     def complexified(self) -> Structure:
-        """The same structure with its real scalars complex."""
+        """The same structure with complex scalars in place of real ones."""
         return Structure(Complex(b.n, b.name) if isinstance(b, Real) else b for b in self.blocks)
 
     def with_performance(self, performance: int, exogenous: int) -> Structure:
-        """This structure and the full block, named "performance", of the main loop theorem.
+        """This structure extended by the full performance block of the main loop theorem.
 
-        It reads the plant's `performance` outputs and drives its `exogenous` inputs.
+        The block, named "performance", reads the plant's `performance` outputs and drives its
+        `exogenous` inputs.
         """
         return Structure((*self.blocks, Full(exogenous, performance, "performance")))
 
 
 def _check_size(kind: str, **sizes: object) -> None:
     for name, size in sizes.items():
-        # A bool is an integer to Python, but nobody means it as a size.
+        # To Python a bool is an integer, but it makes no sense as a size.
         if isinstance(size, bool) or not isinstance(size, Integral) or size < 1:
             raise InputError(f"{kind} has {name} = {size!r}; it must be an integer of at least 1")
 

@@ -1,4 +1,4 @@
-"""Run one problem over a grid of its parameters: planned, run, found again, stored as one."""
+"""Run one problem over a grid of its parameters, and store the results as one dataset."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from workbench.solvers import Options, Outcome
 
 @dataclass(frozen=True)
 class Grid:
-    """What a sweep asks: a problem, its swept parameters, the others, a method and options."""
+    """The question of a sweep: a problem, its swept and fixed parameters, a method and options."""
 
     problem: str
     axes: Mapping[str, tuple[Any, ...]]
@@ -35,7 +35,7 @@ class Grid:
     fresh: bool = False
 
     def __call__(self, executor: Executor, progress: Progress) -> Dataset:
-        """The dataset, its points run where they are not stored."""
+        """Run the points that are not stored, and return the dataset of all points."""
         places = self.places
         calls = ((place, (_run, self.at(place), Site.here())) for place in places)
         found: dict[tuple[int, ...], SweptPoint] = {}
@@ -47,7 +47,7 @@ class Grid:
         return sweep_dataset(self.axes, found, self.problem)
 
     def planned(self) -> list[tuple[tuple[Any, ...], str]]:
-        """The values of each point, and what would become of it: "stored" or "would run"."""
+        """The values of each point, and whether it is "stored" or "would run"."""
         bench, found = default_bench(self.options, fresh=self.fresh), []
         for place in self.places:
             point = self.at(place).parameters
@@ -58,11 +58,11 @@ class Grid:
 
     @property
     def places(self) -> list[tuple[int, ...]]:
-        """Every place of the grid: the number of its value on each axis."""
+        """Every point of the grid, as the index of its value on each axis."""
         return list(itertools.product(*(range(len(values)) for values in self.axes.values())))
 
     def at(self, place: tuple[int, ...]) -> _Asked:
-        """What is asked at a place of the grid."""
+        """The run that is asked for at a point of the grid."""
         point = {name: self.axes[name][k] for name, k in zip(self.axes, place, strict=True)}
         given = {**self.parameters, **point}
         return _Asked(self.problem, given, self.method, self.options, self.fresh)
@@ -70,7 +70,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class _Asked:
-    """The question of a point, as a worker gets it."""
+    """The run of a point, as it is sent to a worker."""
 
     problem: str
     parameters: Mapping[str, Any]
@@ -80,7 +80,7 @@ class _Asked:
 
 
 def _run(question: _Asked, place: Site) -> SweptPoint:
-    """Run a point; what keeps it from running is in the point."""
+    """Run a point; an error that prevents the run is recorded in the point."""
     place.enter()
     try:
         bench = default_bench(question.options, fresh=question.fresh)
@@ -108,13 +108,13 @@ def grid_of(
     *,
     fresh: bool = False,
 ) -> Grid:
-    """A grid whose names and values are checked, its values converted.
+    """A grid with checked names, and values checked and converted.
 
     Raises
     ------
     UnknownNameError, InputError
-        No such problem or parameter; no or equal values; a value that does not fit; a parameter
-        that is swept and fixed.
+        No such problem or parameter; no values, or equal ones; a value that does not fit; or a
+        parameter that is both swept and fixed.
     """
     problem = registry().find(name)
     if not over:
@@ -133,7 +133,8 @@ def grid_of(
     for parameter, converted in axes.items():
         if len(set(map(str, converted))) < len(converted):
             raise InputError(f"{parameter} has a value twice: {', '.join(map(str, converted))}")
-    for place in itertools.product(*axes.values()):  # values that do not fit each other
+    # The values cannot be compared with each other.
+    for place in itertools.product(*axes.values()):
         problem.bind({**parameters, **dict(zip(axes, place, strict=True))})
     return Grid(name, axes, dict(parameters), method, options, fresh)
 
@@ -146,7 +147,7 @@ def _converted(problem: Problem, parameter: str, value: Any, others: Mapping[str
 def run_sweep(
     grid: Grid, *, executor: Executor | None = None, jobs: int = 1, progress: Progress = silent
 ) -> Run:
-    """The sweep's folder, made of its points. See `workbench.sweep`."""
+    """Run the points and store the sweep's folder. See `workbench.sweep`."""
     if jobs < 1:
         raise InputError(f"jobs must be 1 or more, not {jobs}")
     with _working(executor, jobs) as where:
@@ -164,7 +165,7 @@ def run_sweep(
 
 
 def _working(executor: Executor | None, jobs: int) -> AbstractContextManager[Executor]:
-    """Where points run: the executor given, which stays open, or one of their own."""
+    """The executor for the points: the one given, which stays open, or a new one."""
     if executor is not None:
         return nullcontext(executor)
     return InProcess() if jobs == 1 else Workers(jobs)

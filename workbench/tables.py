@@ -1,4 +1,4 @@
-"""Tables in Markdown, made from heads and rows in one place."""
+"""Markdown tables from heads and rows."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Rows = tuple[list[str], list[list[str]]]
 def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A Markdown table with columns of even width.
 
-    Cells are texts or numbers; a column without a text other than a number is aligned to the right.
-    Numbers are written with up to five significant digits; give a text where others are wanted.
+    Cells are texts or numbers; a column that holds only numbers is aligned to the right. Numbers
+    are written with up to five significant digits; give a text for another format.
     """
     cells = [[_text(cell) for cell in row] for row in rows]
     columns = list(zip(heads, *cells, strict=True))
@@ -36,10 +36,10 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def crossed(values: DataArray, form: str = "{}", corner: str = "") -> Rows:
-    """Heads and rows of a matrix: a row for each label of its first dimension.
+    """Heads and rows of a two-dimensional array: one row for each label of its first dimension.
 
-    The second dimension gives the columns. corner: the first head, the first dimension's name where
-    left out.
+    The second dimension gives the columns. corner: the first head; by default the name of the first
+    dimension.
     """
     rows, columns = (values[name].values.tolist() for name in values.dims)
     cells = zip(rows, values.values.tolist(), strict=True)
@@ -59,7 +59,7 @@ def _text(cell: Any) -> str:
 
 
 def _is_number(text: str) -> bool:
-    """Whether a cell reads as a number, perhaps with a per cent sign, or is empty."""
+    """Whether a cell is empty or reads as a number, perhaps with a per cent sign."""
     try:
         float(text.rstrip("%").replace("-", "0") if text in ("-", "") else text.rstrip("%"))
     except ValueError:

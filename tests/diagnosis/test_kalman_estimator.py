@@ -174,10 +174,10 @@ def test_quality_outside_its_range_is_told():
 def test_doubling_solves_the_riccati_equation():
     from scipy.linalg import solve_discrete_are
 
-    from workbench.diagnosis.estimators.kalman import _doubled
+    from workbench.diagnosis.estimators.kalman import _riccati_by_doubling
 
     rng = np.random.default_rng(5)
     for _ in range(20):
         A, C = rng.normal(size=(5, 5)), rng.normal(size=(1, 5))
         expected = solve_discrete_are(A.T, C.T, np.eye(5), np.eye(1))
-        np.testing.assert_allclose(_doubled(A, C.T @ C, np.eye(5)), expected, rtol=1e-8)
+        np.testing.assert_allclose(_riccati_by_doubling(A, C.T @ C, np.eye(5)), expected, rtol=1e-8)

@@ -1,4 +1,4 @@
-"""Many problems for the command line: one after the other, or several at once."""
+"""Runs of many problems for the command line: one after the other, or several at once."""
 
 from workbench.batch.jobs import ended, workers
 

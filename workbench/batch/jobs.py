@@ -1,4 +1,4 @@
-"""Runs of many problems as they end, in this process or in several."""
+"""Runs of many problems, yielded as they end, in this process or in several."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def ended(
     jobs: int,
     executor: Executor | None = None,
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
-    """Runs of problems, or the errors that kept them from running, as they end.
+    """Yield each problem's run as it ends, or the error that prevented the run.
 
-    ``asked`` as `workbench.run` takes it. Of several jobs each is a process, and the cores are
-    shared out among them: what several of them need is run first. An executor elsewhere gets whole
-    problems; of a single one it gets the parts.
+    ``asked`` holds arguments of `workbench.run`. With several jobs each is a process; they share
+    the cores, and a problem whose results several others need runs first. An executor that is given
+    receives whole problems; if there is only one problem, it receives the parts of that.
     """
     if executor is not None and len(names) > 1:
         return _several(names, asked, nullcontext(executor), jobs)
@@ -58,7 +58,10 @@ def _several(
     where: AbstractContextManager[Executor],
     most: int,
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
-    """Runs several at once, at most so many under way; none waits for what another one makes."""
+    """Run several problems at once, at most ``most``.
+
+    Each starts after the problems that it needs.
+    """
     from workbench.executor.live import shown_live
 
     plan = JobPlan(names, asked)
@@ -78,7 +81,8 @@ def _several(
                 error = call.exception()
                 if isinstance(error, ClusterError) or not isinstance(error, WorkbenchError | None):
                     raise error
-                if label in plan.named:  # of the others those that are fed with them tell
+                # if a needed problem fails, the problems that need it report that
+                if label in plan.named:
                     ended += 1
                     yield plan.named[label], error or call.result()
 
@@ -90,7 +94,7 @@ def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
 
 
 def workers(jobs: int) -> Executor:
-    """Where jobs run: in processes that share out the cores; a single one in this process."""
+    """The executor for the jobs: processes that share the cores; for a single job this process."""
     from workbench.executor import InProcess, Workers
 
     if jobs == 1:

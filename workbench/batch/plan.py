@@ -1,4 +1,4 @@
-"""What of many problems must end before what else begins."""
+"""The order of many problems: which must end before which others begin."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from workbench.bench.project import registry
 from workbench.errors import WorkbenchError
 
 UNASKED = {"tolerance": "middle", "time_limit": None, "verbose": False, "fresh": False}
-"""What a run means that says nothing of these; so are those that feed others."""
+"""Options of a run that the user does not set; needed problems run with these options."""
 
 
 class JobPlan:
-    """Problems, and what they are fed with, each once.
+    """The given problems and the problems that they need, each once.
 
     Parameters
     ----------
     names
         Names of problems.
     asked
-        What is asked of all of them, as `workbench.run` takes it.
+        Arguments of `workbench.run` for all of them.
 
     Attributes
     ----------
     calls : dict
-        The name of a problem and what is asked of it, by label.
+        Name and arguments of each run, by label.
     named : dict
-        The names that were given, by label. What has no name here only feeds others.
+        The names that were given, by label. A run without a name here is only needed by others.
     waiting : list of str
-        Labels of what has not begun, those first that most others need.
+        Labels of the runs that have not begun; those that most others need come first.
     over : set of str
-        Labels of what has ended; whoever runs them adds them.
+        Labels of the runs that have ended; the caller adds them.
     """
 
     def __init__(self, names: Sequence[str], asked: Mapping[str, Any]) -> None:
@@ -50,7 +50,7 @@ class JobPlan:
         self.waiting = sorted(self.calls, key=lambda label: -len(needed[label]))
 
     def _add(self, one: Ref, options: Mapping[str, Any]) -> str:
-        """The label of a question, which is added with all that it is fed with."""
+        """The label of a run; the run is added together with all runs that it needs."""
         parameters: Mapping[str, Any] = one.parameters
         needs: list[Ref] = []
         try:
@@ -60,17 +60,18 @@ class JobPlan:
             for need in problem.needs(bound).values():
                 needs += need if isinstance(need, list) else [need]
         except WorkbenchError:
-            needs = []  # its run says what is wrong
+            needs = []  # its run reports what is wrong
         label = json.dumps([one.name, one.method, parameters, options], sort_keys=True, default=str)
         if label not in self.calls:
             self.calls[label] = one.name, {"method": one.method, **options, **one.parameters}
-            self._needs[label] = set()  # known before its needs are: they may lead back to it
+            # added before its needs, since cyclic needs may lead back to it
+            self._needs[label] = set()
             usual = {**UNASKED, "seed": options["seed"]}
             self._needs[label] |= {self._add(need, usual) for need in needs}
         return label
 
     def _needed(self) -> dict[str, set[str]]:
-        """What waits for each of them, at first hand or later."""
+        """For each run the labels of all runs that need it, directly or through others."""
         needed: dict[str, set[str]] = {label: set() for label in self.calls}
         for label in self.calls:
             below = list(self._needs[label])
@@ -82,9 +83,10 @@ class JobPlan:
         return needed
 
     def ready(self, most: int, *, idle: bool) -> Iterator[str]:
-        """Labels of at most so many that may begin, which wait no longer.
+        """Labels of at most so many runs that can begin now; they are removed from ``waiting``.
 
-        Where nothing is under way and all wait for one another the first one begins: it says so.
+        If nothing is running and all runs wait for one another, the first one begins, and reports
+        the cycle.
         """
         free = [label for label in self.waiting if self._needs[label] <= self.over][:most]
         for label in free or (self.waiting[:1] if idle else []):

@@ -1,4 +1,4 @@
-"""The state of an iteration in a file, so that a run that was stopped goes on where it was."""
+"""The state of an iteration in a file, so that an interrupted run can be resumed."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ MARK, SECONDS, STATE = "mark", "seconds", "state/"
 
 
 class FileCheckpoint(Checkpoint):
-    """A state as an npz file without pickles, which is there whole or not at all.
+    """A state as an npz file without pickles; the file appears whole or not at all.
 
-    Processes that ask the same question with different time limits share the file: each leaves a
-    state that any of them may go on from.
+    Processes that ask the same question with different time limits share the file; each can resume
+    from the state that another has left.
 
     Parameters
     ----------
     file
         Path of the checkpoint.
     scratch
-        Path of this process alone, where the file is written before it is renamed to its place.
+        Path used by this process only: the file is written there, then renamed to its place.
     mark
-        Hash of the question and the code; a state with another mark is not used.
+        Hash of question and code; a state with another hash is not used.
 
     Attributes
     ----------
     earlier
-        Seconds that earlier runs took to reach the state that was loaded; 0 where none was.
+        Seconds that earlier runs took to reach the loaded state; 0 if none was loaded.
     """
 
     def __init__(self, file: Path, scratch: Path, mark: str) -> None:
@@ -47,7 +47,7 @@ class FileCheckpoint(Checkpoint):
         spent = self.earlier + time.perf_counter() - self._started
         content: dict[str, Any] = {STATE + k: np.asarray(array) for k, array in state.items()}
         pickled = [name for name, array in state.items() if np.asarray(array).dtype.hasobject]
-        if pickled:  # NumPy 2.0 and 2.1 have no way to refuse that
+        if pickled:  # NumPy 2.0 and 2.1 have no option to refuse pickles
             raise ValueError(f"{', '.join(pickled)}: an array of objects would need a pickle")
         content |= {MARK: np.array(self._mark), SECONDS: np.array(spent)}
         self._scratch.parent.mkdir(parents=True, exist_ok=True)
@@ -68,13 +68,13 @@ class FileCheckpoint(Checkpoint):
         return self._read() is not None
 
     def drop(self) -> None:
-        """Forget the state."""
+        """Delete the stored state."""
         self._file.unlink(missing_ok=True)
 
     def _read(self) -> dict[str, NDArray[Any]] | None:
-        """The file's arrays; None where it is not there, is damaged, or has another mark."""
+        """The file's arrays; None if it is missing, damaged, or has another mark."""
         try:
-            # NumPy would leave a file open that it opened and found damaged.
+            # NumPy would not close a file that it finds damaged.
             with self._file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
                 content = dict(stored)
                 return content if str(content[MARK]) == self._mark else None

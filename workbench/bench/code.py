@@ -1,10 +1,10 @@
-"""The code that made an answer: a hash of the sources that its modules import, and no others.
+"""The code behind an answer: a hash of the sources that its modules import, and no others.
 
-A stored answer is reused only while the code that made it is the same. That is what the problem's
-file, its Program, the method and their checks import, directly or not, and the versions of the
-solvers among it. Imports are read from the sources; nothing is imported for it. A name that a
-package re-exports leads to the module that defines it, so that one module of a room may change
-without its neighbours' answers.
+A stored answer is reused only while the code that made it is unchanged. That code is everything
+imported, directly or not, by the problem's file, its Program, the method and their checks, together
+with the versions of the solvers among it. Imports are read from the sources; nothing is imported
+for this. A name that a package re-exports is traced to the module that defines it, so that one
+module of a room can change without affecting answers of its neighbours.
 """
 
 from __future__ import annotations
@@ -24,13 +24,15 @@ from workbench.solvers import PACKAGES, versions
 
 OWN = "workbench"
 _ADDED = "workbench_problems_"
-"""How the packages begin that hold added problem folders; the rest depends on where they lie."""
+"""Common beginning of the package names of added problem folders; the rest of a name depends on the
+folder's path.
+"""
 
 
 def code_hash(
     modules: Iterable[str], solvers: Iterable[str] = (), upstream: Iterable[str] = ()
 ) -> str:
-    """Hash of what may change an answer besides the question.
+    """Hash of everything except the question that can change an answer.
 
     Parameters
     ----------
@@ -39,7 +41,7 @@ def code_hash(
     solvers
         Packages that the method calls without importing them by name.
     upstream
-        Code hashes of the results that the problem was fed with.
+        Code hashes of the results that the problem needs.
     """
     found, packages = closure(modules)
     lines = sorted(f"{_label(name)} {facts.digest}\n" for name, facts in found.items())
@@ -57,10 +59,11 @@ def source_digests(folders: Iterable[Path]) -> dict[str, str]:
 
 
 def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
-    """The modules that some modules are made of, themselves included, and what else they import.
+    """All modules that some modules import, directly or not, with themselves; and other packages.
 
-    Followed are imports from the workbench, from the packages of the modules themselves, and from
-    modules of the user's, which are not installed; of all others the name of the package is told.
+    Imports are followed into the workbench, into the packages of the modules themselves, and into
+    the user's own modules, which are not installed. Of all others only the package's name is
+    returned.
     """
     waiting: list[Import] = [(name, None) for name in modules]
     followed = {OWN, *(name.partition(".")[0] for name, _ in waiting)}
@@ -78,7 +81,7 @@ def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
             continue
         module = _defining(*wanted)
         file = file_of(module)
-        if file is None:  # a notebook's cell, a built-in module
+        if file is None:  # a notebook's cell, or a built-in module
             continue
         if module not in found:
             found[module] = _facts(file, module)
@@ -87,7 +90,7 @@ def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
 
 
 def helper_modules(modules: Iterable[str]) -> set[str]:
-    """Modules of the user's, outside of the packages of some modules, that these import."""
+    """The user's own modules that some modules import from outside their packages."""
     waiting, seen, found = list(modules), set[str](), set[str]()
     own = {OWN, *(name.partition(".")[0] for name in waiting)}
     while waiting:
@@ -108,9 +111,9 @@ def helper_modules(modules: Iterable[str]) -> set[str]:
 
 
 def _is_users(package: str) -> bool:
-    """Whether a package that was imported is neither installed nor Python's own.
+    """Whether an imported package is neither installed nor part of Python.
 
-    An editable install is the user's: its files lie where they are written.
+    An editable install counts as the user's: its files lie where they are edited.
     """
     module = sys.modules.get(package)
     files = [*getattr(module, "__path__", []), getattr(module, "__file__", None) or ""]
@@ -120,7 +123,7 @@ def _is_users(package: str) -> bool:
 
 @cache
 def _is_installed(place: str) -> bool:
-    """Whether a file or folder lies among Python's own modules or installed packages."""
+    """Whether a file or folder belongs to Python or to an installed package."""
     return any(base in Path(place).resolve().parents for base in _installed())
 
 
@@ -137,15 +140,15 @@ def _user_site() -> list[str]:
 
 
 Import = tuple[str, str | None]
-"""A module, and the name taken from it; None: the module as a whole."""
+"""A module, and the name imported from it; None: the module as a whole."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What is read from a source file.
+    """Facts read from a source file.
 
-    ``imports`` are what it runs with; ``bound`` leads names that it imports to where they are from,
-    those included that only type checkers import.
+    ``imports`` are the modules that it uses at run time; ``bound`` maps the names that it imports
+    to their sources, including those imported for type checkers only.
     """
 
     digest: str
@@ -154,8 +157,8 @@ class Facts:
 
 
 def _defining(module: str, name: str | None) -> str:
-    """The module that defines a name which a module gives."""
-    for _ in range(20):  # re-exports of re-exports end somewhere
+    """The module that defines a name which another module offers."""
+    for _ in range(20):  # chains of re-exports are followed to a limit
         if name is None:
             return module
         below = f"{module}.{name}"
@@ -172,7 +175,7 @@ def _defining(module: str, name: str | None) -> str:
 
 
 def file_of(module: str) -> Path | None:
-    """The source file of a module, found from that of its nearest imported package."""
+    """The source file of a module, located from its nearest imported parent package."""
     parts = module.split(".")
     for count in range(len(parts), 0, -1):
         package = sys.modules.get(".".join(parts[:count]))
@@ -192,7 +195,7 @@ def file_of(module: str) -> Path | None:
 
 
 def _facts(file: Path, module: str) -> Facts:
-    """Facts of a file: the workbench's as it is at the first look, near enough to its import."""
+    """Facts of a file; a file of the workbench is read once, soon after it was imported."""
     own = module.partition(".")[0] == OWN and not module.startswith(f"{OWN}.plants.")
     state = file.stat()
     return _read(file, module, (0, 0) if own else (state.st_mtime_ns, state.st_size))
@@ -217,13 +220,13 @@ def _read(file: Path, module: str, state: tuple[int, int]) -> Facts:
 
 
 def _for_types(node: ast.AST) -> bool:
-    """Whether it is ``if TYPE_CHECKING:``, which never runs."""
+    """Whether a node is ``if TYPE_CHECKING:``, whose body never runs."""
     test = node.test if isinstance(node, ast.If) else None
     return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
 
 
 def _base(node: ast.ImportFrom, package: str) -> str:
-    """The module that ``from ... import`` takes names from, its dots resolved."""
+    """The module that ``from ... import`` names, with its dots resolved."""
     if not node.level:
         return node.module or ""
     parts = package.split(".")
@@ -232,7 +235,7 @@ def _base(node: ast.ImportFrom, package: str) -> str:
 
 
 def _bindings(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, Import]]:
-    """Names that an import binds, and where they come from."""
+    """Names that an import binds, and their sources."""
     if isinstance(node, ast.ImportFrom):
         for alias in node.names:
             yield alias.asname or alias.name, (_base(node, package), alias.name)
@@ -251,7 +254,7 @@ def _imports(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[Import
 
 
 def _chain(node: ast.AST) -> list[str]:
-    """The parts of ``a.b.c``; of anything else an empty name."""
+    """The parts of ``a.b.c``; a single empty name for anything else."""
     parts = []
     while isinstance(node, ast.Attribute):
         parts.append(node.attr)
@@ -260,7 +263,7 @@ def _chain(node: ast.AST) -> list[str]:
 
 
 def _through(source: Import, attributes: list[str]) -> Iterator[Import]:
-    """What ``a.b.c`` leads to, where ``a`` is a package: a name of it, or of one below it."""
+    """The source of ``a.b.c`` where ``a`` is a package: its name, or that of a module in it."""
     module = source[0] if source[1] is None else f"{source[0]}.{source[1]}"
     for name in attributes:
         file = file_of(module)
@@ -271,6 +274,6 @@ def _through(source: Import, attributes: list[str]) -> Iterator[Import]:
 
 
 def _label(module: str) -> str:
-    """The name of a module, the same wherever its problem folder lies."""
+    """The name of a module, independent of where its problem folder lies."""
     first, dot, rest = module.partition(".")
     return f"problems{dot}{rest}" if first.startswith(_ADDED) else module

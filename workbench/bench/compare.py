@@ -1,7 +1,7 @@
 """Every problem by every method at every accuracy level: planned, answered, stored, and viewed.
 
-The cells that are stored already are read; the others go to the executor, in an order drawn with
-the seed, and each is stored when it ends. The comparison's own folder is a view over them.
+Stored cells are read. The others go to the executor, in a random order drawn with the seed, and
+each is stored when it ends. The comparison's own folder is made from the cells.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from workbench.solvers import ACCURACY, Options, Outcome
 
 @dataclass(frozen=True)
 class Asked:
-    """What a comparison asks.
+    """The question of a comparison.
 
-    ``methods`` None: every method of every problem. ``executor`` None: a pool of warm processes.
-    ``light``: cells leave records, no folders; not ``kept``: not even those.
+    ``methods`` None: every method of every problem. ``executor`` None: a pool of processes.
+    ``light``: cells leave records instead of folders; not ``kept``: not even records.
     """
 
     problems: tuple[str, ...]
@@ -61,7 +61,7 @@ class Asked:
     executor: Executor | None = None
 
     def __call__(self, progress: Progress = silent) -> Dataset:
-        """The dataset of a comparison, its cells computed where they are not stored."""
+        """The dataset of a comparison; cells that are not stored are computed."""
         with self._working() as executor, self._journal() as journal:
             cells = self._known(executor, journal, progress)
             self._answer(cells, executor, journal, progress)
@@ -81,12 +81,12 @@ class Asked:
         return cell_table(entries, cells.programs, cells.sizes, settings)
 
     def planned(self, progress: Progress = silent) -> Cells:
-        """The cells before any is answered, those with a record that are stored or unfit."""
+        """The cells before any is computed; those that are stored or unfit have a record."""
         with self._working() as executor, self._journal() as journal:
             return self._known(executor, journal, progress, stored=True)
 
     def _working(self) -> AbstractContextManager[Executor]:
-        """Where cells run: the executor given, which stays open, or a pool of their own."""
+        """The executor for the cells: the one given, which stays open, or a new pool."""
         if self.executor is not None:
             return nullcontext(self.executor)
         return cell_workers(self.jobs, self.memory_limit, self.threads)
@@ -102,7 +102,7 @@ class Asked:
         *,
         stored: bool = False,
     ) -> Cells:
-        """The cells, with the records of those that are stored; ``stored`` as in `cells`."""
+        """The cells, with records for those that are stored; ``stored`` as in `cells`."""
         cells = self.cells(executor, progress, stored=stored)
         if not self.fresh:
             cells.look_up(journal)
@@ -111,7 +111,7 @@ class Asked:
     def cells(
         self, executor: Executor, progress: Progress = silent, *, stored: bool = False
     ) -> Cells:
-        """The cells in their places; ``stored``: no need may be run to know them."""
+        """The cells by their labels; ``stored``: no need of a problem may be run to find them."""
         place = Site.here()
         calls = (
             (name, (plan, name, dict(self.parameters), self.seed, place, stored))
@@ -134,7 +134,7 @@ class Asked:
         return cells
 
     def _place(self, cells: Cells, planned: Plan) -> None:
-        """Every cell of a problem in its place."""
+        """Add every cell of a problem to the table."""
         cells.programs[planned.problem] = planned.program
         cells.sizes[planned.problem] = planned.size
         for method in self.methods if self.methods is not None else _methods(planned):
@@ -155,7 +155,7 @@ class Asked:
     def _answer(
         self, cells: Cells, executor: Executor, journal: Journal | None, progress: Progress
     ) -> None:
-        """Have every cell answered that has no record, and stored when it ends."""
+        """Compute every cell that has no record; each is stored when it ends."""
         missing = cells.missing
         order = np.random.default_rng(self.seed).permutation(len(missing))
         place, apart = Site.here(), (self.memory_limit, self.threads)
@@ -180,7 +180,7 @@ class Asked:
 
 
 def _why_not(planned: Plan, method: str) -> Record | None:
-    """Why a method cannot be asked, if it cannot."""
+    """The reason why a method cannot be asked; None if it can."""
     if planned.study:
         return Record(UNFIT, message=f"{planned.problem} is a study: it has no methods")
     if planned.failure:
@@ -197,7 +197,7 @@ def _why_not(planned: Plan, method: str) -> Record | None:
 
 
 def _methods(planned: Plan) -> Sequence[str]:
-    """The methods of a problem; of one that cannot be loaded those that its annotation tells."""
+    """The methods of a problem; if it cannot be loaded, those of its return annotation."""
     if planned.study:
         return ()
     told = describe(registry().find(planned.problem)).methods
@@ -205,7 +205,7 @@ def _methods(planned: Plan) -> Sequence[str]:
 
 
 def _ended(cell: Cell, future: Future[Record], place: Site) -> Record:
-    """How a cell ended, whatever became of its worker."""
+    """How a cell ended, even if its worker died."""
     error = future.exception()
     if error is None:
         return future.result()
@@ -217,7 +217,7 @@ def _ended(cell: Cell, future: Future[Record], place: Site) -> Record:
 
 @dataclass
 class Placed:
-    """A cell in its place."""
+    """A cell at one of its places in the table."""
 
     cell: Cell | None
     key: str
@@ -232,12 +232,12 @@ class Placed:
 
 @dataclass
 class Cells:
-    """The cells of a comparison by their labels. Of several levels the cell may be the same."""
+    """The cells of a comparison by their labels. Several accuracy levels may share a cell."""
 
     store: Store
     places: dict[Labels, Placed] = field(default_factory=dict)
     same: dict[str, list[Placed]] = field(default_factory=dict)
-    """Places by the key of their cell."""
+    """Places in the table by the key of their cell."""
     programs: dict[str, str] = field(default_factory=dict)
     sizes: dict[str, float] = field(default_factory=dict)
 
@@ -249,7 +249,7 @@ class Cells:
         optimal: bool,
         record: Record | None,
     ) -> None:
-        """Give a cell its place; one that cannot be asked has a record from the start."""
+        """Add a cell to the table; an unfit one gets its record at once."""
         placed = Placed(cell, cell.question.key if cell else "", served, optimal, record)
         self.places[labels] = placed
         if cell is not None:
@@ -257,19 +257,19 @@ class Cells:
 
     @property
     def missing(self) -> list[Cell]:
-        """The cells without a record, each once."""
+        """The cells without a record, each of them once."""
         firsts = (places[0] for places in self.same.values())
         return [one.cell for one in firsts if one.cell is not None and one.record is None]
 
     def look_up(self, journal: Journal | None) -> None:
-        """Read the cells that are stored: as light records, or in results folders."""
+        """Read the stored cells, from light records or results folders."""
         for cell in self.missing:
             record = in_folder(self.store, cell) if journal is None else journal.find(cell)
             if record is not None:
                 self.end(cell.question.key, record)
 
     def end(self, key: str, record: Record) -> None:
-        """Put a record in every place of its cell."""
+        """Enter a record at every place of its cell."""
         for one in self.same[key]:
             one.record = record
 
@@ -283,7 +283,7 @@ def asked_for(
     slow: bool = False,
     **settings: Any,
 ) -> Asked:
-    """A comparison whose names and numbers are checked.
+    """A comparison with checked names and numbers.
 
     Raises
     ------
@@ -306,20 +306,21 @@ def asked_for(
     if not names:
         raise InputError(f"every problem that fits {pattern!r} is slow; ask for slow ones too")
     known = [describe(registry().find(name)).methods for name in names]
-    if all(known):  # a problem without a return annotation shows its methods only when loaded
+    # the methods of a problem without a return annotation are known only once it is loaded
+    if all(known):
         for name in methods or ():
             if not any(name in one for one in known):
                 error = UnknownNameError("method", name, set().union(*known))
                 wrong = registry().unfit
                 raise RegistryError("; ".join([str(error), *wrong])) if wrong else error
-    for name in names:  # a wrong parameter is an error, not a table of failures
+    for name in names:  # a wrong parameter is an error, not a table full of failures
         registry().find(name).bind(parameters)
     chosen = None if methods is None else tuple(dict.fromkeys(methods))
     return Asked(names, chosen, tuple(accuracies), dict(parameters), **settings)
 
 
 def run_comparison(pattern: str, comparison: Asked, progress: Progress = silent) -> Run:
-    """The comparison's folder, made of its cells. See `workbench.compare`."""
+    """Compute the cells and write the comparison's folder. See `workbench.compare`."""
     data = comparison(progress)
     options = Options(seed=comparison.seed)
     names = ("problems", "methods", "accuracies", "parameters", "repeat", "memory_limit")
@@ -334,7 +335,7 @@ def run_comparison(pattern: str, comparison: Asked, progress: Progress = silent)
 
 
 def described(cells: Cells) -> Iterator[tuple[Labels, str]]:
-    """What would become of each cell: it is stored, would run, or cannot, and why."""
+    """The state of each cell: stored, would run, or the reason why it cannot."""
     for labels, one in cells.places.items():
         if one.cell is None:
             assert one.record is not None

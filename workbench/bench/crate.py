@@ -1,8 +1,8 @@
-"""A run folder described as a Process Run Crate, so that strangers' tools can read it.
+"""Description of a run folder as a Process Run Crate, which tools of others can read.
 
-An RO-Crate is a folder with one JSON-LD file that says what the other files are. The Process Run
-Crate profile (https://w3id.org/ro/wfrun/process/) adds one action: which software made which files
-from which inputs, and when. Only what run.json already holds goes in: no person, machine or path.
+An RO-Crate is a folder with one JSON-LD file that describes the other files. The Process Run Crate
+profile (https://w3id.org/ro/wfrun/process/) adds one action: which software made which files from
+which inputs, and when. Everything comes from run.json; no person, machine or path is named.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from urllib.parse import quote
 if TYPE_CHECKING:
     from rocrate.rocrate import ROCrate
 
-# RO-Crate wants http identifiers; this one names the workbench and, being reserved, never resolves.
+# RO-Crate needs http identifiers. This one names the workbench; it is in a reserved domain, so it
+# never resolves.
 HOME = "https://workbench.example/"
 PYPI = "https://pypi.org/project/"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 LICENSE = "https://creativecommons.org/licenses/by/4.0/"
 
-# The crate cannot describe itself, and the checksums are taken after it.
+# The crate cannot describe itself; and the checksums are computed later.
 UNLISTED = {"ro-crate-metadata.json", "SHA256SUMS"}
 
-# A run that proves there is no answer has done its work; every other ending is a failure.
+# A run that proves that there is no answer has completed; any other ending is a failure.
 COMPLETED = {"solved", "inaccurate", "infeasible", "unbounded"}
 
 # Not the mimetypes module: its answers depend on the machine.
@@ -54,22 +55,23 @@ DESCRIPTIONS = {
 
 
 def write_crate(folder: Path, run: Mapping[str, Any], help: str) -> None:
-    """Describe the files in `folder` in ro-crate-metadata.json, and touch nothing else.
+    """Describe the files in `folder` in ro-crate-metadata.json; change nothing else.
 
     `run` is the content of run.json; `help` is the problem's documentation, whose first paragraph
     describes the crate.
     """
-    from rocrate.rocrate import ROCrate  # slow to import, and only written runs need it
+    from rocrate.rocrate import ROCrate  # slow to import, and needed only when a run is written
 
     crate = ROCrate(version="1.1")
-    # Whoever ran it is not named, yet the profile asks for an agent.
+    # The person who ran it is not named, but the profile needs an agent.
     words = "Users and developers of the workbench"
     people = _entity(crate, f"{HOME}#people", "Organization", name=words, url=HOME)
     software = _software(crate, run["versions"])
     inputs, files = _inputs(crate, run), _files(crate, folder)
     action = _action(crate, run, software, inputs, files, people)
     _describe(crate, run, help, files, people, action)
-    # crate.write(folder) would also write the files, crate.metadata.write spends half on blanks.
+    # crate.write(folder) would also write the files; half of crate.metadata.write's output is
+    # spaces.
     text = json.dumps(crate.metadata.generate(), separators=(",", ":"), sort_keys=True)
     (folder / crate.metadata.id).write_text(text + "\n", encoding="utf-8")
 
@@ -102,7 +104,7 @@ def _software(crate: ROCrate, versions: Mapping[str, str]) -> Any:
 
 
 def _inputs(crate: ROCrate, run: Mapping[str, Any]) -> list[Any]:
-    """Method, parameters, options and needs of the run."""
+    """Method, parameters, options and needs of the run, as entities."""
     given = [("method", "method", run["method"])] if run["method"] else []
     for kind, key in (("parameter", "parameters"), ("option", "options"), ("need", "needs")):
         given += [(kind, name, _value(value)) for name, value in run[key].items()]
@@ -122,7 +124,7 @@ def _inputs(crate: ROCrate, run: Mapping[str, Any]) -> list[Any]:
 def _files(crate: ROCrate, folder: Path) -> list[Any]:
     """The files of the folder, sorted by name."""
     paths = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
-    # Without a source there is nothing that the library could copy or read.
+    # Without a source the library has nothing to copy or read.
     return [
         crate.add_file(
             dest_path=name,
@@ -150,7 +152,7 @@ def _action(
     using = f" by {run['method']}" if run["method"] else ""
     status: dict[str, Any] = {"actionStatus": "http://schema.org/CompletedActionStatus"}
     if run["outcome"] not in COMPLETED:
-        # Not the exception's own words, which may hold paths; the log has them.
+        # Not the exception's text, which may hold paths; it is in the log.
         status = {
             "actionStatus": "http://schema.org/FailedActionStatus",
             "error": f"The run ended as {run['outcome']!r}; see run.json and log.txt",
@@ -179,7 +181,7 @@ def _describe(
     people: Any,
     action: Any,
 ) -> None:
-    """Say what the crate as a whole is: title, description, date, license, profile, contents."""
+    """Describe the whole crate: title, description, date, license, profile, contents."""
     title = f"{run['problem']}, run {run['key']}"
     license = _entity(
         crate,
@@ -205,17 +207,17 @@ def _describe(
 
 
 def _unpack(entities: list[Any]) -> Any:
-    """A list, or its only element: RO-Crate 1.1 asks for no lists of one."""
+    """A list, or its only element: RO-Crate 1.1 avoids lists of one."""
     return entities[0] if len(entities) == 1 else entities
 
 
 def _value(value: Any) -> str | int | float:
-    """A value that JSON-LD keeps as it is; lists, nulls and infinities become JSON text."""
+    """A value that JSON-LD keeps unchanged; lists, nulls and infinities become JSON text."""
     if isinstance(value, (str, int)) or (isinstance(value, float) and math.isfinite(value)):
         return value
     return json.dumps(value, sort_keys=True)
 
 
 def _time(stamp: str) -> str:
-    """The profile's ISO 8601: a numeric offset, and milliseconds or none."""
+    """A time in the profile's ISO 8601 form: a numeric offset, and milliseconds or none."""
     return datetime.fromisoformat(stamp).isoformat(timespec="milliseconds")

@@ -1,4 +1,4 @@
-"""Declaration of a problem.
+"""Declaration of a named problem.
 
 A problem is a function whose signature is the problem's parameters and whose docstring is its
 help::
@@ -21,11 +21,11 @@ RESERVED_PARAMETERS = frozenset(
     | {"seed", "fresh", "progress", "watch", "executor", "memory_limit", "repeat", "jobs"}
     | {"threads", "light", "slow", "over"}
 )
-"""Arguments of `workbench.run`, `compare` and `sweep`, which no parameter may be called."""
+"""Arguments of `workbench.run`, `compare` and `sweep`; no parameter may have one of these names."""
 
 
 class Fed:
-    """A stored run, as a problem is fed with it."""
+    """A stored run, as it is passed to a problem that needs it."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Ref:
 
 
 def ref(name: str, method: str | None = None, **parameters: Any) -> Ref:
-    """A reference for ``needs``."""
+    """A reference to a result of another problem, for ``needs``."""
     return Ref(name, method, parameters)
 
 
@@ -68,21 +68,21 @@ def problem(
     name
         Name, or a template over the axes, like ``"cd/{axis}/circles"``. Must be a literal.
     needs
-        Verified results of other problems, by argument name: `ref` or a list of them, or a
-        function of the parameters that returns such a mapping.
+        Results of other problems that it needs, by argument name: `ref` or a list of them, or a
+        function of the parameters that returns such a mapping. Their certificates must hold.
     data
-        Data files that the problem reads, relative to the plant's folder: the first folder below
-        the problem folder, or that itself. They enter its key. A name may have axes in it, such as
-        ``"sdplib/{instance}.dat-s"``.
+        Data files that the problem reads, relative to the plant's folder, which is the first folder
+        below the problem folder, or that itself. Their contents enter the problem's key. A name may
+        contain axes, such as ``"sdplib/{instance}.dat-s"``.
     slow
-        Left out of ``make reproduce``.
+        The problem is left out of ``make reproduce``.
     method
-        The method that answers where none is asked for; None: the default one of its Program.
+        The method that answers if the user names none; None: the default one of its Program.
     axes
-        The values that each axis of the name may take; they are passed as parameters. A pattern
-        of files with one star, such as ``"sdplib/*.dat-s"``, gives what the star stands for. A
-        tuple may stand under a name in the same file. A function of the same file, without
-        arguments, returns them; the file is imported to list the problems then.
+        The values of each axis in the name; they are passed as parameters. They may be given as a
+        tuple, or by the name of a tuple in the same file. A file pattern with one star, such as
+        ``"sdplib/*.dat-s"``, gives the texts that the star matches. A function in the same file,
+        without arguments, returns the values; then the file is imported to list the problems.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:

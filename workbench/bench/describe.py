@@ -1,4 +1,4 @@
-"""The description of a problem that ``workbench show`` prints."""
+"""The description of a problem, printed by ``workbench show``."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Description:
 
 
 def describe(problem: Problem) -> Description:
-    """Description of an imported problem; its methods are known from its return annotation."""
+    """Description of an imported problem; the methods follow from its return annotation."""
     parameters = {
         name: _described(one, problem.hint(name)) for name, one in problem.parameters.items()
     }
@@ -72,7 +72,7 @@ def describe(problem: Problem) -> Description:
 
 
 def _source(entry: Entry) -> str:
-    """File and line of a problem, relative to the working directory where it lies below it."""
+    """File and line of a problem, relative to the working directory if it lies below that."""
     here = Path.cwd().resolve()
     file = entry.file.resolve()
     shown = file.relative_to(here) if file.is_relative_to(here) else file

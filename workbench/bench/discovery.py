@@ -1,6 +1,6 @@
-"""Find named problems from their sources: names, axes and help are read without an import.
+"""Find named problems in source files: names, axes and help are read without importing them.
 
-Only where the values of an axis come from a function is its file imported.
+A file is imported only if a function gives the values of an axis.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SETTINGS = frozenset({"needs", "data", "slow", "method"})
 
 
 RESERVED = ("cells", "compare", "reference", "report", "sweep")
-"""First parts of names that the results folder keeps for itself."""
+"""First parts of names that are reserved for the results folder."""
 _PART = re.compile(r"\w(?:[\w.-]*[\w-])?")
 _ADDS_METHODS = re.compile(
     rb"^(?:@(?:\w+\.)*(?:conic_)?method|(?:\w+\.)*(?:add_)?conic_solver)\(", re.MULTILINE
@@ -31,7 +31,7 @@ _ADDS_METHODS = re.compile(
 
 @dataclass(frozen=True)
 class Entry:
-    """One registered name, as its source file states it."""
+    """One registered name, as its source file declares it."""
 
     name: str
     axes: dict[str, str]
@@ -54,12 +54,12 @@ class Entry:
 
     @property
     def folder(self) -> Path:
-        """The plant's folder: data files are named from it."""
+        """The plant's folder; paths of data files are relative to it."""
         return plant_folder(self.root, self.file)
 
 
 def plant_folder(root: Path, file: Path) -> Path:
-    """The first folder below a problem folder that a file lies in, or that itself."""
+    """The first folder below a problem folder on the way to a file, or the problem folder."""
     first = root / file.relative_to(root).parts[0]
     return first if first.is_dir() else root
 
@@ -74,12 +74,12 @@ class AxisFunction:
 
 
 Call = Callable[[AxisFunction], Any]
-"""How the function of an axis is called; its file is imported for it."""
+"""Calls the function of an axis, for which its file is imported."""
 
 
 @dataclass(frozen=True)
 class _Declared:
-    """A ``@problem`` as the source has it: a template over axes of texts, of files, or computed."""
+    """A ``@problem`` in the source: a name template over axes from texts, files, or functions."""
 
     template: str
     axes: tuple[tuple[str, Any], ...]
@@ -110,7 +110,7 @@ class _Declared:
         return _texts(list(values) if isinstance(values, Iterable) else values, axis, self.where)
 
     def files(self, pattern: str) -> list[str]:
-        """What the star of a pattern stands for in the files that fit it."""
+        """The texts that the star of a pattern matches in existing files."""
         before, after = pattern.split("*")
         folder = plant_folder(self.root, self.file)
         found = (file.relative_to(folder).as_posix() for file in folder.glob(pattern))
@@ -135,8 +135,8 @@ class _Declared:
 def scan(root: Path, call: Call) -> Iterator[Entry | RegistryError]:
     """Entries of every ``@problem`` function in the Python files below a folder.
 
-    In place of those of a file that cannot be parsed, or whose names are no literals or axes cannot
-    be told, there is the error: it costs the file's own names only. ``call`` as in `Call`.
+    If a file cannot be parsed, its names are no literals, or its axes cannot be found, an error
+    takes the place of its entries; other files are not affected. ``call`` as in `Call`.
 
     Raises
     ------
@@ -158,20 +158,20 @@ def scan(root: Path, call: Call) -> Iterator[Entry | RegistryError]:
 
 
 def method_files(root: Path) -> list[Path]:
-    """The Python files below a folder that register methods or solvers where they are imported."""
+    """The Python files below a folder that register methods or solvers when imported."""
     return [file for file in sorted(root.rglob("*.py")) if _adds_methods(file)]
 
 
 def _adds_methods(file: Path) -> bool:
     try:
         return _ADDS_METHODS.search(file.read_bytes()) is not None
-    except OSError:  # `scan` says of it what is wrong
+    except OSError:  # `scan` reports the error
         return False
 
 
 @lru_cache(maxsize=256)
 def _parsed(source: bytes, root: Path, file: Path) -> tuple[_Declared, ...]:
-    """Declarations of a file; parsing all files takes longer than running a small problem."""
+    """Declarations of a file; cached, since parsing all files takes longer than a small problem."""
     try:
         tree = ast.parse(source.decode(), filename=str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -187,7 +187,7 @@ def _parsed(source: bytes, root: Path, file: Path) -> tuple[_Declared, ...]:
     }
 
     def axis_of(node: ast.expr, where: str, what: str) -> Any:
-        """A literal, or the value of a name or a function in the file."""
+        """A literal, or the value of a name or of a function in the file."""
         if isinstance(node, ast.Name) and node.id in functions:
             return AxisFunction(root, file, node.id)
         named = values.get(node.id, node) if isinstance(node, ast.Name) else node
@@ -233,7 +233,7 @@ def _declared(
             function.name,
             where,
         )
-        # A wrong name costs the file's own names, whatever files there are.
+        # A wrong name affects its own file only.
         told = {axis: v[0] if isinstance(v, list | tuple) else "x" for axis, v in axes.items() if v}
         one.name(told)
         yield one

@@ -1,4 +1,4 @@
-"""Files beside the arrays of a results folder: strict JSON, and pictures of figures."""
+"""Files of a results folder besides the arrays: strict JSON, and pictures of figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.heavy_types import Figure
 
 
 def write_json(file: Path, content: Mapping[str, Any]) -> None:
-    """Write strict JSON for people too: what holds no further list or mapping is one line."""
+    """Write strict, readable JSON: a value without nested lists or mappings takes one line."""
     file.write_text(_laid_out(plain(content)) + "\n", encoding="utf-8")
 
 
@@ -32,7 +32,7 @@ def _laid_out(content: Any, margin: str = "\n") -> str:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as files hold it; the same figure gives the same bytes. A notebook shows it."""
+    """A figure as PNG and SVG; the same figure gives the same bytes. A notebook shows it."""
 
     png: bytes
     svg: bytes
@@ -44,7 +44,7 @@ class Picture:
         return self.png
 
     def save(self, folder: str | Path, name: str) -> list[Path]:
-        """Write ``name.svg`` and ``name.png`` into a folder, which is made if it is missing."""
+        """Write ``name.svg`` and ``name.png`` into a folder; a missing folder is made."""
         place = Path(folder)
         file_stem(name)
         place.mkdir(parents=True, exist_ok=True)

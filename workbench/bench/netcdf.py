@@ -1,4 +1,4 @@
-"""Labelled arrays to NetCDF and back.
+"""Writing labelled arrays to NetCDF files, and reading them.
 
 NetCDF has no complex numbers that every reader knows, so a complex array is stored as two real
 variables, ``name_real`` and ``name_imag``, and joined again on reading.
@@ -21,21 +21,22 @@ from workbench.executor import WALL_TIME
 
 WHOLE, PART = "complex_of", "complex_part"
 WORTH_PACKING = 512
-"""Size [bytes] from which compressing an array saves more than its index takes."""
+"""Size [bytes] from which compressing an array saves more than its index costs."""
 
 
 def write(data: xr.Dataset, file: Path) -> None:
-    """Write a dataset, compressed without loss.
+    """Write a dataset to a file, with lossless compression.
 
-    In the file format of HDF5 1.10: its headers take a third of what those of 1.8 take, and these
-    are half of a file with many small arrays.
+    The file format is that of HDF5 1.10: its headers take a third of the space of version 1.8, and
+    headers are half of a file with many small arrays.
     """
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    split = _lean(_split(data))
+    split = _with_fixed_length_words(_split(data))
     encoding = {name: _packing(array) for name, array in split.variables.items()}
-    # Made in memory: HDF5 that meets a full disk leaves open files and words of its own.
+    # The file is built in memory: on a full disk HDF5 leaves files open and prints its own
+    # messages.
     content = io.BytesIO()
     with closing(H5NetCDFStore(h5netcdf.File(content, "w", libver="v110"))) as store:
         split.dump_to_store(store, encoding=encoding)
@@ -43,12 +44,13 @@ def write(data: xr.Dataset, file: Path) -> None:
 
 
 def read(file: Path) -> xr.Dataset:
-    """Read a dataset into memory, every number as it was written.
+    """Read a dataset into memory, with every number exactly as it was written.
 
     Raises
     ------
     ResultError
-        The file is missing, a link, truncated or no NetCDF, or it holds far more than its size.
+        The file is missing, a link, truncated or not NetCDF; or it would unpack to far more than
+        its size.
     """
     need_bounded_arrays(file)
     try:
@@ -56,7 +58,7 @@ def read(file: Path) -> xr.Dataset:
             file, engine="h5netcdf", mask_and_scale=False, decode_times=False
         ) as stored:
             return _join(stored.load())
-    except Exception as error:  # a file can be made to break any part of its readers
+    except Exception as error:  # a malicious file can break any part of its readers
         reason = f"{type(error).__name__}: {error}"
         raise ResultError(f"{file.name} cannot be read: {reason}") from None
 
@@ -69,7 +71,7 @@ def _split(data: xr.Dataset) -> xr.Dataset:
         halves: dict[Hashable, Any] = {name: array.astype(str) if array.dtype == object else array}
         if np.iscomplexobj(array.values):
             halves = {
-                _free(f"{name}_{part}", data): (
+                _unused_name(f"{name}_{part}", data): (
                     array.dims,
                     getattr(array.values, part),
                     array.attrs | {WHOLE: str(name), PART: part},
@@ -83,18 +85,20 @@ def _split(data: xr.Dataset) -> xr.Dataset:
 
 
 def _packing(array: xr.Variable) -> dict[str, Any]:
-    """How an array is stored: numbers and texts compressed, the latter as characters."""
-    plain: dict[str, Any] = {"_FillValue": None}  # it would turn some number into a missing one
+    """Encoding of an array: numbers and texts compressed, texts as characters."""
+    # a fill value would turn some number into a missing one
+    plain: dict[str, Any] = {"_FillValue": None}
     packed = {"zlib": True, "complevel": 9, "shuffle": True}
     if array.nbytes < WORTH_PACKING or array.dtype.kind not in "iufU":
         return plain
     return packed | ({"dtype": "S1"} if array.dtype.kind == "U" else plain)
 
 
-def _lean(data: xr.Dataset) -> xr.Dataset:
-    """The dataset with its words as fixed-length characters, which NetCDF's own library writes too.
+def _with_fixed_length_words(data: xr.Dataset) -> xr.Dataset:
+    """The dataset with fixed-length character attributes, as NetCDF's own library writes them.
 
-    HDF5 keeps texts of variable length apart, which takes a tenth of a file with many small arrays.
+    HDF5 stores variable-length texts separately, which takes a tenth of a file with many small
+    arrays.
     """
 
     def fixed(attrs: dict[Any, Any]) -> dict[Any, Any]:
@@ -114,8 +118,8 @@ def _plain(text: str) -> bool:
     return bool(text) and text.isascii()
 
 
-def _free(name: str, data: xr.Dataset) -> str:
-    """A name that no array of the dataset has."""
+def _unused_name(name: str, data: xr.Dataset) -> str:
+    """A name that the dataset does not use yet."""
     while name in data.variables:
         name += "_"
     return name
@@ -138,7 +142,7 @@ def _join(data: xr.Dataset) -> xr.Dataset:
         elif whole not in joined:
             if (whole, "imag") not in parts or (whole, "real") not in parts:
                 raise KeyError(f"{whole} has only one of its parts {whole}_real, {whole}_imag")
-            # 1j * inf would make a NaN of the real part
+            # 1j * inf would make the real part NaN
             real, imag = (parts[whole, p].values for p in ("real", "imag"))
             values = np.empty(array.shape, dtype=np.result_type(real, imag, np.complex64))
             values.real, values.imag = real, imag
@@ -148,19 +152,19 @@ def _join(data: xr.Dataset) -> xr.Dataset:
 
 
 def differences(old: xr.Dataset, new: xr.Dataset, tolerance: float) -> list[str]:
-    """Names and sizes of differences above a tolerance relative to the array's largest entry.
+    """Differences above a tolerance, relative to each array's largest entry, as sentences.
 
-    Arrays of single precision may differ by their rounding too.
+    Single-precision arrays may also differ by their rounding.
     """
     found = [f"{name} is missing" for name in new.variables if name not in old.variables]
     found += [f"{name} is unexpected" for name in old.variables if name not in new.variables]
     for name, array in new.variables.items():
         if name in old.variables and not WALL_TIME.items() <= array.attrs.items():
-            found += [f"{name} {text}" for text in _apart(old[name], array, tolerance)]
+            found += [f"{name} {text}" for text in _array_difference(old[name], array, tolerance)]
     return found
 
 
-def _apart(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[str]:
+def _array_difference(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[str]:
     units = [array.attrs.get("units", "1") for array in (old, new)]
     if units[0] != units[1]:
         yield f"has units {units[0]}, not {units[1]}"

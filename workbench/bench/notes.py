@@ -16,7 +16,7 @@ from workbench.solvers import Options, Outcome
 
 
 def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
-    """Notes on an iteration that continued where it was stopped, or that can be continued."""
+    """Notes on an iteration that was resumed, or that can be resumed."""
     notes = []
     if checkpoint.earlier:
         notes.append(f"went on where a run was stopped after {checkpoint.earlier:.3g} s")
@@ -26,7 +26,7 @@ def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
 
 
 def compared(earlier: Run | None, data: Dataset, options: Options) -> list[str]:
-    """A note on whether the arrays agree with those of an earlier answer, where there is one."""
+    """A note on whether the arrays agree with those of an earlier answer, if there is one."""
     if earlier is None:
         return []
     found = netcdf.differences(earlier.data, data, options.accuracy)

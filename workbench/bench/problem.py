@@ -1,4 +1,4 @@
-"""A named problem, imported: its parameters validated, its needs resolved, its task made."""
+"""A named problem, imported: it checks parameters, resolves needs and makes the task."""
 
 from __future__ import annotations
 
@@ -51,11 +51,13 @@ class Problem:
 
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
-        """The parameters a user may set: neither an axis of the name nor a need."""
+        """The parameters that a user may set: all except axes of the name and needs."""
         fixed = set(self.entry.axes)
         if not callable(self.settings.needs):
             fixed |= set(self.settings.needs)
-        else:  # known once parameters are bound; until then runs, and what has no type, no default
+        # known only when parameters are bound; before that, arguments for runs, and those without
+        # type or default
+        else:
             fixed |= {
                 name
                 for name, parameter in self.signature.parameters.items()
@@ -69,22 +71,22 @@ class Problem:
 
     @property
     def defaults(self) -> dict[str, Any]:
-        """Values of the parameters that a user need not set."""
+        """Default values of the parameters."""
         empty = inspect.Parameter.empty
         return {n: p.default for n, p in self.parameters.items() if p.default is not empty}
 
     @property
     def folder(self) -> Path:
-        """The plant's folder: data files are named from it."""
+        """The plant's folder; paths of data files are relative to it."""
         return self.entry.folder
 
     def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Every parameter validated and converted, defaults filled in, axes included.
+        """All parameters checked and converted, with defaults and axes filled in.
 
         Raises
         ------
         UnknownNameError, InputError
-            An unknown parameter; a missing one or a value that does not fit, named.
+            An unknown parameter; or a missing or unsuitable value; the message names it.
         """
         for name in given:
             if name not in self.parameters:
@@ -95,19 +97,19 @@ class Problem:
                 bound[name] = self._convert(name, given[name])
             elif parameter.default is not inspect.Parameter.empty:
                 bound[name] = parameter.default
-            elif not callable(self.settings.needs):  # else a need may still feed it
+            elif not callable(self.settings.needs):  # a need may still supply it
                 raise InputError(f"{self.name} needs a value for {name}")
         return bound
 
     def needs(self, bound: Mapping[str, Any]) -> Needs:
-        """References to the results that the problem is fed with.
+        """References to the results that the problem needs.
 
         Raises
         ------
         RegistryError
-            They name an argument that the function does not take, or an unknown axis.
+            They name an argument that the function does not have, or an unknown axis.
         InputError
-            A parameter has neither a value nor a need to feed it.
+            A parameter has no value, and no need supplies one.
         """
         needs = self.settings.needs
         if callable(needs):
@@ -134,14 +136,14 @@ class Problem:
         return _fill(needs, self.entry)
 
     def task(self, bound: Mapping[str, Any], fed: Mapping[str, Any]) -> Task:
-        """The Program or Study that the function makes of its parameters and needs.
+        """The Program or Study that the function makes from its parameters and needs.
 
         Raises
         ------
         RegistryError
-            It makes something else, or raises an error that is not the workbench's own.
+            The function returns something else, or raises an error that is not the workbench's own.
         """
-        from workbench.program import Task  # NumPy with it, which a list of names can do without
+        from workbench.program import Task  # imports NumPy, which a list of names does without
 
         try:
             task = self.function(**bound, **fed)
@@ -168,7 +170,7 @@ class Problem:
         return hashes
 
     def _of_axes(self, name: str) -> str:
-        """The name of a data file, its axes filled in."""
+        """The name of a data file, with its axes filled in."""
         try:
             return name.format(**self.entry.axes)
         except (KeyError, IndexError, ValueError) as error:
@@ -179,18 +181,18 @@ class Problem:
     def to_json(self, bound: Mapping[str, Any]) -> dict[str, Any]:
         """Bound parameters as plain JSON values.
 
-        Raises InputError for a value that JSON does not bring back as it was: other values would
-        ask the same question.
+        Raises InputError for a value that does not survive JSON unchanged: two values could give
+        the same question.
         """
         return {name: self._carried(name, value) for name, value in bound.items()}
 
     def _carried(self, name: str, value: Any) -> Any:
-        """A value as plain JSON, from which it comes back unchanged."""
+        """A value as plain JSON, from which it is read back unchanged."""
         from pydantic import TypeAdapter
 
         adapter = TypeAdapter(self.hint(name))
         try:
-            kind = adapter.validate_python(value)  # 1 for 1.0, where a float is asked for
+            kind = adapter.validate_python(value)  # 1 for 1.0, where a float is expected
             found = adapter.dump_python(value, mode="json")
             back = adapter.validate_python(json.loads(canonical(found)))
             carried = is_same(back, kind)
@@ -208,13 +210,13 @@ class Problem:
         from pydantic import TypeAdapter, ValidationError
 
         adapter = TypeAdapter(self.hint(name))
-        if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a number of NumPy
+        if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a NumPy number
             value = value.item()
         try:
             return adapter.validate_python(value)
         except ValidationError as error:
             reason = error.errors()[0]["msg"]
-        if isinstance(value, str):  # from a command line: lists and the like are written as JSON
+        if isinstance(value, str):  # from the command line: lists and mappings are written as JSON
             try:
                 return adapter.validate_json(value)
             except ValidationError:
@@ -222,13 +224,13 @@ class Problem:
         raise InputError(f"{self.name}: {name}={value!r} does not fit: {reason}")
 
     def _is_run(self, name: str) -> bool:
-        """Whether an argument is a run by its annotation, or None where nothing feeds it."""
+        """Whether an argument is annotated as a run; None if nothing supplies it."""
         hint = self.hint(name)
         kinds = [kind for kind in typing.get_args(hint) or (hint,) if kind is not type(None)]
         return len(kinds) == 1 and inspect.isclass(kinds[0]) and issubclass(kinds[0], Fed)
 
     def hint(self, name: str) -> Any:
-        """The annotation of a parameter, or of what is returned, evaluated."""
+        """The evaluated annotation of a parameter, or of the return value."""
         return self._hints.get(name, Any)
 
     @cached_property
@@ -242,7 +244,7 @@ class Problem:
 
 
 def _check_needs(needs: Any, entry: Entry) -> None:
-    """Raise RegistryError for what is no mapping of arguments to references."""
+    """Raise RegistryError unless needs are a mapping from arguments to references."""
     if not isinstance(needs, Mapping):
         raise RegistryError(
             f"{entry.place}: needs are {type(needs).__name__}; a mapping from arguments to "
@@ -258,7 +260,7 @@ def _check_needs(needs: Any, entry: Entry) -> None:
 
 
 def _fill(needs: Needs, entry: Entry) -> Needs:
-    """Names of references may use the axes of the problem's own name."""
+    """Fill in the axes of the problem's name in names of references."""
 
     def fill(reference: Ref) -> Ref:
         try:
@@ -276,7 +278,7 @@ def _fill(needs: Needs, entry: Entry) -> Needs:
 
 
 def axis_values(function: AxisFunction) -> Any:
-    """What the function of an axis returns. Raises RegistryError where it fails."""
+    """The values that the function of an axis returns. Raises RegistryError if it fails."""
     module = import_file(function.root, function.file)
     try:
         return getattr(module, function.name)()
@@ -287,9 +289,10 @@ def axis_values(function: AxisFunction) -> Any:
 
 
 def import_file(root: Path, file: Path) -> types.ModuleType:
-    """Import a problem file, anew with all of its root where one of them was edited since.
+    """Import a problem file; if a file of its root was edited, import all of the root anew.
 
-    So are modules of the user's outside of the root, such as helpers beside it, that it imports.
+    The user's modules outside the root that it imports, such as helpers beside it, are treated
+    alike.
     """
     package = _package(root)
     helpers = _helpers(package)
@@ -301,7 +304,9 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
         edited = edited or {one for one in before if root in one.parents} != {
             one for one in state if root in one.parents
         }
-    else:  # a notebook may have imported a plant's modules by itself, and their files edited since
+    # a notebook may have imported a plant's modules itself, and the files may have been edited
+    # since
+    else:
         edited = max(state.values()) > workbench.IMPORT_TIME
     if edited:
         for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
@@ -310,7 +315,8 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
             sys.modules.pop(name, None)
         _outside.pop(package, None)
     parts = file.relative_to(root).with_suffix("").parts
-    # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
+    # Python detects outdated byte code by whole seconds only; problem files are few, so no byte
+    # code is written.
     keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(".".join((package, *parts)))
@@ -325,10 +331,10 @@ def import_file(root: Path, file: Path) -> types.ModuleType:
 
 
 def _helpers(package: str) -> dict[str, Path]:
-    """Modules of the user's outside a package that it imports, with their files."""
+    """The user's modules that a package imports from outside itself, with their files."""
     modules = {name for name in sys.modules if name.startswith(f"{package}.")}
     read, found = _outside.get(package, (set(), {}))
-    if not read <= modules:  # they were imported anew, and may import others
+    if not read <= modules:  # some were imported anew, and may import others now
         read, found = set(), {}
     for name in helper_modules(modules - read):
         file = file_of(name)
@@ -339,12 +345,12 @@ def _helpers(package: str) -> dict[str, Path]:
 
 
 def helper_files() -> list[Path]:
-    """Files of the user's outside of problem folders that these have imported."""
+    """The user's files outside problem folders that imported problem files use."""
     return sorted({file for package in _imported for file in _helpers(package).values()})
 
 
 def _relative_hint(error: Exception, file: Path) -> str:
-    """What to write instead, where a file beside a problem file is imported as if it were alone."""
+    """Advice for a file that imports its neighbour as if that were a top-level module."""
     name = error.name if isinstance(error, ModuleNotFoundError) else None
     if name is None or not (file.parent / f"{name}.py").exists():
         return ""
@@ -352,7 +358,7 @@ def _relative_hint(error: Exception, file: Path) -> str:
 
 
 def _package(root: Path) -> str:
-    """The package of a problem folder: `workbench.plants`, or one of its own."""
+    """The package of a problem folder: `workbench.plants`, or a package of its own."""
     if root == Path(workbench.plants.__path__[0]).resolve():
         return workbench.plants.__name__
     name = f"workbench_problems_{hashlib.sha256(str(root).encode()).hexdigest()[:8]}"
@@ -364,12 +370,12 @@ def _package(root: Path) -> str:
 
 
 _outside: dict[str, tuple[set[str], dict[str, Path]]] = {}
-"""Modules of each root that were read for what they import, and those outside that they import."""
+"""For each root: its modules whose imports were read, and the modules outside that they import."""
 _imported: dict[str, dict[Path, int]] = {}
-"""The state of the files of each root when it was imported."""
+"""For each root: the modification times of its files when it was imported."""
 
 
 def place_of(error: BaseException) -> str:
-    """An error's type, words and line."""
+    """An error's type, message and line."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({last.filename}:{last.lineno})"

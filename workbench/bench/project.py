@@ -1,15 +1,15 @@
-"""Where things are: the problem folders and the results folder of the project at hand.
+"""The problem folders and the results folder of the current project.
 
-A project is the nearest folder upwards whose pyproject.toml has a table ``[tool.workbench]``::
+A project is the nearest parent folder whose pyproject.toml has a table ``[tool.workbench]``::
 
     [tool.workbench]
     problems = ["my_problems"]
     results = "results"
     solvers = ["highs", "mosek"]
 
-An installed package brings problems and solvers by entry points: of the group
-``workbench.problems`` a package whose folder holds problems; of the group ``workbench.solvers`` a
-module that adds solvers or methods when it is imported.
+An installed package adds problems and solvers by entry points. One in the group
+``workbench.problems`` names a package whose folder holds problems; one in the group
+``workbench.solvers`` names a module that adds solvers or methods when it is imported.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from workbench.errors import RegistryError, WorkbenchError
 
 @dataclass(frozen=True)
 class Project:
-    """Folders of the project at hand."""
+    """Folders of the current project."""
 
     problems: tuple[Path, ...]
     results: Path
@@ -40,7 +40,10 @@ class Project:
 
     @classmethod
     def around(cls, folder: Path) -> Project:
-        """The project that a folder lies in; without one, results stand in the folder itself."""
+        """The project that contains a folder.
+
+        Without one, results are stored in the folder itself.
+        """
         for candidate in (folder, *folder.parents):
             file = candidate / "pyproject.toml"
             if not file.is_file():
@@ -62,7 +65,7 @@ def _table(file: Path, changed_ns: int) -> tuple[list[str], str, list[str]] | No
     Raises
     ------
     RegistryError
-        The file cannot be read or is no TOML, or an entry has another type.
+        The file cannot be read or is not TOML, or an entry has another type.
     """
     try:
         tool = tomllib.loads(file.read_text(encoding="utf-8")).get("tool", {})
@@ -89,7 +92,7 @@ def _folder_name(name: object) -> bool:
 
 
 def built_in() -> Path:
-    """The problems that come with the workbench: inside the wheel, or beside the sources."""
+    """The problems that belong to the workbench: inside the wheel, or beside the sources."""
     return Path(workbench.plants.__path__[0])
 
 
@@ -97,11 +100,11 @@ _added: list[Path] = []
 
 
 def add_problems(folder: str | Path) -> None:
-    """Discover problems in one more folder, for the rest of this process."""
+    """Use the problems of one more folder, for the rest of this process."""
     try:
         path = Path(folder).resolve()
         there = path.is_dir()
-    except (OSError, ValueError, RuntimeError):  # a name that no folder can have
+    except (OSError, ValueError, RuntimeError):  # not a possible name of a folder
         there = False
     if not there:
         raise RegistryError(f"problem folder {folder} does not exist")
@@ -113,7 +116,7 @@ _instead: list[Path] = []
 
 
 def use_problems(folders: Iterable[Path]) -> None:
-    """Discover problems in these folders and no others, for the rest of this process."""
+    """Use the problems of these folders and no others, for the rest of this process."""
     _instead[:] = folders
 
 
@@ -126,7 +129,7 @@ def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
     project = Project.around(Path.cwd())
     brought, unfit = _package_folders()
-    wrong = (*unfit, *_load_packages(), *_without(project.solvers))
+    wrong = (*unfit, *_load_packages(), *_use_available_solvers(project.solvers))
     roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     files = [file for root in unique for file in _sources(root)]
@@ -150,12 +153,12 @@ _named: list[str] = []
 
 
 def use_solvers(names: Iterable[str]) -> None:
-    """Make solvers that CVXPY knows methods of every conic Program, for this process.
+    """Make CVXPY's solvers of these names methods of every conic Program, for this process.
 
     Raises
     ------
     UnknownNameError, InputError
-        CVXPY does not know one, or it is not installed.
+        CVXPY does not know a solver, or it is not installed.
     """
     for name in names:
         if name not in _named:
@@ -166,10 +169,10 @@ def use_solvers(names: Iterable[str]) -> None:
 
 
 @cache
-def _without(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Use a project's solvers; a sentence for each that cannot be used, which costs itself only.
+def _use_available_solvers(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Use a project's solvers; returns a sentence for each one that cannot be used.
 
-    Tried once for a process: whoever asks for a problem passes here.
+    Each is tried once in a process: every search for a problem comes through here.
     """
     wrong = []
     for name in names:
@@ -181,7 +184,7 @@ def _without(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def used_solvers() -> tuple[str, ...]:
-    """The solvers named so far."""
+    """Names of the solvers used so far."""
     return tuple(_named)
 
 
@@ -191,9 +194,9 @@ def _points(group: str) -> list[EntryPoint]:
 
 @cache
 def _package_folders() -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Folders of the installed packages that bring problems, none of them imported.
+    """Folders of installed packages that contain problems; no package is imported.
 
-    Beside them stands a sentence for each entry point that leads to none.
+    Also returned: one sentence for each entry point that leads to no folder.
     """
     found, wrong = [], []
     for point in _points("workbench.problems"):
@@ -211,15 +214,15 @@ def _package_folders() -> tuple[tuple[Path, ...], tuple[str, ...]]:
 
 @cache
 def _load_packages() -> tuple[str, ...]:
-    """Import the modules of installed packages that bring solvers and methods.
+    """Import the modules of installed packages that add solvers and methods.
 
-    Returns a sentence for each that cannot be imported.
+    Returns one sentence for each module that cannot be imported.
     """
     wrong = []
     for point in _points("workbench.solvers"):
         try:
             point.load()
-        except Exception as error:  # somebody else's module may raise anything
+        except Exception as error:  # a foreign module may raise any error
             words = f"{type(error).__name__}: {error}"
             wrong.append(f"entry point {point.name} = {point.value}: {words}")
     return tuple(wrong)
@@ -229,7 +232,7 @@ def _load_packages() -> tuple[str, ...]:
 def _registry(
     roots: tuple[Path, ...], state: tuple[tuple[str, int], ...], wrong: tuple[str, ...]
 ) -> Registry:
-    """The same registry as long as no file was added, removed or edited."""
+    """The registry, kept until a file is added, removed or edited."""
     return Registry(list(roots), wrong)
 
 
@@ -237,11 +240,11 @@ RESULTS = "WORKBENCH_RESULTS"
 
 
 def use_results(folder: str | Path) -> None:
-    """Keep results in this folder, for the rest of this process and those it starts."""
+    """Store results in this folder, for the rest of this process and the processes it starts."""
     os.environ[RESULTS] = str(possible_path(folder).resolve())
 
 
 def results_root() -> Path:
-    """The results folder: the environment's WORKBENCH_RESULTS, else the project's."""
+    """The results folder: that of the environment's WORKBENCH_RESULTS, else the project's."""
     override = os.environ.get(RESULTS)
     return Path(override) if override else Project.around(Path.cwd()).results

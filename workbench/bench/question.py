@@ -1,8 +1,8 @@
 """The question a run answers, and its key.
 
-The key is a hash of the question, never of versions: the same question finds the same folder
-everywhere. The code that answered is hashed apart (`workbench.bench.code`), to tell whether a
-stored answer may be reused.
+The key is a hash of the question, without versions, so the same question has the same folder
+everywhere. The code that answered has a hash of its own (`workbench.bench.code`), which decides
+whether a stored answer may be reused.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from workbench.solvers import Options
 
 Keys = Mapping[str, str | list[str]]
 CELL_DIGITS = 16
-"""Length of a cell's key: of a hundred thousand keys of eight digits some would be the same."""
+"""Length of a cell's key: among a hundred thousand keys of eight digits some would coincide."""
 REPETITION = "repetition"
-"""The option that makes a question a cell's."""
+"""The option that distinguishes a cell's question."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """Everything that may change the answer, except the code."""
+    """Everything except the code that can change an answer."""
 
     problem: str
     parameters: Mapping[str, Any]
@@ -36,30 +36,30 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Eight hexadecimal digits, of a cell sixteen."""
+        """Eight hexadecimal digits; for a cell sixteen."""
         return digest(canonical(asdict(self)))[: CELL_DIGITS if self.is_cell else 8]
 
     @property
     def is_cell(self) -> bool:
-        """It is a cell of a comparison, asked once more for the time that it takes."""
+        """Whether it is a cell of a comparison, asked again to measure the time."""
         return REPETITION in self.options
 
     def as_cell(self, repetition: int, memory_limit: int | None) -> Question:
-        """The same question as a cell."""
+        """The same question, as that of a cell."""
         limit = {} if memory_limit is None else {"memory_limit": memory_limit}
         return replace(self, options={**self.options, REPETITION: repetition, **limit})
 
     @property
     def untimed(self) -> Question:
-        """The question without a time limit, which stops an iteration and changes no round."""
+        """The question without its time limit, which ends an iteration but changes no round."""
         return replace(self, options={**self.options, "time_limit": None})
 
 
 def asked(options: Options, judged: float | None = None) -> dict[str, Any]:
-    """The options that may change an answer.
+    """The options that can change an answer.
 
-    The tolerance is that of the certificate (`Task.judging_tolerance`) where there is one: a
-    tolerance that a method does not heed changes no answer, so it asks the same question.
+    The tolerance is that of the certificate (`Task.judging_tolerance`), if there is one: a
+    tolerance that the method ignores changes no answer, so the question is the same.
     """
     return {
         "tolerance": options.accuracy if judged is None else judged,
@@ -69,12 +69,12 @@ def asked(options: Options, judged: float | None = None) -> dict[str, Any]:
 
 
 def canonical(value: Any) -> str:
-    """One text for one value: sorted keys, no spaces."""
+    """One text for equal values: keys sorted, no spaces."""
     return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: NumPy scalars as numbers, NaN and infinities as their names."""
+    """A value in the form of JSON: NumPy scalars as numbers, NaN and infinities by name."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -87,14 +87,14 @@ def plain(value: Any) -> Any:
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Whether two values are the same in kind and number; lists and tuples are of one kind."""
+    """Whether two values are equal in type and number; lists and tuples count as one type."""
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return len(one) == len(other) and all(map(is_same, one, other))
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         kinds = ({(type(key), key) for key in each} for each in (one, other))
         return next(kinds) == next(kinds) and all(is_same(one[key], other[key]) for key in one)
     if isinstance(one, str):
-        one.encode()  # a lone surrogate raises a ValueError
+        one.encode()  # an unpaired surrogate raises a ValueError
     if isinstance(one, float) and isinstance(other, float):
         return one == other or (math.isnan(one) and math.isnan(other))
     return type(one) is type(other) and bool(one == other)

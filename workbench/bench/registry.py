@@ -15,10 +15,10 @@ from workbench.errors import InputError, RegistryError, UnknownNameError, Workbe
 class Registry:
     """The problems of several folders, under one set of names.
 
-    A file that cannot be read, and a name that two functions claim, cost their own names only:
-    ``unfit`` has a sentence for each, and those about packages and solvers that are given.
-    Files of the folders that register methods are imported before the first problem is, whoever's
-    Program the methods are for.
+    A file that cannot be read, or a name that two functions claim, affects only its own names:
+    ``unfit`` has one sentence for each of these, and those passed in about packages and solvers.
+    Files that register methods are imported before the first problem, even for Programs of other
+    files.
     """
 
     def __init__(self, roots: list[Path], wrong: Sequence[str] = ()) -> None:
@@ -29,7 +29,7 @@ class Registry:
 
     @cached_property
     def _found(self) -> tuple[dict[str, list[Entry]], list[str]]:
-        """Entries by the name that they claim, and what is wrong with files."""
+        """Entries by the name that they claim, and errors of files."""
         claims: dict[str, list[Entry]] = {}
         wrong: list[str] = []
         for root in self.roots:
@@ -42,13 +42,13 @@ class Registry:
 
     @cached_property
     def entries(self) -> dict[str, Entry]:
-        """Every entry by name, sorted; those of a name that two functions claim left out."""
+        """Every entry by name, sorted; names that two functions claim are left out."""
         claims = sorted(self._found[0].items())
         return {name: twins[0] for name, twins in claims if len(twins) == 1}
 
     @cached_property
     def clashes(self) -> dict[str, str]:
-        """A sentence for each name that several functions claim."""
+        """One sentence for each name that several functions claim."""
         return {
             name: f"two problems are called {name!r}: {' and '.join(one.place for one in twins)}"
             for name, twins in sorted(self._found[0].items())
@@ -57,11 +57,11 @@ class Registry:
 
     @property
     def unfit(self) -> list[str]:
-        """What costs names: files that cannot be read, and clashes."""
+        """One sentence for each file that cannot be read, each clash, and each error passed in."""
         return [*self._wrong, *self._found[1], *self.clashes.values()]
 
     def import_methods(self) -> None:
-        """Import the files that register methods, once; one that cannot be costs its own only."""
+        """Import the files that register methods, once; a file that fails affects only itself."""
         if self._methods_imported:
             return
         self._methods_imported = True
@@ -78,7 +78,7 @@ class Registry:
         Raises
         ------
         UnknownNameError, RegistryError
-            None does; or one might, were it not for an unfit file or a clash.
+            No name fits; or one might, if a file could be read or a clash were solved.
         """
         found = [e for name, e in self.entries.items() if fnmatch.fnmatchcase(name, pattern)]
         if not found:
@@ -87,7 +87,7 @@ class Registry:
 
     def find(self, name: str) -> Problem:
         """The problem of that name, imported. Raises as `match`, and InputError for no text."""
-        if not isinstance(name, str):  # `input_checks` is too heavy for a list of names
+        if not isinstance(name, str):  # `input_checks` takes too long to import for a list of names
             raise InputError(f"the name of a problem must be a str, not {type(name).__name__}")
         if name not in self.entries:
             raise self._unknown(name, [name] if name in self.clashes else [])

@@ -1,4 +1,4 @@
-"""A results folder, written and read.
+"""Writing and reading results folders.
 
 run.json                 the question, who answered it, with what, how long it took
 certificate.json  metrics.json
@@ -6,7 +6,7 @@ data.nc                  every array, labelled, with units
 ro-crate-metadata.json   the folder as a Process Run Crate
 log.txt  SHA256SUMS
 
-Figures and tables are functions of the arrays, made when somebody looks.
+Figures and tables are functions of the arrays, computed when somebody looks at them.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from workbench.solvers import Outcome
 
 AT_MOST = " \N{LESS-THAN OR EQUAL TO} "
 COMPARISON = "compare"
-"""The problem of comparisons, which the bench makes itself."""
+"""The problem name of comparisons, which the bench itself defines."""
 OWN_STUDIES: dict[str, type[Comparison | ParameterSweep]] = {
     COMPARISON: Comparison,
     SWEEP: ParameterSweep,
 }
-"""Studies that the bench makes of other runs, by the name that their results have."""
+"""Studies that the bench makes from other runs, by the problem name of their results."""
 
 
 @dataclass(frozen=True)
 class Run(Fed):
-    """A finished run, read from its folder when asked.
+    """A finished run; its parts are read from the folder when they are used.
 
-    ``reused`` tells that the answer was there before, ``note`` what else there is to say of that.
+    ``reused`` tells that the answer was stored before; ``note`` has further remarks on that.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class Run(Fed):
 
     @cached_property
     def info(self) -> dict[str, Any]:
-        """Content of run.json. Raises ResultError where it is not that of a run."""
+        """Content of run.json. Raises ResultError if it is not that of a run."""
         return run_information(read_json(self.path / "run.json"), str(self.path))
 
     @property
@@ -72,7 +72,7 @@ class Run(Fed):
 
     @property
     def method(self) -> str | None:
-        """Name of the method; None for a Study, which has none to choose."""
+        """Name of the method; None for a Study, which has no methods."""
         return self.info["method"]
 
     @property
@@ -82,20 +82,23 @@ class Run(Fed):
 
     @property
     def outcome(self) -> Outcome:
-        """What became of the question."""
+        """How the run ended."""
         return Outcome(self.info["outcome"])
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Wall time by part: statement, solve, check, total [s].
+        """Wall times of statement, solve, check and total [s].
 
-        ``earlier`` is what runs took that were stopped, where this one went on from theirs.
+        ``earlier`` is the time of interrupted runs from which this one was resumed.
         """
         return dict(self.info["seconds"])
 
     @cached_property
     def certificate(self) -> Certificate | None:
-        """What was checked, against what, and by how much it holds; None without an answer."""
+        """What was checked, against which limits, and by how much it holds.
+
+        None without an answer.
+        """
         file = self.path / "certificate.json"
         if not _exists(file):
             return None
@@ -106,13 +109,13 @@ class Run(Fed):
 
     @property
     def holds(self) -> bool:
-        """The certificate holds, and the answer is not just the best so far."""
+        """Whether the certificate holds and the answer is not merely the best so far."""
         certified = self.certificate is not None and self.certificate.holds
         return certified and not self.best_so_far
 
     @property
     def best_so_far(self) -> bool:
-        """There is a valid answer, of a method that the clock stopped."""
+        """Whether a time limit ended the method and the answer so far is valid."""
         return self.outcome is Outcome.TIME_LIMIT and self.certificate is not None
 
     @cached_property
@@ -121,19 +124,19 @@ class Run(Fed):
         file = self.path / "metrics.json"
         stored = read_json(file) if _exists(file) else {}
         try:
-            return {name: float(value) for name, value in stored.items()}  # "nan" is a number too
+            return {name: float(value) for name, value in stored.items()}  # "nan" is also a number
         except (AttributeError, TypeError, ValueError, OverflowError) as error:
             raise ResultError(f"{file.name} holds no metrics: {error}") from None
 
     @property
     def headline(self) -> str:
-        """The key metric, as text."""
+        """The main metric, as text."""
         name = self.info["headline"]
         return f"{name} {self.metrics[name]:.4g}" if name in self.metrics else "-"
 
     @property
     def value(self) -> float:
-        """The key metric; NaN where there is none."""
+        """The main metric; NaN if there is none."""
         return self.metrics.get(self.info["headline"], math.nan)
 
     @cached_property
@@ -145,40 +148,40 @@ class Run(Fed):
 
     @cached_property
     def task(self) -> Task:
-        """The Program or Study that it answers, made anew from the question.
+        """The Program or Study that was answered, rebuilt from the question.
 
         Raises
         ------
         ResultError
-            Its problem is not registered here or takes other parameters now, or the results that
-            it was fed with are missing.
+            Its problem is not registered here or has other parameters now, or results that it needs
+            are missing.
         """
         return rebuilt(self).task
 
     @cached_property
     def answer(self) -> Any:
-        """The answer, read back from the arrays: what the task's methods returned.
+        """The answer, restored from the arrays: the result of the task's method.
 
-        Where there is none, it is what proves that.
+        If there is no answer, it is the proof of that.
         """
         return self.answered.from_dataset(self.data)
 
     @property
     def lti(self) -> Any:
-        """The answer, where a linear system is wanted.
+        """The answer as a linear system.
 
-        Raises InputError where no certificate says that it is valid.
+        Raises InputError unless a certificate says that it is valid.
         """
         return certified_answer(self.answer, self.certificate, self.problem)
 
     @property
     def answered(self) -> Task:
-        """The task that the answer belongs to: its own, or a claim of no answer that it proves."""
+        """The task that the answer belongs to: its own, or a proven claim of no answer."""
         return proof_task(self.task, Outcome(self.info["claim"]), self.outcome) or self.task
 
     @property
     def figures(self) -> dict[str, Figure]:
-        """Figures by name, drawn from the arrays; the first is the one that people look at."""
+        """Figures by name, drawn from the arrays; the first is the main one."""
         return {} if self.certificate is None else self.answered.figures(self.answer)
 
     @property
@@ -192,12 +195,12 @@ class Run(Fed):
         return read_text(self.path / "log.txt")
 
     def show(self, figure: str | None = None) -> Picture:
-        """The figure that people look at (default: the first), as an image for a notebook."""
+        """The main figure (default: the first), as an image for a notebook."""
         figures = self.figures
         return picture(figures[self._figure_name(figures, figure)])
 
     def plot(self, *, name: str | None = None) -> Picture:
-        """The same as `show`, by the name that all answers have for it."""
+        """The same as `show`, under the name that all answers have for it."""
         return self.show(name)
 
     def figure(
@@ -210,7 +213,8 @@ class Run(Fed):
         name
             One of `figures`.
         style
-            "paper": letters of 7 and 8 points that go with Times, thin lines, no title over all.
+            "paper": letters of 7 and 8 points that match Times, thin lines, no title above all
+            panels.
         width
             "column" (88.9 mm), "page" (181.9 mm), or a number [mm].
 
@@ -219,7 +223,7 @@ class Run(Fed):
         InputError
             Another style or width.
         ResultError
-            There is no such figure.
+            The figure does not exist.
         """
         (printed,) = self._printed(style, width, lambda drawn: [self._figure_name(drawn, name)])
         return printed
@@ -227,7 +231,7 @@ class Run(Fed):
     def _printed(
         self, style: str, width: str | float, choose: Callable[[dict[str, Figure]], Iterable[str]]
     ) -> list[PrintedFigure]:
-        """The chosen ones of all figures, drawn for a paper."""
+        """The chosen figures, drawn for a paper."""
         for_paper = printing_style(style, width)
         with drawn_in(for_paper):
             drawn = self.figures
@@ -246,12 +250,12 @@ class Run(Fed):
     def draw(
         self, folder: str | Path, *, style: str = "screen", width: str | float = "column"
     ) -> list[Path]:
-        """Write every figure and every table (as Markdown) into a folder; the files.
+        """Write every figure and every table (as Markdown) into a folder, and return the files.
 
         Parameters
         ----------
         folder
-            It is made if it is missing.
+            The folder; it is made if it is missing.
         style
             "screen": SVG and PNG; "paper": as `figure` draws and saves them.
         width
@@ -299,7 +303,7 @@ class Run(Fed):
 
     @property
     def _over(self) -> str:
-        """What its certificate quantifies over, where it says so."""
+        """The quantifier of its certificate, if it states one."""
         checks = () if self.certificate is None else self.certificate.checks
         return next((f"; {check.over}" for check in checks if check.over), "")
 
@@ -328,7 +332,7 @@ def open_run(path: str | Path) -> Run:
     Raises
     ------
     ResultError
-        The folder is no results folder.
+        The folder is not a results folder.
     """
     path = possible_path(path)
     if not _exists(path / "run.json"):
@@ -337,11 +341,11 @@ def open_run(path: str | Path) -> Run:
 
 
 def _exists(file: Path) -> bool:
-    """Whether the folder has this file; a link, or what is no file, is refused."""
+    """Whether the folder has this file; links and anything but regular files are refused."""
     try:
         if not file.exists() and not file.is_symlink():
             return False
-    except (OSError, ValueError):  # a name that no file can have, which is told then
+    except (OSError, ValueError):  # an impossible file name; the error appears later
         pass
     own_file(file)
     return True
@@ -349,7 +353,7 @@ def _exists(file: Path) -> bool:
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """A task made anew from a stored question, and what it was fed with.
+    """A task rebuilt from a stored question, and the results that it needed.
 
     A comparison and a sweep have no problem.
     """
@@ -360,7 +364,7 @@ class Rebuilt:
 
 
 def rebuilt(run: Run) -> Rebuilt:
-    """The problem of a run with the stored parameters, fed from stored results only.
+    """The problem of a run with the stored parameters; needed results must be stored.
 
     Raises
     ------
@@ -401,8 +405,8 @@ def given(run: Run, problem: Problem) -> dict[str, Any]:
 
 
 def root_of(run: Run) -> Path:
-    """The results root that a folder stands in: needs are found there."""
-    depth = len(run.problem.split("/")) + len(run.key) // CELL_DIGITS  # cells have a folder more
+    """The results root that contains a folder: needed results are found there."""
+    depth = len(run.problem.split("/")) + len(run.key) // CELL_DIGITS  # cells lie one folder deeper
     parents = run.path.resolve().parents
     return parents[depth] if len(parents) > depth else results_root()
 
@@ -423,19 +427,19 @@ def stored_runs(root: Path, pattern: str = "*") -> list[Run]:
 
 
 def runs_in(folders: Iterable[Path], pattern: str) -> list[Run]:
-    """Runs in folders that can be read, whose problem fits a shell pattern."""
+    """Runs in those of the folders that can be read, whose problem fits a shell pattern."""
     runs = [Run(folder) for folder in folders if not unreadable(folder)]
     return [run for run in runs if fnmatch.fnmatchcase(run.problem, pattern)]
 
 
 def damaged(root: Path) -> dict[Path, str]:
-    """The folders below a results folder that cannot be read as they were sealed, and why."""
+    """The folders below a results folder that are damaged or cannot be read, with the reasons."""
     found = {folder: unreadable(folder) for folder in Store(root).folders()}
     return {folder: wrong for folder, wrong in found.items() if wrong}
 
 
 def unreadable(folder: Path) -> str:
-    """Why a folder is no undamaged result that this workbench reads; empty where it is one."""
+    """The reason why a folder is damaged or cannot be read; empty if it is sound."""
     wrong, run = damage(folder), Run(folder)
     try:
         if not wrong:

@@ -1,4 +1,4 @@
-"""Run a named problem: feed its needs, answer it, certify the answer, leave a results folder."""
+"""Run a named problem: obtain its needs, answer it, certify the answer, write a results folder."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from workbench.solvers import Options, Outcome, versions
 from workbench.study import Study
 
 LONGEST_CHAIN = 100
-"""Most needs of needs; parameters that grow from one to the next would go on for ever."""
+"""Largest depth of needs; needs whose parameters grow from one to the next would never end."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,18 @@ class Bench:
     executor: Executor | None = None
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
-        """A problem with its data bound, its needs run first where they are missing."""
+        """A problem with its data bound; missing results that it needs are computed first."""
         return self._load(Ref(name, None, parameters), ())
 
     def run(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run:
-        """The run that answers a question, computed or found."""
+        """The run that answers a question, computed or stored."""
         return self._run(Ref(name, method, parameters), ())
 
     def found(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run | None:
-        """The stored answer of a question, where it may be reused; nothing is run for it."""
+        """The stored answer of a question, if it may be reused; nothing is computed."""
         try:
             bound = replace(self, stored_only=True).load(name, parameters)
-        except ResultError:  # it is fed with what is not stored
+        except ResultError:  # a result that it needs is not stored
             return None
         question = bound.question(method, self.options)
         return self._stored(question, bound.code(question.method))
@@ -87,7 +87,7 @@ class Bench:
         if len(path) >= LONGEST_CHAIN:
             last = " -> ".join((*path[-2:], step))
             raise RegistryError(f"needs that do not end, {len(path)} of them: ... -> {last}")
-        # What a problem is fed with is made by its own method, not at this run's accuracy.
+        # A needed problem uses its own method, not the accuracy of this run.
         upstream = replace(self, options=Options(seed=self.options.seed), fresh=False)
         fed: dict[str, Any] = {}
         for name, need in problem.needs(parameters).items():
@@ -96,7 +96,7 @@ class Bench:
                 if isinstance(need, list)
                 else upstream._feed(need, problem, (*path, step))
             )
-        problem.data_hashes()  # a missing file is named before the function meets it
+        problem.data_hashes()  # a missing file is reported before the function opens it
         task = problem.task(parameters, fed)
         return Bound(problem, stored, fed, task)
 
@@ -118,11 +118,11 @@ class Bench:
         if self.stored_only:
             raise ResultError(f"{question.problem}/{question.key} is not stored")
         with self.store.writing(question.problem, question.key) as writer:
-            # While this process waited for the lock another may have answered.
+            # While this process waited for the lock, another one may have answered.
             return self._stored(question, code) or self.answer(bound, question, code, writer)
 
     def _stored(self, question: Question, code: str) -> Run | None:
-        """The stored answer, if it may be reused: whole, and of the same code."""
+        """The stored answer, if it may be reused: undamaged, and by the same code."""
         run = earlier_run(self.store.folder(question.problem, question.key), question)
         same = run is not None and run.info["code"] == code and not self.fresh
         return replace(run, reused=True) if run is not None and same else None
@@ -154,7 +154,7 @@ class Bench:
         return Run(path, note="; ".join(notes))
 
     def _checkpoint(self, question: Question, code: str, writer: Writer) -> FileCheckpoint:
-        """The stored state of the question's iteration, which is the same for every time limit."""
+        """The stored state of the question's iteration; it does not depend on the time limit."""
         untimed = question.untimed
         file = self.store.checkpoint(untimed.problem, untimed.key)
         mark = digest(canonical(asdict(untimed)) + code)
@@ -166,9 +166,9 @@ class Bench:
 
 @dataclass(frozen=True)
 class Bound:
-    """A problem with its parameters and needs: the task, and what identifies it.
+    """A problem with its parameters and needs: the task, and the data that identify it.
 
-    A task of the bench's own, a comparison, has no problem.
+    A comparison, which is a task of the bench itself, has no problem.
     """
 
     problem: Problem | None
@@ -181,7 +181,7 @@ class Bound:
         return self.problem.entry.help if self.problem else type(self.task).__doc__ or ""
 
     def code(self, method: str | None) -> str:
-        """Hash of the code that answers: what it imports, and that of its needs."""
+        """Hash of the code that answers: everything it imports, and the code of its needs."""
         modules = {
             one.__module__ for one in type(self.task).__mro__ if one.__module__ != "builtins"
         }
@@ -196,7 +196,7 @@ class Bound:
 
     @property
     def fed(self) -> list[Run]:
-        """The results that the problem is fed with, in one list."""
+        """The results that the problem needs, in one list."""
         needs = self.needs.values()
         return [run for need in needs for run in (need if isinstance(need, list) else [need])]
 
@@ -229,7 +229,7 @@ class Bound:
                 yield name, need
 
     def inherit(self, own: Certificate) -> Certificate:
-        """A study's certificate: those of its needs, and its own checks."""
+        """A study's certificate: its own checks, and those of the results that it needs."""
         checks = [
             replace(check, name=f"{name}: {check.name}")
             for name, run in self._named_needs()
@@ -240,7 +240,7 @@ class Bound:
 
 
 def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:
-    """The arrays of a judged answer, or of what proves that there is none; None without either."""
+    """The arrays of a checked answer, or of a proof that there is none; None without either."""
     if solution.certificate is None:
         return None
     data = (solution.proof or bound.task).to_dataset(solution.answer)
@@ -250,7 +250,7 @@ def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:
 
 
 def _stored_form(bound: Bound, solution: Solution) -> tuple[Solution, Dataset | None]:
-    """A judged answer with its `answer_arrays`; where they raise an error, there is no answer."""
+    """A checked answer with its `answer_arrays`; if they raise an error, there is no answer."""
     try:
         return solution, answer_arrays(bound, solution)
     except Exception as error:
@@ -277,17 +277,17 @@ def publish(
     rows: Sequence[Row] = (),
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write the folder of a judged answer, and move it to its place.
+    """Write the folder of a checked answer, and move it to its place.
 
-    ``data`` are its `answer_arrays`. ``about`` is what run.json says besides the question and how
-    it ended: started, seconds, code.
+    ``data`` are its `answer_arrays`. ``about`` holds further entries of run.json: start time,
+    seconds, code.
     """
     if solution.certificate is not None and isinstance(bound.task, Study):
         solution = replace(solution, certificate=bound.inherit(solution.certificate))
     folder = writer.start()
     task = solution.proof or bound.task
     if data is not None and solution.certificate is not None:
-        solution, metrics, files = _told(task, solution)
+        solution, metrics, files = _metrics_and_files(task, solution)
         assert solution.certificate is not None
         netcdf.write(data, folder / "data.nc")
         write_json(folder / "certificate.json", solution.certificate.to_json())
@@ -301,17 +301,19 @@ def publish(
     return seal_folder(writer, folder, info, text, bound.help)
 
 
-def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], dict[str, str]]:
-    """Metrics and files of an answer; where they raise an error, its certificate does not hold.
+def _metrics_and_files(
+    task: Task, solution: Solution
+) -> tuple[Solution, dict[str, float], dict[str, str]]:
+    """Metrics and files of an answer; if they raise an error, its certificate does not hold.
 
-    The answer itself is kept.
+    The answer itself is still stored.
     """
     try:
         metrics, files = task.metrics(solution.answer), task.files(solution.answer)
         for name, value in metrics.items():
             if not isinstance(name, str):
                 raise TypeError(f"a metric is called {name!r}, which is no text")
-            np.asarray(value, dtype=float).item()  # raises for what is no number
+            np.asarray(value, dtype=float).item()  # raises unless it is a number
         if not isinstance(task.headline, str):
             raise TypeError(f"headline is {task.headline!r}, which is no name of a metric")
         return solution, metrics, files
@@ -330,7 +332,7 @@ def _told(task: Task, solution: Solution) -> tuple[Solution, dict[str, float], d
 def seal_folder(
     writer: Writer, folder: Path, info: Mapping[str, Any], text: str, help: str
 ) -> Path:
-    """Write what every folder has, be there an answer or not, and move it to its place."""
+    """Write the files that every folder has, answer or not, and move it to its place."""
     write_json(folder / "run.json", info)
     (folder / "log.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
     write_crate(folder, info, help)
@@ -338,7 +340,7 @@ def seal_folder(
 
 
 def information(question: Question, solution: Solution, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of run.json: what was asked, how it ended, and with what."""
+    """Content of run.json: the question, the outcome, the versions."""
     return {
         "format": FORMAT,
         **{name: getattr(question, name) for name in question.__dataclass_fields__},
@@ -356,18 +358,18 @@ def information(question: Question, solution: Solution, about: Mapping[str, Any]
 
 
 def now() -> str:
-    """The time as run.json has it."""
+    """The present time in the format of run.json."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def environment() -> dict[str, str]:
-    """Versions of what can change an answer."""
+    """Versions of everything that can change an answer."""
     own = {"workbench": workbench.__version__, "python": platform.python_version()}
     return own | versions()
 
 
 def earlier_run(folder: Path, question: Question) -> Run | None:
-    """The stored run of a question, if it is whole. Raises as `need_same`."""
+    """The stored run of a question, if it is undamaged. Raises as `need_same`."""
     if not folder.exists() or damage(folder):
         return None
     run = Run(folder)
@@ -376,7 +378,7 @@ def earlier_run(folder: Path, question: Question) -> Run | None:
 
 
 def need_same(question: Question, stored: Any, place: str) -> None:
-    """Refuse the answer to another question. Raises ResultError: their keys collide."""
+    """Raise ResultError for the answer to another question: then two keys collide."""
     if plain(asdict(question)) != stored:
         raise ResultError(f"{place} holds the answer to another question of the same key")
 
@@ -389,6 +391,6 @@ def default_bench(
     fresh: bool = False,
     executor: Executor | None = None,
 ) -> Bench:
-    """The bench over the project's results folder."""
+    """The bench with the project's results folder."""
     store = Store(results_root())
     return Bench(store, options or Options(), progress, watch, fresh, executor=executor)

@@ -1,8 +1,9 @@
 """Results folders that appear whole or not at all.
 
-A folder is written beside its place, below ``.partial``, and renamed in; an older one is renamed
-aside first. One lock per question serialises processes that ask the same; the operating system
-frees it when its holder dies. Whatever a dead holder left is mended under its lock.
+A folder is written below ``.partial`` and then renamed to its place; an older folder is renamed
+away first. One lock per question makes processes that ask the same question wait for each other;
+the operating system releases it when its holder dies. The remains of a dead holder are cleaned up
+under its lock.
 
     <root>/<problem>/<key>           a finished result
     <root>/cells/<problem>/<key>     a finished cell of comparisons
@@ -32,9 +33,13 @@ CHECKSUMS = "SHA256SUMS"
 FAILED = ".failed"
 PARTIAL = ".partial"
 REFERENCE = "reference"
-"""The committed reference results: listed and verified when asked for by path, never written."""
+"""Name of the committed reference results: they are listed and verified only if asked for by path,
+and never written.
+"""
 CELLS = "cells"
-"""Where the cells of comparisons are: there may be very many, listed when asked for by path."""
+"""Name of the folder of comparisons' cells; there may be very many, so they are listed only if
+asked for by path.
+"""
 
 
 class Store:
@@ -44,21 +49,21 @@ class Store:
         self.root = Path(root)
 
     def folder(self, problem: str, key: str) -> Path:
-        """The results folder of a question; a key of sixteen digits is a cell's."""
+        """The results folder of a question; a cell has a key of sixteen digits."""
         root = self.root / CELLS if len(key) == CELL_DIGITS else self.root
         return root / problem / key
 
     def places(self, problem: str, key: str) -> tuple[Path, Path]:
-        """The folders of a question's answer, and of its failure."""
+        """The folders for a question's answer, and for its failure."""
         folder = self.folder(problem, key)
         return folder, folder.with_name(folder.name + FAILED)
 
     def checkpoint(self, problem: str, key: str) -> Path:
-        """The file in which an iteration keeps its state between rounds."""
+        """The file in which an iteration stores its state between rounds."""
         return _partial(self.root, problem, key, ".npz")
 
     def folders(self) -> list[Path]:
-        """Every finished result, failures left out, sorted by problem and key."""
+        """Every finished result without failures, sorted by problem and key."""
         self.mend()
         found = []
         for place, below, names in os.walk(self.root):
@@ -71,7 +76,7 @@ class Store:
 
     @contextmanager
     def writing(self, problem: str, key: str) -> Iterator[Writer]:
-        """Hold the lock of a question; what the writer publishes appears whole."""
+        """Hold the lock of a question; a folder that the writer publishes appears whole."""
         writer = Writer(self, problem, key)
         try:
             writer.space.parent.mkdir(parents=True, exist_ok=True)
@@ -81,12 +86,13 @@ class Store:
                     yield writer
                 finally:
                     writer.mend()
-        except OSError as error:  # a full disk, a folder that may not be written, a file in its way
+        # a full disk, a folder without write permission, or a file in its place
+        except OSError as error:
             reason = f"{error.strerror}: {error.filename}" if error.filename else str(error)
             raise ResultError(f"cannot write results below {self.root}: {reason}") from None
 
     def mend(self) -> None:
-        """Undo what killed processes left; running ones are not disturbed."""
+        """Clean up after killed processes; running ones are not disturbed."""
         from filelock import Timeout
 
         space = self.root / PARTIAL
@@ -96,26 +102,29 @@ class Store:
         for name in sorted(left):
             problem, dash, key = name.rpartition("-")
             problem = unquote(problem)
-            if not dash or {"", ".", ".."} & {key, *problem.split("/")}:  # it would lead elsewhere
+            # the name would lead outside
+            if not dash or {"", ".", ".."} & {key, *problem.split("/")}:
                 continue
             writer = Writer(self, problem, key)
             try:
                 with _locked(writer.lock, blocking=False):
                     writer.mend()
-            except (Timeout, OSError):  # its process is alive, or the folder is not ours
+            # its process is running, or the folder belongs to somebody else
+            except (Timeout, OSError):
                 continue
 
 
 @contextmanager
 def _locked(file: Path, *, blocking: bool = True) -> Iterator[None]:
-    """Hold a lock, and remove its file with it.
+    """Hold a lock, and delete its file afterwards.
 
-    Who waited for it may get the lock of a file that is gone by then, while another one holds that
-    of a new file: so whoever gets a lock sees that its file is still in place, and else asks again.
+    A waiting process may get the lock of a file that has been deleted, while another process holds
+    the lock of a new file. So after getting a lock it checks that the file is still in place, and
+    otherwise tries again.
 
     Raises
     ------
-    Timeout
+    Another process holds the lock, and ``blocking`` is false.
         Another process holds it, and ``blocking`` is false.
     """
     from filelock import FileLock
@@ -129,13 +138,13 @@ def _locked(file: Path, *, blocking: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        if os.name != "nt":  # Windows removes no file that is open
+        if os.name != "nt":  # Windows does not delete an open file
             file.unlink(missing_ok=True)
         lock.release()
 
 
 def _same_file(file: Path, lock: Any) -> bool:
-    """Whether a lock is on the file that is in place now."""
+    """Whether a lock belongs to the file that is in place now."""
     if os.name == "nt":
         return True
     try:
@@ -146,7 +155,7 @@ def _same_file(file: Path, lock: Any) -> bool:
 
 
 class Writer:
-    """The one process that may write the result of a question."""
+    """The only process that may write the result of a question at this time."""
 
     def __init__(self, store: Store, problem: str, key: str) -> None:
         self.final, self.failure = store.places(problem, key)
@@ -156,16 +165,16 @@ class Writer:
         self.old = self.space / "old"
 
     def start(self) -> Path:
-        """An empty folder to write the result in."""
+        """Make an empty folder for the result."""
         self.new.mkdir(parents=True)
         return self.new
 
     def publish(self, *, failed: bool = False) -> Path:
-        """Seal the new folder and move it to its place; a failure goes beside it."""
+        """Seal the new folder and move it to its place; a failure has a place of its own."""
         seal(self.new)
         final = self.failure if failed else self.final
         final.parent.mkdir(parents=True, exist_ok=True)
-        if self.failure.exists():  # repeated now, or answered
+        if self.failure.exists():  # an earlier failure, now repeated or answered
             self.failure.rename(self.space / "failure")
         if final.exists():
             final.rename(self.old)
@@ -173,7 +182,10 @@ class Writer:
         return final
 
     def mend(self) -> None:
-        """Drop a half-written folder; put an earlier result back where its swap was cut short."""
+        """Delete a half-written folder.
+
+        Restore an earlier result whose replacement was interrupted.
+        """
         if self.old.exists() and not self.final.exists():
             self.old.rename(self.final)
         shutil.rmtree(self.space, ignore_errors=True)
@@ -184,13 +196,13 @@ def _partial(root: Path, problem: str, key: str, suffix: str = "") -> Path:
 
 
 def seal(folder: Path) -> None:
-    """Write the checksums of every file of a folder, last."""
+    """Write the checksums of every file of a folder; this comes last."""
     lines = [f"{file_hash(folder / name)}  {name}\n" for name in files(folder)]
     (folder / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
 
 
 def files(folder: Path) -> list[str]:
-    """Names of the files of a results folder, its checksums left out; links are files too."""
+    """Names of the files of a results folder without its checksums; links count as files."""
     found = (p for p in folder.rglob("*") if p.is_symlink() or not p.is_dir())
     names = (p.relative_to(folder).as_posix() for p in found)
     return sorted(name for name in names if name != CHECKSUMS)
@@ -202,7 +214,7 @@ def file_hash(file: Path) -> str:
 
 
 def damage(folder: Path) -> list[str]:
-    """A sentence for each file that differs from the folder's checksums."""
+    """One sentence for each file that does not match the folder's checksums."""
     sums = folder / CHECKSUMS
     if not sums.is_file():
         return [f"{CHECKSUMS} is missing: the folder is not a finished result"]

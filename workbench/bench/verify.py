@@ -1,15 +1,16 @@
-"""Verify a results folder from its stored arrays alone: no solver runs, nothing stored executes.
+"""Verify a results folder from its stored arrays alone: no solver runs, no stored code runs.
 
-In order: checksums; the key, from the question in run.json; the problem rebuilt through the
-registry; its arrays and derived files against the stored ones; the certificate recomputed. A deep
-verification also asks for the dear checks of a second opinion, and certifies every cell of a
-comparison again.
+The steps are: the checksums; the key, from the question in run.json; the problem, rebuilt through
+the registry; its arrays and derived files, compared with the stored ones; the certificate,
+recomputed. A deep verification also makes the expensive checks of a second opinion, and certifies
+every cell of a comparison again.
 
-What nothing can recompute is not covered beyond its checksum: the log, the seconds, the versions,
-and what the method claimed. Figures and tables are not stored: they are functions of the arrays.
+Things that cannot be recomputed are protected by their checksums only: the log, the seconds, the
+versions, and the method's claim. Figures and tables are not stored: they are functions of the
+arrays.
 
-A folder is data. The code that checks it is that of the project at hand; the problems of a project
-that is found only through the folder's own path are imported where the caller trusts them.
+A folder is data; it is checked by the code of the current project. If a project is found only
+through the folder's own path, its problems are imported only if the caller trusts them.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ from workbench.study import Study
 class Verification:
     """The result of verifying a folder.
 
-    ``problems`` says what is wrong, ``notes`` what else is worth knowing. ``certificate`` is
-    recomputed here; None where that was impossible, and then the answer was not checked. ``deep``
-    are the dear checks of the second opinion, where they were asked for. ``stated`` are the
-    problems that the folder does not hide: it has no answer, or one that fails its certificate.
+    ``problems`` says what is wrong; ``notes`` has further remarks. ``certificate`` is recomputed
+    here; None if that was impossible, and then the answer was not checked. ``deep`` are the
+    expensive checks of the second opinion, if they were asked for. ``stated`` are problems that the
+    folder itself states: it has no answer, or one whose certificate fails.
     """
 
     path: Path
@@ -55,12 +56,12 @@ class Verification:
 
     @property
     def intact(self) -> bool:
-        """Nothing is wrong with what could be checked."""
+        """Whether nothing is wrong with the parts that could be checked."""
         return not self.problems
 
     @property
     def holds(self) -> bool:
-        """The folder is intact, and its certificate was recomputed."""
+        """Whether the folder is intact and its certificate was recomputed."""
         return self.intact and self.certificate is not None
 
     def __repr__(self) -> str:
@@ -79,13 +80,14 @@ def verify_folder(
 ) -> Verification:
     """Verify one results folder.
 
-    ``rerun``: answer anew as well. ``deep``: ask for the dear checks too. ``trust``: import the
-    problems of the project that the folder lies in, as well as those of the project at hand.
+    ``rerun``: also run the problem again. ``deep``: also make the expensive checks. ``trust``:
+    import the problems of the project that contains the folder, as well as those of the current
+    project.
 
     Raises
     ------
     ResultError
-        The folder is no results folder.
+        The folder is not a results folder.
     """
     found: list[str] = damage(possible_path(path))
     if trust:
@@ -129,9 +131,9 @@ def verify_folder(
 
 
 def _cells(run: Run, rerun: bool, deep: bool) -> tuple[list[str], list[str]]:
-    """Where a comparison disagrees with its cells, each certified again; and notes.
+    """Disagreements between a comparison and its cells, each certified again; and notes.
 
-    The answers of cells that left no folder are gone: a deep verification answers them anew.
+    Answers of cells without a folder are lost: a deep verification computes them anew.
     """
     if rerun:
         return rerun_cells(run)
@@ -143,7 +145,7 @@ def _cells(run: Run, rerun: bool, deep: bool) -> tuple[list[str], list[str]]:
 
 
 def _faults(deep: bool) -> Callable[[Path], list[str]]:
-    """A function that verifies the folder of a cell or point: what it does not state itself."""
+    """Function that verifies the folder of a cell or point and returns its unstated problems."""
 
     def faults(path: Path) -> list[str]:
         found = verify_folder(path, deep=deep)
@@ -153,13 +155,13 @@ def _faults(deep: bool) -> Callable[[Path], list[str]]:
 
 
 def _of_its_project(path: Path) -> list[Path]:
-    """Problem folders of the project that a results folder lies in, where it is not this one."""
+    """Problem folders of the project that contains a results folder, if that is another project."""
     own = Project.around(path.absolute()).problems
     return [folder for folder in own if folder not in Project.around(Path.cwd()).problems]
 
 
 def _misplaced(run: Run) -> list[str]:
-    """The key recomputed from the question must be the stored one and the folder's name."""
+    """Check that key, question, and the folder's name and place agree."""
     question = Question(**{name: run.info[name] for name in Question.__dataclass_fields__})
     found = []
     if question.key != run.key:
@@ -194,7 +196,7 @@ def _other_code(run: Run, bound: Bound) -> list[str]:
 
 @dataclass(frozen=True)
 class _Rechecked:
-    """The certificate of stored arrays, what stored files say otherwise, and what fails."""
+    """The recomputed certificate, disagreements with stored files, and failures."""
 
     certificate: Certificate | None
     wrong: list[str] = field(default_factory=list)
@@ -203,7 +205,7 @@ class _Rechecked:
 
 
 def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
-    """The certificate from the stored arrays alone, and where stored files disagree with them."""
+    """Recompute the certificate from the stored arrays, and compare the stored files with them."""
     if not (run.path / "data.nc").exists():
         return _Rechecked(None, [], ["data.nc is missing: there is no answer to check"])
     claim = Outcome(run.info["claim"])
@@ -240,7 +242,7 @@ def _recheck(run: Run, bound: Bound, deep: bool) -> _Rechecked:
 
 
 def _rerun(run: Run, notes: list[str]) -> list[str]:
-    """Answer the question again, apart from the project's results, and compare the arrays."""
+    """Run the problem again, outside the project's results, and compare the arrays."""
     import tempfile
 
     info = run.info
@@ -257,12 +259,12 @@ def _rerun(run: Run, notes: list[str]) -> list[str]:
 
 
 def finished_folders(path: Path) -> list[Path]:
-    """The results folders at or below a path, failures left out.
+    """The results folders at or below a path, without failures.
 
     Raises
     ------
     ResultError
-        There is none.
+        There are none.
     """
     if (possible_path(path) / "run.json").is_file():
         return [path]

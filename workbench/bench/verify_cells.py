@@ -1,4 +1,4 @@
-"""What a stored comparison says of its cells, and a sweep of its points, against themselves."""
+"""Compare a stored comparison with its stored cells, and a sweep with its points."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
 CHANGING = {Outcome.TIME_LIMIT, Outcome.MEMORY_LIMIT, Outcome.CRASHED}
-"""Outcomes that another machine may not repeat."""
+"""Outcomes that may differ on another machine."""
 
 
 def cell_of(run: Run) -> list[str]:
-    """Where the record of a cell's folder disagrees with its certificate."""
+    """Disagreements between the record in a cell's folder and the cell's certificate."""
     if CELL not in run.info:
         return []
     record, gap = Record.stored(run), certified_gap(run.certificate)
@@ -40,21 +40,21 @@ def _same(a: float, b: float) -> bool:
 
 
 Place = tuple[int, ...]
-"""Where a cell stands in the arrays of a comparison."""
+"""Indices of a cell in the arrays of a comparison."""
 
 
 def stored_cells(
     run: Run, faults: Callable[[Path], Sequence[str]]
 ) -> tuple[list[str], list[str], list[Place]]:
-    """Where a comparison disagrees with those of its cells that are stored beside it.
+    """Disagreements between a comparison and those of its cells that are stored beside it.
 
-    ``faults`` verifies the folder of a cell: a table is no better than what it is made of. Returned
-    are also notes, and the cells that have no folder, so that nobody can certify their answers.
+    ``faults`` verifies the folder of a cell: a table is only as good as its cells. Also returned
+    are notes, and the cells without a folder, whose answers cannot be certified.
 
-    A cell that other code has answered since, such as an edited method, is another one.
+    A cell that other code has answered since, such as an edited method, counts as another cell.
     """
     data, store, light = run.data, Store(root_of(run)), light_records(root_of(run))
-    asked, wrong, missing, replaced = _asked(data), [], 0, 0
+    asked, wrong, missing, replaced = _asked_places(data), [], 0, 0
     without: list[Place] = []
     for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
@@ -66,7 +66,7 @@ def stored_cells(
         missing += not found
         replaced += bool(found) and not records
         for record in records:
-            wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
+            wrong += [f"{key}: {text}" for text in _record_differences(record, data, place)]
         answered = [one.path for one in folders if own in (str(one.info["code"]), None)]
         wrong += [f"{key}: {text}" for path in answered for text in faults(path)]
         without += [] if answered else [place]
@@ -81,12 +81,12 @@ def stored_cells(
     return wrong, notes, without
 
 
-def _asked(data: Dataset) -> list[Place]:
-    """Places of the cells that were asked."""
+def _asked_places(data: Dataset) -> list[Place]:
+    """Indices of the cells that were asked."""
     return [tuple(place) for place in np.argwhere(data["key"].values != "").tolist()]
 
 
-def _apart(record: Record, data: Dataset, place: Place) -> Iterator[str]:
+def _record_differences(record: Record, data: Dataset, place: Place) -> Iterator[str]:
     for name in ("outcome", "claim", "objective", "gap", "statement", "solve", "cpu"):
         own, here = getattr(record, name), data[name].values[place]
         same = own == here if isinstance(own, str) else _same(float(own), float(here))
@@ -95,13 +95,13 @@ def _apart(record: Record, data: Dataset, place: Place) -> Iterator[str]:
 
 
 def rerun_cells(run: Run, places: Sequence[Place] | None = None) -> tuple[list[str], list[str]]:
-    """Where cells answered anew, and kept nowhere, end otherwise; and notes.
+    """Cells that end differently when they are computed again; and notes. Nothing is stored.
 
-    ``places``: those that are judged; None: all. No bound that was certified then may exclude an
-    answer that is certified now, nor the other way round.
+    ``places``: the cells to judge; None: all. A bound that was certified then must not exclude an
+    answer that is certified now, or the other way round.
     """
     asked, data = run.info["parameters"], run.data
-    places = _asked(data) if places is None else places
+    places = _asked_places(data) if places is None else places
     problems = [str(data["problem"].values[place[0]]) for place in places]
     settings: dict[str, Any] = {name: asked[name] for name in ("repeat", "memory_limit")}
     settings |= {name: run.info["options"][name] for name in ("time_limit", "seed")}
@@ -133,7 +133,7 @@ def rerun_cells(run: Run, places: Sequence[Place] | None = None) -> tuple[list[s
 
 
 def _excluded(data: Dataset, again: Dataset) -> list[str]:
-    """Certificates of then and of now that exclude each other."""
+    """Pairs of stored and new certificates that exclude each other."""
     import xarray as xr
 
     renamed = again.assign_coords(repetition=again["repetition"] + data.sizes["repetition"])
@@ -145,7 +145,7 @@ def _excluded(data: Dataset, again: Dataset) -> list[str]:
 
 
 def stored_points(run: Run, faults: Callable[[Path], Sequence[str]]) -> tuple[list[str], list[str]]:
-    """Where a sweep disagrees with those of its points that are stored beside it; and notes.
+    """Disagreements between a sweep and those of its points that are stored; and notes.
 
     ``faults`` verifies the folder of a point.
     """

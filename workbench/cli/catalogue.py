@@ -1,4 +1,4 @@
-"""Commands that say what problems and results there are."""
+"""Commands that list problems and results."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def cite(name: str) -> None:
 def results(pattern: str, as_json: bool) -> None:
     """The stored results of the problems that fit PATTERN.
 
-    When each was made, and the parameters and options that are not the default ones.
+    Shows when each was made, and those parameters and options that differ from the defaults.
     """
     from workbench.bench.results import damaged
 
@@ -79,7 +79,7 @@ def results(pattern: str, as_json: bool) -> None:
 
 
 def _print_results(runs: Sequence[Run]) -> None:
-    """When each stored run was made, its certificate, and what it was asked beside the defaults."""
+    """Print each stored run's date, certificate, and arguments that differ from the defaults."""
     from workbench.cli.departures import departures
 
     rows = [

@@ -22,21 +22,29 @@ _UNITS |= {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 @click.option("--all-methods", is_flag=True, help="Compare every method of each problem.")
 @click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
-@click.option("--time-limit", type=float, help="Seconds for each cell; it is killed there.")
-@click.option("--memory-limit", metavar="SIZE", help="Memory of a cell's process, such as 4GiB.")
-@click.option("--repeat", type=click.IntRange(min=1), default=1, help="Time each cell so often.")
+@click.option(
+    "--time-limit", type=float, help="Time limit of each cell [s]; it is killed after that."
+)
+@click.option(
+    "--memory-limit", metavar="SIZE", help="Memory limit of a cell's process, such as 4GiB."
+)
+@click.option(
+    "--repeat", type=click.IntRange(min=1), default=1, help="How many times each cell is timed."
+)
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run cells in N processes.")
 @SCHEDULER
 @click.option("--threads", type=click.IntRange(min=1), default=1, help="Threads in each process.")
-@click.option("--seed", type=int, default=0, help="Of the methods, and of the cells' order.")
-@click.option("--slow", is_flag=True, help="Problems marked slow too.")
-@click.option("--light", is_flag=True, help="Keep records of the cells, and no folders.")
-@click.option("--fresh", is_flag=True, help="Compute anew even where cells are stored.")
+@click.option(
+    "--seed", type=int, default=0, help="Seed of the methods, and of the order of the cells."
+)
+@click.option("--slow", is_flag=True, help="Include problems marked slow.")
+@click.option("--light", is_flag=True, help="Keep only records of the cells, no folders.")
+@click.option("--fresh", is_flag=True, help="Compute anew even if cells are stored.")
 @click.option("--verbose", is_flag=True, help="Let solvers print into the logs of the cells.")
-@click.option("--in-process", is_flag=True, help="Run cells in this process, to look for errors.")
+@click.option("--in-process", is_flag=True, help="Run cells in this process, for debugging.")
 @click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
 @click.option("--cells", "table", metavar="FILE", help="Write all cells: .csv, .parquet.")
-@click.option("--against", "old", metavar="RUN", help="Say what changed since this comparison.")
+@click.option("--against", "old", metavar="RUN", help="List what changed since this comparison.")
 @AS_JSON
 def compare(
     pattern: str,
@@ -55,7 +63,8 @@ def compare(
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level.
 
-    A cell is stored when it ends and found again: what was stopped goes on where it was.
+    Each cell is stored when it ends. An interrupted comparison resumes; only new cells are
+    computed.
     """
     from workbench.bench.compare import asked_for, described, run_comparison
     from workbench.bench.comparison import changes, need_comparison, need_table_file, write_cells
@@ -70,7 +79,7 @@ def compare(
         raise click.UsageError("--in-process and --scheduler exclude each other")
     if table is not None:
         need_table_file(table)
-    # Read now: the new comparison takes the place of an old one that asked the same.
+    # Read it now: the new comparison replaces an older one of the same question.
     before = None if old is None else need_comparison(workbench.open_run(old).data.load())
     with cluster(scheduler, options["jobs"]) as executor:
         asked = asked_for(

@@ -1,4 +1,4 @@
-"""What a stored run was asked that is not the default."""
+"""Arguments of a stored run that differ from the defaults."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from workbench.errors import WorkbenchError
 from workbench.solvers import Options
 
 LONGEST = 48
-"""Characters of a value; a longer one is cut."""
+"""Most characters of a value that are shown; a longer value is cut."""
 
 
 def departures(run: Run) -> dict[str, str]:
     """Parameters and options of a run that differ from the defaults, as texts.
 
-    Of a comparison or a sweep it is what was compared or swept. Parameters of a problem that is not
-    registered here, or cannot be read, are all told.
+    For a comparison or a sweep these are the methods or values compared or swept. All parameters
+    are listed if the problem is not registered here or its file cannot be read.
     """
     given: dict[str, Any] = dict(run.info["parameters"])
     usual: dict[str, Any] = {}
@@ -29,14 +29,15 @@ def departures(run: Run) -> dict[str, str]:
         try:
             problem = registry().find(run.problem)
             usual = problem.defaults | problem.entry.axes
-        except WorkbenchError:  # its file is broken: what it was asked is told nevertheless
+        # The problem's file is broken; the run's arguments are listed nevertheless.
+        except WorkbenchError:
             pass
     differing = {n: v for n, v in given.items() if n not in usual or plain(usual[n]) != v}
     return {name: _short(value) for name, value in (differing | _options(run)).items()}
 
 
 def _options(run: Run) -> dict[str, Any]:
-    """Options that are not the default ones; the tolerance may be that of the method instead."""
+    """Options that differ from the defaults; the default tolerance may be that of the method."""
     usual = asked(Options())
     return {
         name: value

@@ -31,9 +31,9 @@ from workbench.cli.terminal import print_json
 def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, deep: bool, as_json: bool) -> None:
     """Verify results folders at or below PATHS [default: the project's results].
 
-    Checksums, key, arrays, metrics and certificate; the log, the seconds and the method's claim by
-    their checksums only. With --deep each check of the second opinion is also made with more draws,
-    samples and frequencies, and named.
+    Verifies checksums, key, arrays, metrics and certificate; the log, the seconds and the method's
+    claim by their checksums only. With --deep each check of the second opinion is also made with
+    more draws, samples and frequencies, and listed by name.
     """
     from workbench.bench.verify import finished_folders, verify_folder
 
@@ -136,7 +136,7 @@ def report(
 
 
 def _width(text: str) -> str | float:
-    """A number [mm], or a word for `paper_style` to judge."""
+    """A number [mm], or a word, which `paper_style` checks."""
     try:
         return float(text)
     except ValueError:

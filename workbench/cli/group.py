@@ -25,11 +25,11 @@ SCHEDULER = click.option(
 
 
 GROUP_OPTIONS = ("--problems", "--results")
-"""Options of the group, none of any command."""
+"""Options that belong to the group and to no single command."""
 
 
 def cluster(scheduler: str | None, jobs: int) -> AbstractContextManager[Executor | None]:
-    """The executor on a scheduler, which is left at the end; None without one."""
+    """An executor on a Dask scheduler, closed at the end; None without a scheduler."""
     if scheduler is None:
         return nullcontext()
     if scheduler != "local" and jobs > 1:
@@ -38,9 +38,9 @@ def cluster(scheduler: str | None, jobs: int) -> AbstractContextManager[Executor
 
 
 class Commands(click.Group):
-    """Errors of the workbench end with their message, not with a traceback.
+    """An error of the workbench ends the command with its message, without a traceback.
 
-    Options of the group may stand behind the command too.
+    Options of the group may also follow the command.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -90,7 +90,7 @@ def main(problems: tuple[str, ...], results: str | None) -> None:
 
 
 def tell_unfit() -> None:
-    """Say which problem files and names are left out, and why."""
+    """Print which problem files and names are left out, and why."""
     for sentence in registry().unfit:
         click.echo(f"workbench: left out: {sentence}", err=True)
 
@@ -98,9 +98,9 @@ def tell_unfit() -> None:
 def settings_of(
     texts: tuple[str, ...], option: str = "--set", value_name: str = "VALUE"
 ) -> dict[str, str]:
-    """Parameters of the problem from KEY=VALUE, as an option of the command takes them.
+    """Parameters of the problem from texts KEY=VALUE, given by an option of the command.
 
-    Options are no parameters.
+    Names of options are refused: they are not parameters.
     """
     found = {}
     for text in texts:

@@ -40,12 +40,16 @@ if TYPE_CHECKING:
     shell_complete=parameter_names,
 )
 @click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
-@click.option("--time-limit", type=float, help="Seconds for each solve, for methods that heed it.")
+@click.option(
+    "--time-limit", type=float, help="Time limit of each solve [s], for methods that heed it."
+)
 @click.option("--seed", type=int, default=0, help="Seed of the random generator.")
 @click.option("--verbose", is_flag=True, help="Let the solver print.")
-@click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
-@click.option("--slow", is_flag=True, help="Run problems marked slow too.")
-@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run this many at once.")
+@click.option("--fresh", is_flag=True, help="Compute anew even if the answer is stored.")
+@click.option("--slow", is_flag=True, help="Also run problems marked slow.")
+@click.option(
+    "--jobs", type=click.IntRange(min=1), default=1, help="Number of problems that run at once."
+)
 @SCHEDULER
 @AS_JSON
 def run(
@@ -115,11 +119,11 @@ def run(
 @click.option("--method", help="Method [default: the problem's own].")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Another parameter.")
 @click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
-@click.option("--time-limit", type=float, help="Seconds for each point.")
+@click.option("--time-limit", type=float, help="Time limit of each point [s].")
 @click.option("--seed", type=int, default=0, help="Seed of the random generator.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run points in N processes.")
 @SCHEDULER
-@click.option("--fresh", is_flag=True, help="Compute anew even where points are stored.")
+@click.option("--fresh", is_flag=True, help="Compute anew even if points are stored.")
 @click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
 @AS_JSON
 def sweep(
@@ -134,7 +138,8 @@ def sweep(
 ) -> None:
     """Run a problem over a grid of its parameters: one labelled dataset, table and figure.
 
-    Every point is a run of its own, found again: what was stopped goes on where it was.
+    Each point is a run of its own and is stored. An interrupted sweep resumes; only new points are
+    computed.
     """
     given = [settings_of((text,), "--over", "A,B,C") for text in axes]
     names = [key for one in given for key in one]

@@ -1,4 +1,4 @@
-"""Commands for the first hour: a study, the course, the state of the installation."""
+"""Commands for the first hour: start a study, copy the course, examine the installation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.cli.group import main
 
 
 def share(text: str | None, option: str) -> float | None:
-    """A share that is written as 20% or 0.2; None where none is given."""
+    """A fraction, written as 20% or 0.2; None if none is given."""
     if text is None:
         return None
     number = text.strip()
@@ -26,64 +26,96 @@ def share(text: str | None, option: str) -> float | None:
 
 @main.command()
 @click.argument("words", metavar="FOLDER", nargs=-1, required=True)
-@click.option("--data", metavar="FILES", required=True, help="A record of each plant: drive*.csv.")
-@click.option("--input", metavar="NAME", help="Column of the input [by its name].")
-@click.option("--output", metavar="NAME", help="Column of the output [by its name].")
-@click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
-@click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
+@click.option(
+    "--data", metavar="FILES", required=True, help="One record of each plant: drive*.csv."
+)
+@click.option("--input", metavar="NAME", help="Column of the input [found by its name].")
+@click.option("--output", metavar="NAME", help="Column of the output [found by its name].")
+@click.option("--time", metavar="NAME", help="Column of the time [the equidistant one].")
+@click.option(
+    "--sample-rate", type=float, metavar="HZ", help="Sampling rate, if no column holds the time."
+)
 @click.option(
     "--excitation",
     metavar="NAME",
     callback=lambda _, __, text: int(text) if text and text.isdigit() else text,
-    help="Column of what drove a closed loop, or the samples of its period [none].",
+    help="Column of the signal that drove a closed loop, or its period in samples [none].",
 )
 @click.option(
-    "--assume", metavar="NAME", multiple=True, help="Vouch for an assumption: 'open loop'."
+    "--assume", metavar="NAME", multiple=True, help="Assumption that you vouch for: 'open loop'."
 )
-@click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
 @click.option(
-    "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
+    "--period",
+    type=float,
+    metavar="S",
+    help="Sampling time of the controller [that of the records].",
+)
+@click.option(
+    "--delay",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Delay of the controller's computer [samples].",
 )
 @click.option(
     "--spread",
     callback=lambda _, option, text: share(text, option.opts[0]),
     metavar="SHARE",
-    help="Of plants about those with records: 20% of their responses; for one record.",
+    help="Deviation of plants from the recorded ones: 20% of the response. One record needs it.",
 )
 @click.option(
     "--resonance-shift",
     callback=lambda _, option, text: share(text, option.opts[0]),
     metavar="SHARE",
-    help="Of their frequencies: 5%.",
+    help="Deviation of the plants' resonance frequencies: 5%.",
 )
 @click.option(
     "--structure",
     type=click.Choice(["free", "pi", "pid"]),
     default="free",
     show_default=True,
-    help="Of the controller; free: the fewest states.",
+    help="Structure of the controller; free: the fewest states.",
 )
-@click.option("--bandwidth-hz", type=float, metavar="HZ", help="That is asked for [the largest].")
+@click.option(
+    "--bandwidth-hz", type=float, metavar="HZ", help="Bandwidth [the largest that is possible]."
+)
 @click.option(
     "--limits",
     type=float,
     nargs=2,
     metavar="LOW HIGH",
-    help="Of the input, absolute [those of the records].",
+    help="Limits of the input, absolute [those in the records].",
 )
-@click.option("--effort", type=float, metavar="W", help="Weight of the input [from the gains].")
+@click.option(
+    "--effort", type=float, metavar="W", help="Weight of the input [from the plants' gains]."
+)
 @click.option(
     "--overshoot",
     callback=lambda _, option, text: share(text, option.opts[0]),
     metavar="SHARE",
-    help="Of a step of the set-point, at most: 10%; 0: none.",
+    help="Largest overshoot after a step of the set-point: 10%; 0: none.",
 )
-@click.option("--settling-time", type=float, metavar="S", help="Of such a step, to 2 %.")
 @click.option(
-    "--recovery-time", type=float, metavar="S", help="After a step at the input, to a tenth."
+    "--settling-time",
+    type=float,
+    metavar="S",
+    help="Longest time to settle within 2 % after a set-point step.",
 )
-@click.option("--control-rms", type=float, metavar="U", help="Of the input by noise, at most.")
-@click.option("--step", type=float, metavar="Y", help="Of the set-point, within the limits.")
+@click.option(
+    "--recovery-time",
+    type=float,
+    metavar="S",
+    help="Longest time to recover to a tenth after a step at the input.",
+)
+@click.option(
+    "--control-rms", type=float, metavar="U", help="Largest rms of the input due to noise."
+)
+@click.option(
+    "--step",
+    type=float,
+    metavar="Y",
+    help="Step of the set-point that must keep the input within its limits.",
+)
 def init(words: tuple[str, ...], data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.certificate import told_apart
@@ -108,7 +140,8 @@ def init(words: tuple[str, ...], data: str, **given: Any) -> None:
         click.echo(f"{name:<{width}}  {told:<12}  {reason}")
     for note in chosen.notes:
         click.echo(f"! {note}")
-    # What was tested and is usual stands in the README; a loop that may be closed is the worst.
+    # Assumptions that were tested and are usual are listed in the README only; the one about a
+    # closed loop is the most serious.
     first = [one for one in chosen.tested if "open loop" in one or ": tested;" not in one]
     for sentence in first:
         click.echo(f"assumed  {sentence}")

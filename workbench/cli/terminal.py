@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def print_json(value: Any) -> None:
-    """A value as JSON that any reader takes."""
+    """Print a value as JSON that every parser accepts."""
     from workbench.bench.question import plain
 
     click.echo(json.dumps(plain(value), indent=2, allow_nan=False))
@@ -38,7 +38,7 @@ def _reason(one: Run) -> str:
 
 
 def row(one: Run) -> dict[str, Any]:
-    """A run for a script."""
+    """Data of a run for a script."""
     return {
         "problem": one.problem,
         "method": one.method,
@@ -79,7 +79,7 @@ def certificate_word(one: Run) -> str:
 
 
 def print_details(one: Run) -> None:
-    """The certificate of a run, check by check, and where its folder is."""
+    """Print the certificate of a run, check by check, and the path of its folder."""
     from workbench.certificate import told_apart
 
     if one.certificate is not None:
@@ -111,9 +111,9 @@ def print_details(one: Run) -> None:
 
 
 def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
-    """The cells of a comparison, what failed and how to repeat it, and where its folder is.
+    """Print a comparison's cells, the failures and how to repeat them, and its folder.
 
-    ``changed`` is what changed since an older one, if there is one.
+    ``changed`` lists the changes since an older comparison, if one was given.
     """
     from workbench.bench.comparison import (
         HEADS,
@@ -149,7 +149,7 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
 
 
 def print_sweep(one: Run, as_json: bool) -> None:
-    """The points of a sweep, how many of them hold, and where its folder is."""
+    """Print the points of a sweep, how many of them hold, and the path of its folder."""
     from workbench.bench.sweep import ParameterSweep
 
     data = one.data
@@ -167,7 +167,7 @@ def print_sweep(one: Run, as_json: bool) -> None:
 def print_plan(
     names: Sequence[str], states: Iterable[tuple[Sequence[Any], str]], as_json: bool
 ) -> None:
-    """What would become of each cell of a comparison, or point of a sweep."""
+    """Print whether each cell of a comparison, or point of a sweep, is stored or would run."""
     heads, planned = [*names, "state"], [(*labels, state) for labels, state in states]
     if as_json:
         print_json([dict(zip(heads, one, strict=True)) for one in planned])
@@ -180,7 +180,10 @@ def print_plan(
 def print_table(
     head: Sequence[str], rows: Sequence[Sequence[str]], *, right: int = 0, last: int = 0
 ) -> None:
-    """A plain aligned table; the ``right`` columns before the ``last`` ones are numbers."""
+    """Print a plain aligned table.
+
+    Of the columns before the ``last`` ones, the ``right`` hindmost are numbers.
+    """
     columns = list(zip(head, *rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
     numbers = range(len(head) - last - right, len(head) - last)

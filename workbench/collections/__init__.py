@@ -1,4 +1,4 @@
-"""Problems from elsewhere, from files that users bring: SDPA, CBF, plants of MATLAB."""
+"""Readers for problems in other formats: SDPA, CBF, and plants from MATLAB files."""
 
 from typing import TYPE_CHECKING
 

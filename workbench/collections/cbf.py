@@ -1,4 +1,4 @@
-"""Conic programs in the conic benchmark format (``.cbf``), version 1 to 3, without integers."""
+"""Conic programs in the conic benchmark format (``.cbf``, versions 1 to 3), without integers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ KINDS = {
     "Q": ConeKind.SECOND_ORDER,
     "QR": ConeKind.SEMIDEFINITE,
 }
-"""Cones by their name. A rotated cone is the arrow matrix (2 s_1, v'; v, s_2 I), exactly."""
+"""Kinds of cones by their keyword. A rotated cone is rewritten exactly as the arrow matrix (2 s_1,
+v'; v, s_2 I).
+"""
 FREE = "F"
 SIZES = ("VAR", "CON")
 MATRICES = ("PSDVAR", "PSDCON")
@@ -27,7 +29,7 @@ MATRICES = ("PSDVAR", "PSDCON")
 
 @dataclass
 class _Part:
-    """Scalars (variables or constraints) in cones: name, size and first scalar of each."""
+    """Scalars (variables or constraints) by cone: keyword, size and first scalar of each."""
 
     cones: list[tuple[str, int, int]] = field(default_factory=list)
     count: int = 0
@@ -35,18 +37,18 @@ class _Part:
 
 @dataclass
 class _File:
-    """What was read of a file so far."""
+    """Everything that has been read from a file so far."""
 
     lines: Lines
     maximise: bool = False
     parts: dict[str, _Part] = field(default_factory=lambda: {name: _Part() for name in SIZES})
     orders: dict[str, list[int]] = field(default_factory=lambda: {name: [] for name in MATRICES})
     numbers: dict[str, list[tuple[list[int], float, int]]] = field(default_factory=dict)
-    """Coordinates by keyword: places, value and line of each."""
+    """Coordinates by keyword: indices, value and line number of each."""
     constant: float = 0.0
 
     def entries(self, keyword: str) -> Iterator[tuple[list[int], float]]:
-        """Places and values of a keyword, each checked; errors name the line."""
+        """Indices and values of a keyword, each checked; an error names the line."""
         orders = {"matrix": self.orders["PSDVAR"], "matrix constraint": self.orders["PSDCON"]}
         counts = {"variable": self.parts["VAR"].count, "constraint": self.parts["CON"].count}
         known = set()
@@ -79,9 +81,9 @@ def read_cbf(file: str | PathLike[str]) -> ConicProgram:
     Returns
     -------
     ConicProgram
-        ``x`` are the scalar variables, then the upper triangles of the matrix variables, column by
-        column. A program to be maximised is minimised with its sign changed; the metric ``value``
-        is that of the file.
+        ``x`` holds the scalar variables, then the upper triangles of the matrix variables, column
+        by column. If the file maximises, the program minimises the negated objective; the metric
+        ``value`` is the objective of the file.
 
     Raises
     ------
@@ -194,7 +196,8 @@ def _program(found: _File) -> ConicProgram:
     lines, scalars = found.lines, found.parts["VAR"].count
     variables = _starts(found.orders["PSDVAR"], scalars)
     constraints = _starts(found.orders["PSDCON"], found.parts["CON"].count)
-    rows = Entries(lines)  # constraints, then matrix constraints, before they are put in cones
+    # scalar constraints, then matrix constraints, before they are assigned to cones
+    rows = Entries(lines)
     c = np.zeros(variables[-1])
 
     for (j,), value in found.entries("OBJACOORD"):
@@ -226,7 +229,7 @@ def _program(found: _File) -> ConicProgram:
 
 @dataclass(frozen=True)
 class _Row:
-    """A row of the file's constraints, or a variable itself."""
+    """A constraint of the file, or a variable itself, as an affine row."""
 
     row: int | None
     variable: int | None
@@ -234,7 +237,7 @@ class _Row:
 
 @dataclass
 class _Slack:
-    """The slack of the form, cone by cone, made of rows of the file."""
+    """The slack of the conic form, built cone by cone from rows of the file."""
 
     lines: Lines
     rows: Entries
@@ -248,7 +251,7 @@ class _Slack:
             self.by_row.setdefault(row, []).append((column, value))
 
     def put(self, name: str, rows: Sequence[_Row]) -> None:
-        """Scalars in a cone of the file."""
+        """Add scalars that lie in a cone of the file."""
         if name == FREE or not rows:
             return
         if name == "QR":
@@ -259,13 +262,13 @@ class _Slack:
             self._add(row, -1.0 if name == "L-" else 1.0)
 
     def matrix(self, order: int, triangle: Sequence[_Row]) -> None:
-        """The upper triangle of a matrix that is positive semidefinite."""
+        """Add the upper triangle of a positive semidefinite matrix."""
         self.cones.append(ConeFactor(ConeKind.SEMIDEFINITE, order))
         for row in triangle:
             self._add(row, 1.0)
 
     def _arrow(self, rows: Sequence[_Row]) -> None:
-        """2 s_1 s_2 >= |v|^2 with s_1, s_2 >= 0: the matrix (2 s_1, v'; v, s_2 I)."""
+        """Add 2 s_1 s_2 >= |v|^2 with s_1, s_2 >= 0, as the matrix (2 s_1, v'; v, s_2 I)."""
         first, second, *v = rows
         order = 1 + max(len(v), 1)
         self.cones.append(ConeFactor(ConeKind.SEMIDEFINITE, order))
@@ -288,7 +291,7 @@ class _Slack:
 
 
 def _place(i: int, j: int) -> int:
-    """Place of an entry in the upper triangle, column by column."""
+    """Index of an entry in the upper triangle, column by column."""
     i, j = sorted((i, j))
     return j * (j + 1) // 2 + i
 
@@ -298,5 +301,5 @@ def _triangle(order: int) -> int:
 
 
 def _starts(orders: Sequence[int], first: int) -> list[int]:
-    """First place of each triangle, and the place behind the last one."""
+    """First index of each triangle, and the index after the last one."""
     return [first, *(first + np.cumsum([_triangle(n) for n in orders], dtype=int)).tolist()]

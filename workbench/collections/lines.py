@@ -1,4 +1,4 @@
-"""Lines of a text file, and errors that name them."""
+"""Lines of a text file, and errors that name the line."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from workbench.errors import InputError
 
 @dataclass
 class Lines:
-    """The lines of a file with words on them, without comments, one after the other.
+    """The lines of a file that hold text, without comments, one after the other.
 
     Raises
     ------
     InputError
-        The file is missing or no text.
+        The file is missing or is not a text.
     """
 
     file: str | PathLike[str]
     comments: str
     number: int = field(default=0, init=False)
-    """Number of the line that was read last, from 1 on."""
+    """Number of the line that was read last, counted from 1."""
 
     def __post_init__(self) -> None:
         path = Path(self.file)
@@ -38,7 +38,7 @@ class Lines:
             raise InputError(f"{path} is no text") from None
 
     def following(self) -> str | None:
-        """The next line; None at the end."""
+        """The next line; None at the end of the file."""
         while self.number < len(self._texts):
             text = self._texts[self.number].strip()
             self.number += 1
@@ -56,7 +56,7 @@ class Lines:
         return InputError(f"{self.file}, line {self.number}: {reason}")
 
     def whole(self, text: str, what: str, least: int = 0) -> int:
-        """A whole number, at least so large."""
+        """A whole number that is not smaller than ``least``."""
         try:
             value = int(text)
         except ValueError:
@@ -66,7 +66,7 @@ class Lines:
         return value
 
     def place(self, text: str, count: int, what: str, first: int) -> int:
-        """A place among so many that are counted from ``first`` on; given back from 0 on."""
+        """An index among ``count`` that the file counts from ``first``; returned counted from 0."""
         place = self.whole(text, what, first) - first
         if place >= count:
             raise self.error(f"{what} is {text}, there are {count}")
@@ -84,15 +84,15 @@ class Lines:
 
 @dataclass
 class Entries:
-    """Entries of b - A x, gathered one by one."""
+    """Entries of b - A x, collected one by one."""
 
     lines: Lines
     rows: dict[tuple[int, int], float] = field(default_factory=dict)
-    """Factors of the slack b - A x by row and column."""
+    """Coefficients of the slack b - A x by row and column."""
     constant: dict[int, float] = field(default_factory=dict)
 
     def put(self, row: int, column: int | None, value: float) -> None:
-        """The slack's factor of a variable, or its constant (``column`` None)."""
+        """Set the coefficient of a variable in the slack, or its constant (``column`` None)."""
         taken = row in self.constant if column is None else (row, column) in self.rows
         if taken:
             raise self.lines.error("this entry was given before")
@@ -102,7 +102,7 @@ class Entries:
             self.rows[row, column] = value
 
     def form(self, c: RealArray, cones: Sequence[ConeFactor]) -> ConicForm:
-        """The program with the least c'x whose slack lies in these cones."""
+        """The program that minimises c'x subject to this slack lying in the cones."""
         import numpy as np
         from scipy.sparse import csr_array
 

@@ -16,7 +16,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 TEXTBOOK = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 COMPLEIB = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21", "D22")
-"""Names of the matrices as COMPleib has them: B and C are those of the controller."""
+"""Names of the matrices in COMPleib: B and C belong to the controller's input and output."""
 PERIODS = ("dt", "Ts", "ts")
 """Names of the sampling time [s]; a file without one holds a continuous system."""
 
@@ -26,16 +26,16 @@ def read_plant(
 ) -> GeneralisedPlant:
     """Read a generalised plant without uncertainty from a MATLAB file.
 
-    The file holds A, B1, B2, C1, C2, D11, D12, D21, D22, or B and C in place of B2 and C2 as
-    COMPleib has them; a feedthrough that is not there is zero. Or it holds A, B, C and D, whose
-    last outputs are the measurements, and last inputs the controls.
+    The file holds either A, B1, B2, C1, C2, D11, D12, D21, D22, or B and C in place of B2 and C2 as
+    in COMPleib; a missing feedthrough is zero. Or it holds A, B, C and D, where the last outputs
+    are the measurements and the last inputs the controls.
 
     Parameters
     ----------
     file
         A MAT file, up to version 7.3.
     measurements, controls
-        Their numbers, for a file with A, B, C and D.
+        Their numbers of signals, for a file with A, B, C and D.
 
     Raises
     ------
@@ -56,7 +56,9 @@ def read_plant(
     known = _Matrices.of(Path(file))
     if "B1" in known.found:
         if (measurements, controls) != (None, None):
-            raise InputError(f"{file} tells the measurements and controls: leave their numbers out")
+            raise InputError(
+                f"{file} states how many measurements and controls it has: leave their numbers out"
+            )
         names = TEXTBOOK if "B2" in known.found else COMPLEIB
         A, B1, B2, C1, C2 = (known.matrix(name) for name in names[:5])
         rows, columns = (len(C1), len(C2)), (B1.shape[1], B2.shape[1])
@@ -76,7 +78,7 @@ def read_plant(
 
 @dataclass(frozen=True, eq=False)
 class _Matrices:
-    """Real matrices of a file by name."""
+    """Real matrices of a file, by name."""
 
     file: Path
     found: Mapping[str, RealArray]
@@ -93,7 +95,7 @@ class _Matrices:
         )
 
     def matrix(self, name: str) -> RealArray:
-        """A finite matrix; raises InputError where there is none."""
+        """A matrix with finite entries; raises InputError if it is missing."""
         if name not in self.found:
             raise InputError(
                 f"{self.file} has no matrix {name}; it has {', '.join(self.found) or 'none'}"
@@ -109,7 +111,7 @@ class _Matrices:
         return value
 
     def feedthrough(self, name: str, shape: tuple[int, int]) -> RealArray:
-        """A matrix of this shape; zeros where it is not there, empty, or the number 0."""
+        """A matrix of this shape; zeros if it is missing, empty, or the number 0."""
         value = self.found.get(name, np.zeros(0))
         if value.size == 0 or (value.size == 1 and not value.any()):
             return np.zeros(shape)

@@ -15,8 +15,8 @@ from workbench.conic import ConicProgram
 def read_sdpa(file: str | PathLike[str]) -> ConicProgram:
     r"""Read the program  minimise c'x  subject to  x_1 F_1 + ... + x_m F_m - F_0 >= 0.
 
-    The matrices are of block form; a block of negative size is diagonal. Entries below the
-    diagonal count for those above; each is given once.
+    The matrices are block diagonal; a block of negative size is a diagonal matrix. An entry below
+    the diagonal counts as the one above; each entry may be given once.
 
     Parameters
     ----------
@@ -83,12 +83,12 @@ def read_sdpa(file: str | PathLike[str]) -> ConicProgram:
 
 
 def _cells(text: str) -> list[str]:
-    """Numbers of a line, which may be divided by commas, braces and brackets too."""
+    """Numbers of a line, separated by spaces, commas, braces or brackets."""
     return re.sub(r"[,(){}=]", " ", text).split()
 
 
 def _sizes(lines: Lines, cells: list[str], blocks: int) -> list[int]:
-    """Sizes of the blocks; what follows them on the line is a comment."""
+    """Sizes of the blocks; the rest of the line is a comment."""
     found = []
     for cell in cells[:blocks]:
         try:

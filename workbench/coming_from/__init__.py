@@ -1,7 +1,7 @@
-"""What functions of other tools are called here: one table, for the pages and for messages.
+"""How functions of other tools are called here: one table, used for pages and for messages.
 
-A file of this folder, TOML, holds what one page of the documentation shows, row by row; its name is
-that of the page. Whoever asks a room for a name that it lacks is answered from the same rows.
+Each TOML file of this folder holds one page of the documentation, row by row, and has the name of
+that page. The same rows answer a user who asks a room for a name that it lacks.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 GUIDES = "docs/coming-from"
-"""Folder of the pages in the repository."""
+"""Folder of these pages in the repository."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Functions of another tool, what they are here, and a line that runs.
+    """Functions of another tool, their counterparts here, and a line that runs.
 
-    ``names`` are those that its users type; none where no name stands for what is meant. ``here``
-    are names below `workbench`, the nearest first; none where it is not here. ``line`` is an
-    expression in the names of the page's ``setup``. ``remark`` says how the two differ or, where it
-    is not here, what to use. ``call`` is shown on the page instead of the names.
+    ``names`` are the names in the other tool; empty if no single name stands for the row. ``here``
+    are names below `workbench`, the closest first; empty if there is no counterpart. ``line`` is an
+    expression in the names of the page's ``setup``. ``remark`` says how the two differ or, without
+    a counterpart, what to use instead. ``call`` is shown on the page instead of the names.
     """
 
     names: tuple[str, ...]
@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Guide:
-    """What a page shows: the statements that its lines stand on, and its rows."""
+    """Content of a page: the statements that its lines need, and its rows."""
 
     page: str
     tool: str
@@ -45,7 +45,7 @@ class Guide:
 
 @cache
 def guides() -> tuple[Guide, ...]:
-    """The guides of all tools, of which the first answers where several know a name."""
+    """The guides of all tools; if several know a name, the first one answers."""
     found = []
     for file in sorted(FOLDER.glob("*.toml")):
         told = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -59,7 +59,7 @@ def guides() -> tuple[Guide, ...]:
 
 
 def guidance(name: str) -> str:
-    """Where to go for a name that users of another tool type; empty for one that none has."""
+    """Advice for a user who types a name of another tool; empty if no tool has that name."""
     for guide in guides():
         for row in guide.rows:
             if name in row.names:

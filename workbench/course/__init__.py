@@ -1,8 +1,8 @@
-"""The course and the examples: where they are and how a reader gets them.
+"""The course and the examples: where their files are, and functions that copy them for a reader.
 
 The course is ten notebooks. The examples are folders of scripts, from records to C.
 
-`workbench.course.execution` runs them and makes their outputs anew.
+`workbench.course.execution` runs the notebooks and renews their outputs.
 """
 
 from __future__ import annotations
@@ -35,24 +35,29 @@ def _folder(name: str) -> Path:
 
 
 def copy_notebooks(folder: str | Path) -> list[Path]:
-    """Copy the notebooks of the course into a folder, which is made if it is missing; the copies.
+    """Copy the notebooks of the course into a folder and return the copies.
+
+    A missing folder is made.
 
     Raises
     ------
     InputError
-        The folder holds one of them already: a reader's own work is never written over.
+        The folder holds one of them already; a reader's own work is never overwritten.
     """
-    return _copied({file: file.name for file in notebook_files()}, Path(folder))
+    return _copy_files({file: file.name for file in notebook_files()}, Path(folder))
 
 
 def copy_examples(folder: str | Path) -> list[Path]:
-    """Copy the examples into a folder, one folder each; the copies. Raises as `copy_notebooks`."""
+    """Copy the examples into a folder, each into a folder of its own, and return the copies.
+
+    Raises as `copy_notebooks`.
+    """
     names = {file: f"{file.parent.name}/{file.name}" for file in example_files()}
-    return _copied(names, Path(folder))
+    return _copy_files(names, Path(folder))
 
 
-def _copied(names: Mapping[Path, str], place: Path) -> list[Path]:
-    """Copies of files under their names below a place."""
+def _copy_files(names: Mapping[Path, str], place: Path) -> list[Path]:
+    """Copy files below a place under the given names, and return the copies."""
     copies = [place / name for name in names.values()]
     there = [name for name in names.values() if (place / name).exists()]
     if there:

@@ -1,8 +1,8 @@
-"""Run the notebooks of the course, keep small outputs, and tell when those are stale.
+"""Run the notebooks of the course, keep small outputs, and detect outdated ones.
 
-``make notebooks`` calls ``python -m workbench.course.execution`` to make the outputs anew. A
-solution is a Markdown cell tagged "solution": its text and code stand in an HTML element that the
-reader opens, and tests run the code.
+``make notebooks`` calls ``python -m workbench.course.execution`` to renew the outputs. A solution
+is a Markdown cell tagged "solution": its text and code stand in an HTML element that the reader
+opens, and tests run the code.
 """
 
 from __future__ import annotations
@@ -20,13 +20,19 @@ from pathlib import Path
 from typing import Any
 
 SOLUTION, VARIES = "solution", "varies"
-"""Tags of cells: a solution, hidden until asked for; outputs that differ from run to run."""
+"""Tags of cells: for a solution, which stays hidden until the reader opens it; and for outputs that
+vary from run to run.
+"""
 COLOURS, WIDEST = 32, 900
-"""Colours of a kept picture, enough for curves with smooth edges, and its width [pixel] at most."""
+"""Number of colours of a stored picture, enough for curves with smooth edges; and its largest width
+[pixel].
+"""
 LONGEST_CELL = 600.0
 """Seconds after which a cell is stopped."""
 NUMBER_TOLERANCE = 0.02
-"""Relative difference of a printed number from the kept one that machines may make."""
+"""Relative difference between a printed number and the stored one that is allowed, since machines
+differ.
+"""
 
 _PYTHON = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
@@ -39,7 +45,7 @@ def tagged(cell: Any, tag: str) -> bool:
 
 
 def code_of_solutions(notebook: Any) -> list[str]:
-    """The Python code of the solutions, a text for each block."""
+    """The Python code of the solutions, one text for each block."""
     return [
         block
         for cell in notebook.cells
@@ -49,20 +55,21 @@ def code_of_solutions(notebook: Any) -> list[str]:
 
 
 def sources_digest(notebook: Any) -> str:
-    """A digest of all code cells: kept outputs with another one are stale."""
+    """A digest of all code cells; stored outputs with another digest are outdated."""
     sources = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
     return hashlib.sha256("\0".join(sources).encode()).hexdigest()[:16]
 
 
 def stale(notebook: Any) -> bool:
-    """Whether the outputs are missing, or those of other code."""
+    """Whether outputs are missing, or belong to an earlier version of the code."""
     return bool(notebook.metadata.get("workbench", {}).get(_DIGEST) != sources_digest(notebook))
 
 
 def executed(notebook: Any, folder: Path, *, solutions: bool = False) -> Any:
-    """A copy of a notebook, run in a folder; with the code of its solutions as further cells.
+    """A copy of a notebook, run in a folder; ``solutions`` adds the code of its solutions as cells.
 
-    Results of problems go where ``WORKBENCH_RESULTS`` says, or below the folder.
+    Results of problems are stored in ``WORKBENCH_RESULTS`` if that is set, otherwise below the
+    folder.
 
     Raises
     ------
@@ -84,15 +91,17 @@ def executed(notebook: Any, folder: Path, *, solutions: bool = False) -> Any:
 
 
 def keep_small(notebook: Any) -> Any:
-    """The notebook itself, with outputs as a repository keeps them, sealed with its digest.
+    """The given notebook, its outputs reduced to what a repository stores, with its digest added.
 
-    Pictures get few colours; progress bars, warnings and times of execution go.
+    Pictures are reduced to few colours; progress bars, warnings and execution times are removed.
     """
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
         if cell.cell_type != "code":
             continue
-        cell.outputs = _joined([_small(one) for one in cell.outputs if _worth_keeping(one)])
+        cell.outputs = _join_printed(
+            [_without_clutter(one) for one in cell.outputs if _worth_keeping(one)]
+        )
     notebook.metadata = {
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
         "language_info": {"name": "python"},
@@ -102,7 +111,7 @@ def keep_small(notebook: Any) -> Any:
 
 
 def _nbformat() -> Any:
-    """The library, whose functions have no types; it comes with the extra "test"."""
+    """Import nbformat, which has no type annotations and is installed with the extra "test"."""
     import nbformat
 
     return nbformat
@@ -114,8 +123,8 @@ def _worth_keeping(output: Any) -> bool:
     return output.output_type != "display_data" or "image/png" in output.data
 
 
-def _joined(outputs: list[Any]) -> list[Any]:
-    """Outputs with what was printed in several portions in one."""
+def _join_printed(outputs: list[Any]) -> list[Any]:
+    """Outputs in which texts printed in several portions are joined into one."""
     joined: list[Any] = []
     for output in outputs:
         if joined and output.output_type == "stream" == joined[-1].output_type:
@@ -125,7 +134,7 @@ def _joined(outputs: list[Any]) -> list[Any]:
     return joined
 
 
-def _small(output: Any) -> Any:
+def _without_clutter(output: Any) -> Any:
     if "image/png" in output.get("data", {}):
         pixels = base64.b64decode(output.data["image/png"])
         output.data = {"image/png": base64.b64encode(few_colours(pixels)).decode()}
@@ -146,25 +155,27 @@ def few_colours(png: bytes) -> bytes:
 
 
 def output_differences(kept: Any, made: Any) -> list[str]:
-    """What two runs of a notebook say differently, a line for each cell; pictures are counted.
+    """Differences between two runs of a notebook, a line for each cell.
 
-    Numbers may differ by `NUMBER_TOLERANCE`; cells tagged "varies" are passed over.
+    Of pictures only the number is compared.
+
+    Numbers may differ by `NUMBER_TOLERANCE`; cells tagged "varies" are skipped.
     """
     found = []
-    pairs = zip(kept.cells, made.cells, strict=False)  # solutions follow the cells of the reader
+    pairs = zip(kept.cells, made.cells, strict=False)  # solutions come after the reader's cells
     for number, (old, new) in enumerate(pairs, start=1):
         if old.cell_type != "code" or tagged(old, VARIES):
             continue
-        before, after = _said(old), _said(new)
-        if not _alike(before, after):
+        before, after = _text_of_outputs(old), _text_of_outputs(new)
+        if not _same_but_numbers(before, after):
             found.append(f"cell {number} said\n{before}\nand says\n{after}")
     return found
 
 
-def _said(cell: Any) -> str:
-    """All text of a cell's outputs, and a word for every picture."""
+def _text_of_outputs(cell: Any) -> str:
+    """All text of a cell's outputs, and one word for every picture."""
     parts = []
-    for output in _joined([one for one in cell.outputs if _worth_keeping(one)]):
+    for output in _join_printed([one for one in cell.outputs if _worth_keeping(one)]):
         data = output.get("data", {})
         if "image/png" in data:
             parts.append("[picture]")
@@ -173,7 +184,7 @@ def _said(cell: Any) -> str:
     return "\n".join(part.strip() for part in parts)
 
 
-def _alike(before: str, after: str) -> bool:
+def _same_but_numbers(before: str, after: str) -> bool:
     if _NUMBER.split(before) != _NUMBER.split(after):
         return False
     pairs = zip(_NUMBER.findall(before), _NUMBER.findall(after), strict=True)
@@ -184,7 +195,7 @@ def _alike(before: str, after: str) -> bool:
 
 
 def remake(file: Path) -> float:
-    """Run a notebook in an empty folder and write its outputs into the file; seconds it took."""
+    """Run a notebook in an empty folder and write its outputs into the file; the time taken [s]."""
     nbformat = _nbformat()
     notebook = nbformat.read(file, as_version=4)
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Diagnosis: faults modelled, detected, told apart, estimated, and what to put in their place.
+"""Faults: models of them, detection, isolation, estimation, and signals that replace faulty ones.
 
 Takes: plants with faults and disturbances, requirements, records of residuals.
 Gives: residual generators, fault filters for every plant of a set, thresholds, estimators.

@@ -1,7 +1,7 @@
-"""Where work runs, how it shows its progress, when it must stop, where it keeps its state.
+"""Where work runs, how it shows its progress, when it must stop, and where it keeps its state.
 
-One interface for all of it: `concurrent.futures.Executor`. In-process, a pool of processes that can
-be killed, or a cluster client's executor are the same to whoever submits.
+There is one interface: `concurrent.futures.Executor`. Whoever submits tasks need not know whether
+they run in this process, in a pool of processes that can be killed, or on a cluster.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ if not TYPE_CHECKING:
     __getattr__ = no_more_names(__name__)
 
 WALL_TIME: dict[str, Any] = {"wall_time": 1}
-"""Attribute of stored arrays that no re-run reproduces."""
+"""Attribute of stored arrays of times, which a re-run does not reproduce."""
 
 __all__ = [
     "WALL_TIME",

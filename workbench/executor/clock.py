@@ -1,7 +1,7 @@
-"""The clock of the work that runs: an inner loop looks at it without being handed it.
+"""The clock of the running work: an inner loop can look at it without being given it.
 
-The search of a method ends at its time limit. The proof of what it found may take longer, unless a
-time is set for it too.
+A method's search ends at its time limit. The proof of its result may take longer, unless a time is
+set for the proof too.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from workbench.executor.context import Context
 
 _running: ContextVar[tuple[Context, ...]] = ContextVar("running", default=())
-"""The contexts of what runs here, the outermost first."""
+"""The contexts of the work that runs now, the outermost first."""
 _proof_ends: ContextVar[float] = ContextVar("proof_ends", default=math.inf)
-"""When a proof must have ended, on the clock of `time.perf_counter`."""
+"""Time at which a proof must have ended, on the clock of `time.perf_counter`."""
 
 
 @contextmanager
 def clocked_by(context: Context) -> Iterator[None]:
-    """Within it `tick` and `time_is_up` look at the clock of a context, and at those around it.
+    """Inside, `tick` and `time_is_up` look at this context's clock and those of enclosing ones.
 
     Examples
     --------
@@ -49,9 +49,9 @@ def clocked_by(context: Context) -> Iterator[None]:
 
 
 def tick(description: str) -> None:
-    """Raise TimeLimitError, which names what was done, where no time is left.
+    """Raise TimeLimitError, with this description of the work, if no time is left.
 
-    A loop whose parts can take a second calls it once for each part. Whoever watches hears of it.
+    A loop whose parts can take a second calls it once for each part. Watchers are told of the call.
 
     Examples
     --------
@@ -66,9 +66,9 @@ def tick(description: str) -> None:
 
 
 def time_is_up(description: str) -> bool:
-    """Whether no time is left; then the context hears that its answer is the best so far.
+    """Whether no time is left; if so, the context records that the answer is the best so far.
 
-    For a loop that has an answer after each part, if not the best one.
+    For loops that have an answer after each part, though perhaps not the best one.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def time_is_up(description: str) -> bool:
 
 @contextmanager
 def proving(seconds: float) -> Iterator[None]:
-    """Within it a proof that takes longer than some seconds is given up at its next `proof_tick`.
+    """Inside, a proof that takes longer than so many seconds is given up at its next `proof_tick`.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def proving(seconds: float) -> Iterator[None]:
 
 
 def proof_tick(description: str) -> None:
-    """Raise TimeLimitError, which names what was proven, where its time is over.
+    """Raise TimeLimitError, with this description of the proof, if the time for it is over.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""An executor whose tasks run on the workers of a Dask scheduler, here or on other machines."""
+"""An executor that runs tasks on the workers of a Dask scheduler, here or on other machines."""
 
 from __future__ import annotations
 
@@ -23,33 +23,35 @@ from workbench.executor.workers import THREADS
 T = TypeVar("T")
 
 LOCAL = "local"
-"""Address of a cluster on this machine that is started for the occasion."""
+"""Address that stands for a new cluster on this machine."""
 ANSWER = 10.0
-"""Time that a scheduler has to answer in [s]."""
+"""Time within which a scheduler must answer [s]."""
 CORES = os.cpu_count() or 1
 
 Arrive = Callable[[], None]
-"""Run once by each process of a cluster before its first task; it may refuse to work by raising."""
+"""Function that each process of a cluster runs before its first task; it refuses to work by raising
+an error.
+"""
 
 
 class Cluster(Executor):
     """Runs tasks on the workers of a Dask scheduler.
 
-    A task whose worker dies is done again by another one; if that dies too, its future raises
-    `CrashedError`. (A scheduler that was started elsewhere counts deaths as it was told to:
-    ``allowed-failures`` of Dask.) Where the scheduler is lost, futures that have ended keep their
-    results, and all others raise `ClusterError`.
+    A task whose worker dies is repeated by another worker; if that one dies too, the task's future
+    raises `CrashedError`. (A scheduler that was started elsewhere counts deaths by its own setting,
+    ``allowed-failures`` of Dask.) If the scheduler is lost, finished futures keep their results,
+    and all others raise `ClusterError`.
 
     Parameters
     ----------
     address
-        Of a scheduler, such as "tcp://10.0.0.5:8786"; or "local": processes on this machine that
-        end with the executor.
+        Address of a scheduler, such as "tcp://10.0.0.5:8786"; or "local": processes on this machine
+        that end with the executor.
     arrive
-        See `Arrive`. Those that work now arrive at once, others that join later with their first
+        See `Arrive`. Present workers run it at once, workers that join later before their first
         task.
     workers
-        Processes of a local cluster; None: one for each core.
+        Number of processes of a local cluster; None: one for each core.
     threads
         Threads that linear algebra and solvers may use in each task.
 
@@ -95,7 +97,7 @@ class Cluster(Executor):
             raise
 
     def _welcome(self) -> None:
-        """Have all present workers arrive; those of one's own are waited for."""
+        """Let all present workers run `arrive`; the workers of a local cluster are waited for."""
         from distributed.comm.core import CommClosedError
 
         try:
@@ -110,8 +112,9 @@ class Cluster(Executor):
 
     @property
     def window(self) -> int:
-        """How many tasks should wait or be under way, so that no worker is idle."""
-        held = self._client.scheduler_info(n_workers=-1).get("workers", {})  # none if it is lost
+        """How many tasks should be waiting or running, so that no worker is idle."""
+        # none if the scheduler is lost
+        held = self._client.scheduler_info(n_workers=-1).get("workers", {})
         return max(64, 4 * sum(int(worker["nthreads"]) for worker in held.values()))
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
@@ -122,7 +125,7 @@ class Cluster(Executor):
             future.set_exception(InputError(f"the task cannot be sent to a worker: {error}"))
             return future
         try:
-            with warnings.catch_warnings():  # a large task is not sent any better otherwise
+            with warnings.catch_warnings():  # Splitting a large task would not help.
                 warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
                 there = self._client.submit(_do, content, self._arrive, self._threads, pure=False)
         except Exception as error:
@@ -131,7 +134,7 @@ class Cluster(Executor):
 
         def cancelled_here(ended: Future[T]) -> None:
             if ended.cancelled():
-                with suppress(Exception):  # there may be no scheduler any more
+                with suppress(Exception):  # The scheduler may be gone.
                     there.cancel()
 
         future.add_done_callback(cancelled_here)
@@ -139,7 +142,7 @@ class Cluster(Executor):
         return future
 
     def _pass_on(self, there: Any, future: Future[Any]) -> None:
-        """How a task ended on the cluster, to who waits for it."""
+        """Copy a task's outcome on the cluster to the caller's future."""
         from distributed.scheduler import KilledWorker
 
         if not future.set_running_or_notify_cancel():
@@ -149,7 +152,8 @@ class Cluster(Executor):
                 future.set_result(there.result(timeout=ANSWER * 6))
                 return
             error = there.exception(timeout=ANSWER) if there.status == "error" else None
-        except Exception as failure:  # it was lost between its end and its result
+        # The scheduler was lost after the task ended and before its result arrived.
+        except Exception as failure:
             future.set_exception(self._lost(failure))
             return
         if isinstance(error, KilledWorker):
@@ -165,10 +169,10 @@ class Cluster(Executor):
         )
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        del wait, cancel_futures  # without its client no task goes on
+        del wait, cancel_futures  # Without its client no task continues.
         until = time.monotonic() + 2 * ANSWER
         while self._client.status == "connecting" and time.monotonic() < until:
-            time.sleep(0.05)  # it looks for a lost scheduler, and then closes
+            time.sleep(0.05)  # The client looks for a lost scheduler for a while, then closes.
         with suppress(Exception):  # the scheduler may be gone
             self._client.close(timeout=ANSWER)
         self._end_own()
@@ -185,7 +189,7 @@ def _client(address: str) -> Any:
 
     try:
         place = parse_host_port(parse_address(address)[1])
-        socket.create_connection(place, timeout=ANSWER).close()  # a Client takes long to give up
+        socket.create_connection(place, timeout=ANSWER).close()  # A Client takes long to give up.
         return Client(  # type: ignore[no-untyped-call]
             address, timeout=ANSWER, set_as_default=False
         )
@@ -198,11 +202,13 @@ def _words(error: BaseException) -> str:
 
 
 _home: list[tuple[Arrive, int, Any]] = []
-"""Where this worker has arrived: what it ran for that, its threads, and their limits."""
+"""What this worker has run on arrival: the function, its number of threads, and the limits set for
+them.
+"""
 
 
 def _arrive_once(arrive: Arrive, threads: int) -> None:
-    """Arrive once in this process."""
+    """Run `arrive` once in this process."""
     if _home and _home[0][:2] == (arrive, threads):
         return
     os.environ.update(dict.fromkeys(THREADS, str(threads)))
@@ -211,7 +217,7 @@ def _arrive_once(arrive: Arrive, threads: int) -> None:
 
 
 def _do(content: bytes, arrive: Arrive, threads: int) -> Any:
-    """A task, on a worker."""
+    """Run a task on a worker."""
     _arrive_once(arrive, threads)
     function, arguments, keywords = pickle.loads(content)
     return function(*arguments, **keywords)

@@ -1,4 +1,4 @@
-"""What a method is given: options, progress, clock, randomness, and where it keeps its state."""
+"""The context of a method: options, progress, clock, random numbers, and storage of its state."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ T = TypeVar("T")
 
 
 TASKS = 64
-"""Tasks that the items of a function make for an executor, which may be far away."""
+"""Number of tasks into which the items are grouped for an executor, which may be far away."""
 
 
 class Checkpoint:
-    """Store of an iteration's state after each round; this base class keeps nothing.
+    """Storage for an iteration's state after each round; this base class stores nothing.
 
     Examples
     --------
@@ -39,10 +39,13 @@ class Checkpoint:
     """
 
     def save(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Keep a state, arrays of numbers by name, in place of the one before."""
+        """Store a state, numeric arrays by name, in place of the previous one."""
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """The state in which an earlier run of the same question was stopped, None without one."""
+        """The state in which an earlier run of the same question was stopped.
+
+        None if there is none.
+        """
         return None
 
 
@@ -50,10 +53,10 @@ class Checkpoint:
 class Context:
     """The second argument of every method: options, progress, clock and randomness.
 
-    An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
-    ``executor`` is where parts of the work go, None: threads of this process.
-    ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
-    ``kept_back`` [s] is the part of the time limit that what follows the search needs.
+    An iteration loops over `rounds`, reports each by `record`, and stores its state in
+    ``checkpoint``. ``executor`` runs parts of the work; None: threads of this process. ``rows`` are
+    the rounds reported so far; ``stopped`` says how the time limit ended an iteration.
+    ``kept_back`` [s] is the part of the time limit that is reserved for the steps after the search.
 
     Examples
     --------
@@ -86,7 +89,7 @@ class Context:
 
     @contextmanager
     def at(self, tolerance: float) -> Iterator[None]:
-        """Ask for another tolerance inside."""
+        """Inside, the tolerance is another one."""
         asked = self.options
         self.options = replace(asked, tolerance=tolerance)
         try:
@@ -96,12 +99,12 @@ class Context:
 
     @cached_property
     def rng(self) -> np.random.Generator:
-        """The run's one random generator."""
+        """The random number generator of the run."""
         return np.random.default_rng(self.options.seed)
 
     @contextmanager
     def stating(self) -> Iterator[None]:
-        """Book the time spent inside as statement: building and compiling the program."""
+        """Time spent inside counts as stating the problem: building and compiling the program."""
         start = time.perf_counter()
         try:
             yield
@@ -109,7 +112,7 @@ class Context:
             self.statement_seconds += time.perf_counter() - start
 
     def track(self, items: Iterable[T], description: str) -> Iterator[T]:
-        """Iterate with progress shown; raise `TimeLimitError` once the time limit has passed."""
+        """Iterate with progress shown; raises `TimeLimitError` once the time limit has passed."""
         total = len(items) if isinstance(items, Sized) else 0
         self.progress(description, 0, total)
         for done, item in enumerate(items, start=1):
@@ -121,10 +124,10 @@ class Context:
             self.progress(description, done, total)
 
     def spread(self, function: Callable[[T], S], items: Sequence[T], description: str) -> list[S]:
-        """Results of a function of many items: by the executor, or in threads of this process.
+        """Results of a function of many items, computed by the executor or in threads.
 
-        Threads help where compiled code lets others run. Progress is shown, and `TimeLimitError`
-        raised once the time limit has passed.
+        Threads help if the compiled code lets others run. Progress is shown, and `TimeLimitError`
+        is raised once the time limit has passed.
         """
 
         def in_time(item: T) -> S:
@@ -142,11 +145,11 @@ class Context:
             return spread(in_time, items, pool, self.progress, description)
 
     def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:
-        """Numbers of an iteration's rounds, those before ``first`` done by an earlier run.
+        """Numbers of an iteration's rounds; those before ``first`` were done by an earlier run.
 
-        Whatever is recorded must be an answer, if not the best. So the time limit ends the
-        iteration, and `solve` marks its answer as the best so far; before there is any it raises
-        `TimeLimitError`.
+        Each recorded round must have an answer, though perhaps not the best. So the time limit ends
+        the iteration, and `solve` marks its answer as the best so far. If no round is recorded yet,
+        `TimeLimitError` is raised.
         """
         self.progress(description, first, count)
         for number in range(first, count):
@@ -160,30 +163,30 @@ class Context:
             self.progress(description, number + 1, count)
 
     def record(self, row: Row) -> None:
-        """Tell whoever watches of a round; an iteration that goes on tells the earlier ones too."""
+        """Report a round to the watchers; a resumed iteration reports its earlier rounds too."""
         self.rows.append(row)
         self.watch(self.rows)
 
     def trying(self, description: str) -> None:
-        """Tell whoever watches what a round of the iteration tries, once."""
+        """Report once to the watchers what a round of the iteration tries."""
         if self._told is not None and description != self._tried:
             self._tried = description
             work, done, count = self._told
             self.progress(f"{work}: {description}", done, count)
 
     def seconds_left(self, description: str) -> float:
-        """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""
+        """Seconds until the time limit, infinite without one; raises `TimeLimitError` after it."""
         if self.late:
             raise TimeLimitError(f"{description}: {self._limit} reached")
         return self.left
 
     @property
     def late(self) -> bool:
-        """Whether the time limit has passed, less what is kept back."""
+        """Whether the time limit, less the reserved part, has passed."""
         return self.left < 0.0
 
     def stop(self, description: str) -> None:
-        """Tell that the time limit ended what was done, and that the answer is the best so far."""
+        """Record that the time limit ended this work, and that the answer is the best so far."""
         told = len(self.rows)
         after = f"after {told} rounds" if told > 1 else "after 1 round"
         where = after if told else f"in {description}"
@@ -191,7 +194,7 @@ class Context:
 
     @property
     def left(self) -> float:
-        """Seconds until the time limit, less those kept back; negative after it."""
+        """Seconds until the time limit, less the reserved part; negative after it."""
         limit = self.options.time_limit
         spent = time.perf_counter() - self.started
         return math.inf if limit is None else limit - self.kept_back - spent

@@ -1,4 +1,4 @@
-"""How much a second opinion tries: a usual amount in every certificate, more in `verify --deep`."""
+"""Effort of a second opinion: the usual amount in every certificate, more in `verify --deep`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 DEEPER = 10
-"""Factor by which a deep opinion draws, samples or simulates more."""
+"""Factor by which a deep second opinion makes more draws, samples or simulations."""
 
 _factor: ContextVar[int] = ContextVar("factor", default=1)
 
 
 def tries(usual: int) -> int:
-    """How many draws, frequencies or samples are tried where there are usually so many.
+    """Number of draws, frequencies or samples to try, given the usual number.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def tries(usual: int) -> int:
 
 @contextmanager
 def deeper() -> Iterator[None]:
-    """Within it second opinions try `DEEPER` times as much."""
+    """Inside, second opinions try `DEEPER` times as much."""
     token = _factor.set(DEEPER)
     try:
         yield

@@ -1,7 +1,7 @@
-"""How far the work is, shown where somebody watches: at a terminal, or in a notebook.
+"""Live display of the progress, at a terminal or in a notebook.
 
-Nothing is shown of work that ends within `PATIENCE`, and what is shown goes away when it ends.
-Where nothing can be drawn, as in a log, one line tells of a compilation that takes long.
+Nothing is shown for work that ends within `PATIENCE`, and the display is removed when the work
+ends. If nothing can be drawn, as in a log, one line reports a compilation that takes long.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 SHOWN_ROUNDS = 15
-"""Number of the last rounds of an iteration in its live table."""
+"""Most rounds of an iteration in its live table; the last ones are shown."""
 PATIENCE = 0.4
 """Seconds before anything is shown."""
 SILENCE = 5.0
-"""Seconds that a compilation may take before a line tells of it where nothing can be drawn."""
+"""Seconds that a compilation may take before a line reports it, if nothing can be drawn."""
 INTERVAL = 0.2
-"""Seconds between two pictures of the work."""
+"""Seconds between two updates of the display."""
 WIDTH = 100
-"""Columns of the text in a notebook."""
+"""Columns of the display in a notebook."""
 
 Said = tuple[str, int, int]
-"""What is being done, how much of it is done, and of how much."""
+"""A description of the work, how much of it is done, and how much there is."""
 Draw = Callable[["RenderableType | None"], None]
-"""Shows the state of the work in place of the one before; None: takes it away."""
+"""Shows the state of the work in place of the previous one; None: removes it."""
 
 
 class _Display:
-    """The state of a piece of work, drawn by a thread of its own while the work goes on."""
+    """The state of a piece of work, drawn by a separate thread while the work goes on."""
 
     def __init__(self, title: str, draw: Draw, patience: float) -> None:
         self._title, self._draw = title, draw
@@ -94,9 +94,9 @@ _displays: list[_Display] = []
 
 @contextmanager
 def shown_live(title: str) -> Iterator[tuple[Progress, Watch]]:
-    """A progress bar, and a table of an iteration's last rounds, where somebody watches.
+    """Show a progress bar, and a table of an iteration's last rounds, if somebody watches.
 
-    Work within work is not shown apart: the outermost display is the one that people watch.
+    Work inside other work has no display of its own: only the outermost one is shown.
     """
     with _display(title, PATIENCE) as display:
         yield (silent, unwatched) if display is None else (display.show, display.watch)
@@ -119,7 +119,7 @@ def _display(title: str, patience: float) -> Iterator[_Display | None]:
 
 @contextmanager
 def _while_compiling(name: str, done: int, total: int) -> Iterator[None]:
-    """Say what is compiled, beside the work that waits for it or alone."""
+    """Show which function is compiled, beside the work that waits for it or alone."""
     with _display("compiling", 0.0):
         display = _displays[0] if _displays else None
         if display is None:
@@ -138,9 +138,9 @@ watched_by(_while_compiling)
 
 @contextmanager
 def _announce_compilation() -> Iterator[None]:
-    """Have a line tell of the first compilation in this process that takes longer than `SILENCE`.
+    """Let a line report the first compilation in this process that takes longer than `SILENCE`.
 
-    A worker is silent: what it prints is the answer's, and its pool shows how far the work is.
+    A worker is silent: its output belongs to the answer, and its pool shows the progress.
     """
     timer = threading.Timer(SILENCE, _announce)
     timer.daemon = True
@@ -154,13 +154,13 @@ def _announce_compilation() -> Iterator[None]:
 
 @cache
 def _announce() -> None:
-    """Tell, once in a process, that it compiles."""
+    """Print, once in a process, that it is compiling."""
     words = "workbench: compiling loops, which can take a minute; later starts find them on disk"
     print(words, file=sys.stderr, flush=True)
 
 
 def _outlet() -> Draw | None:
-    """What draws for whoever watches; None where nobody does."""
+    """The function that draws for the user; None if nobody watches."""
     python = sys.modules.get("IPython")
     shell = python.get_ipython() if python is not None else None
     if hasattr(shell, "kernel"):
@@ -178,7 +178,7 @@ def _terminal() -> Draw:
         if picture is None:
             live.stop()
             return
-        live.start()  # does nothing where it has started
+        live.start()  # has no effect if it has started
         live.update(picture, refresh=True)
 
     return draw
@@ -204,7 +204,7 @@ def _notebook(shell: Any) -> Draw:
 
 
 def _rounds(rows: Sequence[Row]) -> Table:
-    """The last rounds, a line each."""
+    """A table of the last rounds, one line each."""
     from rich.table import Table
 
     table = Table(*rows[-1], box=None)

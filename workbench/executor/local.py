@@ -1,4 +1,4 @@
-"""Executors inside the caller's own process."""
+"""Executors that run tasks in the caller's own process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class InProcess(Executor):
-    """Runs every task at once, in the caller's own process.
+    """Runs every task immediately, in the caller's thread.
 
     Examples
     --------
@@ -35,14 +35,15 @@ class InProcess(Executor):
 
 @cache
 def _controller(scipy: bool) -> ThreadpoolController:
-    """What limits the threads of BLAS, which takes long to find; SciPy brings one of its own."""
+    """Controller of BLAS's threads, which takes long to find; SciPy comes with its own BLAS."""
     return ThreadpoolController()
 
 
 class Threads(ThreadPoolExecutor):
-    """Runs tasks in threads of the caller's process, for compiled code that lets others run.
+    """Runs tasks in threads of the caller's process, for compiled code that lets other threads run.
 
-    BLAS keeps to one thread meanwhile: its own threads spin while they wait, on the workers' cores.
+    BLAS is limited to one thread meanwhile: its own threads would keep the cores busy while they
+    wait.
 
     Examples
     --------

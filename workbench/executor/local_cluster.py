@@ -1,4 +1,4 @@
-"""A Dask scheduler and its workers on this machine: programs that end with their caller."""
+"""A Dask scheduler and its workers on this machine, as programs that end with their caller."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from workbench.errors import ClusterError
 from workbench.executor.workers import KILLS, search_path
 
 START = 30.0
-"""Time that a scheduler has to start [s]."""
+"""Time within which a scheduler must have started [s]."""
 
 
 class LocalCluster:
-    """A scheduler and workers on this machine, each a process with one task at a time.
+    """A scheduler and workers on this machine.
 
-    They are started as programs: processes that `multiprocessing` starts run the caller's script
-    once more. They end with this object, or with the caller's process.
+    Each worker is a process that does one task at a time.
+
+    They are started as programs, since processes started by `multiprocessing` would run the
+    caller's script again. They end with this object, or with the caller's process.
     """
 
     def __init__(self, workers: int) -> None:
@@ -52,22 +54,22 @@ class LocalCluster:
             [sys.executable, "-c", SERVE_DASK, *where, "--spec", spec],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,  # what a task raises reaches its future
-            cwd=self._folder.name,  # where workers keep their scratch files
+            stderr=subprocess.DEVNULL,  # an error of a task reaches its future
+            cwd=self._folder.name,  # folder for the workers' temporary files
             env=os.environ | variables | {"PYTHONPATH": search_path()},
         )
 
     def _address(self, told: Path) -> str:
-        """The scheduler's own, once it is there."""
+        """The scheduler's address, once it has written it to the file."""
         until = time.monotonic() + START
         while time.monotonic() < until and self._processes[0].poll() is None:
-            with suppress(OSError, ValueError):  # not there yet, or not whole
+            with suppress(OSError, ValueError):  # not there yet, or incomplete
                 return str(json.loads(told.read_text(encoding="utf-8"))["address"])
             time.sleep(0.02)
         raise ClusterError("a Dask scheduler on this machine did not start")
 
     def end(self) -> None:
-        """Kill the scheduler, the workers, and what they have started."""
+        """Kill the scheduler, the workers, and the processes that they have started."""
         import psutil
 
         for process in self._processes:
@@ -84,9 +86,9 @@ SERVE_DASK = (
     "from workbench.executor.worker import die_with_parent; die_with_parent(); "
     "from distributed.cli.dask_spec import main; main()"
 )
-"""What a process of a local cluster runs."""
+"""Program of each process of a local cluster."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": KILLS - 1,
-    "distributed.scheduler.worker-ttl": None,  # a solver that holds the GIL is no dead worker
-    "distributed.admin.tick.limit": "1h",  # nor a reason to warn
+    "distributed.scheduler.worker-ttl": None,  # a worker whose solver holds the GIL is not dead
+    "distributed.admin.tick.limit": "1h",  # and no warning is needed
 }

@@ -1,4 +1,4 @@
-"""How whoever waits is told how far the work is."""
+"""How progress is reported to the caller."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and of how much."""
+"""Called with a description of the work, how much of it is done, and how much there is."""
 Row = Mapping[str, float | int | str]
 """One round of an iteration, by column."""
 Watch = Callable[[Sequence[Row]], None]
@@ -14,7 +14,7 @@ Watch = Callable[[Sequence[Row]], None]
 
 
 def silent(description: str, done: int, total: int) -> None:
-    """Progress that nobody watches.
+    """Progress that is not shown.
 
     Examples
     --------
@@ -25,7 +25,7 @@ def silent(description: str, done: int, total: int) -> None:
 
 
 def unwatched(rows: Sequence[Row]) -> None:
-    """Rounds that nobody watches.
+    """Rounds that are not shown.
 
     Examples
     --------
@@ -35,7 +35,7 @@ def unwatched(rows: Sequence[Row]) -> None:
 
 
 def shown(value: float | int | str) -> str:
-    """An entry of a row as people read it.
+    """An entry of a row as text.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Many items of one function, spread over an executor."""
+"""One function of many items, spread over an executor."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def spread(
     description: str = "",
     batch: int = 1,
 ) -> list[S]:
-    """Results of a function of many items, in their order; `batch` of them make one task.
+    """Results of a function of many items, in their order; `batch` items make one task.
 
-    The first error that is met is raised, and what has not begun by then is not begun. Raises
+    The first error that occurs is raised, and tasks that have not begun are dropped. Raises
     InputError for a batch below 1.
 
     Examples
@@ -50,7 +50,7 @@ def spread(
             part = items[start : start + batch]
             future = executor.submit(_each, function, part)
             sizes[future] = len(part)
-            if future.done():  # in process it is over before the next one begins
+            if future.done():  # in process, a task ends before the next one begins
                 tell(future)
         for future in as_completed(sizes):
             if future not in told:
@@ -68,12 +68,13 @@ def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
 def as_they_end(
     executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], window: int | None = None
 ) -> Iterator[tuple[T, Future[Any]]]:
-    """Labels and finished futures of many calls, as they end.
+    """Yield labels and finished futures of many calls, as they end.
 
-    A call is a label with a function and its arguments. At most ``window`` of them are under way or
-    waiting at a time, so that a hundred thousand calls take no more memory than a hundred; None: as
-    many as the executor wants, or 64. Whoever stops listening has those that have not begun
-    cancelled. Raises ClusterError where the executor's cluster is lost: no call is to blame.
+    A call is a label with a function and its arguments. At most ``window`` calls are waiting or
+    running at a time, so that a hundred thousand calls take no more memory than a hundred; None: as
+    many as the executor wants, or 64. If the caller stops iterating, calls that have not begun are
+    cancelled. Raises ClusterError if the executor's cluster is lost, since then no call is to
+    blame.
 
     Examples
     --------
@@ -92,7 +93,7 @@ def as_they_end(
                 if call is None:
                     break
                 future = executor.submit(*call)
-                if future.done():  # in process it is over before the next one begins
+                if future.done():  # in process, a task ends before the next one begins
                     _need_cluster(future)
                     yield label, future  # type: ignore[misc]
                 else:

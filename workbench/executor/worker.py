@@ -1,7 +1,7 @@
-"""One process of a pool of `Workers`: it takes tasks from its input, one after the other.
+"""One process of a pool of `Workers`: it takes tasks from its input, one after another.
 
-It runs `serve`. Tasks come in on the standard input and results go out on the standard output, each
-a pickle; what the tasks print goes to a file.
+It runs `serve`. Tasks arrive on the standard input and results leave on the standard output, each
+as a pickle; what the tasks print goes to a file.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from pathlib import Path
 from typing import IO, Any
 
 LONGEST_WORDS = 65_536
-"""What tasks print is read up to so many characters, from its end."""
+"""Most characters of printed output that are read, from its end."""
 
 
 class _Here:
-    """This process as a worker; outside of one there is neither a channel nor a file."""
+    """This process as a worker; in any other process it has no channel and no file."""
 
     results: IO[bytes] | None = None
     printed: Path | None = None
 
 
 def alarm(seconds: float | None, reason: str = "") -> None:
-    """Have this worker killed in so many seconds from now; None: call that off.
+    """Have this worker killed in so many seconds; None cancels that.
 
-    The pool kills it, for a solver that hangs in compiled code hears no request. The task's future
-    raises `TimeLimitError` then, with the reason, or with these seconds as its time limit. Outside
-    of a worker nothing can be killed, and nothing happens.
+    The pool kills the process, because a solver that hangs in compiled code cannot be asked to
+    stop. Then the task's future raises `TimeLimitError` with the reason, or with these seconds as
+    its time limit. Outside a worker this does nothing.
     """
     if in_worker():
         limit = "" if seconds is None else f"killed at its time limit of {seconds:.4g} s"
@@ -46,7 +46,7 @@ def in_worker() -> bool:
 
 
 def printed() -> str:
-    """What the task at hand has printed so far; nothing outside of a worker."""
+    """The text that the current task has printed so far; empty outside a worker."""
     if _Here.printed is None:
         return ""
     sys.stdout.flush()
@@ -63,7 +63,7 @@ def last_words(file: Path) -> str:
 
 def _send(message: tuple[str, Any]) -> None:
     assert _Here.results is not None
-    content = pickle.dumps(message)  # whole, before the first byte is sent
+    content = pickle.dumps(message)  # pickled completely before the first byte is sent
     _Here.results.write(content)
     _Here.results.flush()
 
@@ -74,13 +74,13 @@ def _answer(task: bytes) -> tuple[str, Any]:
         return "value", pickle.dumps(function(*arguments, **keywords))
     except SystemExit as error:
         code = error.code if isinstance(error.code, int) else error.code is not None
-        os._exit(int(code))  # as the task wished; its pool sees a worker that died
-    except BaseException as error:  # a Rust panic is no Exception
+        os._exit(int(code))  # the task asked to exit; its pool sees a worker that died
+    except BaseException as error:  # A Rust panic is not derived from Exception.
         return "error", f"{type(error).__name__}: {error}"
 
 
 def _tasks(stream: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
-    """Pass tasks on; without a pool at the other end this process has nothing left to do."""
+    """Pass tasks on; if the pool at the other end is gone, end this process."""
     try:
         while True:
             waiting.put(pickle.load(stream))
@@ -89,7 +89,10 @@ def _tasks(stream: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
 
 
 def die_with_parent() -> None:
-    """Where the system can do that: a hung solver outlives no pool that was killed."""
+    """End with the parent process, where the system supports that.
+
+    So a hung solver does not outlive a killed pool.
+    """
     if sys.platform == "linux":
         import ctypes
 
@@ -98,7 +101,7 @@ def die_with_parent() -> None:
 
 def serve(file: str) -> None:
     """Serve until the input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the pool's
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the pool handles interrupts
     die_with_parent()
     tasks = os.fdopen(os.dup(0), "rb")
     _Here.results = os.fdopen(os.dup(1), "wb")
@@ -121,7 +124,7 @@ def serve(file: str) -> None:
 
 
 def task_bytes(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
-    """A task as it is sent: a function that can be imported goes by its name, others as code."""
+    """A task as it is sent: importable functions by name, others as code."""
     import cloudpickle
 
     return bytes(cloudpickle.dumps((function, arguments, keywords)))

@@ -1,4 +1,4 @@
-"""A pool of warm processes, each of which can be killed without harm to the others."""
+"""A pool of processes that are started once; each can be killed without harm to the others."""
 
 from __future__ import annotations
 
@@ -32,27 +32,31 @@ THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"),
     *("RAYON_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
 )
-"""Environment variables that limit the threads of linear algebra, of compiled loops, of solvers."""
+"""Environment variables that limit the threads of linear algebra, of compiled loops and
+of solvers.
+"""
 SERVE = "import sys; from workbench.executor.worker import serve; serve(sys.argv[1])"
-"""What a process of the pool runs."""
+"""Program of each process of the pool."""
 KILLS = 2
-"""Workers that a task may kill before it counts as crashed: the first may have died by chance."""
+"""Number of workers whose death makes a task count as crashed: the first may have died
+by chance.
+"""
 LOOK = 0.05
 """Time between two looks at the memory of a worker [s]."""
 
 
 class Workers(Executor):
-    """Runs tasks in processes that stay, and replaces one that is killed or dies.
+    """Runs tasks in processes that are reused, and replaces a process that is killed or dies.
 
-    A task may say how long it has left (`workbench.executor.worker.alarm`); it is killed then, and
-    its future raises `TimeLimitError`. A task whose worker dies is done again by another one; if
-    that dies too, its future raises `CrashedError`. What a task raises becomes a WorkbenchError of
-    the same words.
+    A task may say how long it has left (`workbench.executor.worker.alarm`). It is killed after that
+    time, and its future raises `TimeLimitError`. A task whose worker dies is repeated by another
+    worker; if that one dies too, its future raises `CrashedError`. An error of a task becomes a
+    WorkbenchError with the same text.
 
     Parameters
     ----------
     count
-        How many processes.
+        Number of processes.
     threads
         Threads that linear algebra and solvers may use in each.
     memory_limit
@@ -108,7 +112,7 @@ class Workers(Executor):
                 seat.thread.join()
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if kind is not None:  # nobody waits for what is under way
+        if kind is not None:  # nobody waits for the running tasks
             self._cancel()
             for seat in self._seats:
                 seat.kill()
@@ -124,7 +128,7 @@ class Workers(Executor):
                 task.future.cancel()
 
     def start(self, file: Path) -> subprocess.Popen[bytes]:
-        """A process that serves tasks and prints into a file."""
+        """Start a process that serves tasks and prints into a file."""
         threads = dict.fromkeys(THREADS, str(self.threads))
         process = subprocess.Popen(
             [sys.executable, "-c", SERVE, str(file)],
@@ -139,7 +143,7 @@ class Workers(Executor):
 
 
 def search_path() -> str:
-    """Where a new process finds the workbench; the rest of the path is told to it then."""
+    """Path on which a new process finds the workbench; it receives the rest of the path later."""
     home = str(Path(__file__).parents[2])
     return os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
 
@@ -151,13 +155,14 @@ class _Task:
 
 
 class _Seat:
-    """A thread, and the process whose tasks it hands out: one after another, as they die."""
+    """A thread that hands out tasks to a process, and starts a new process if that one dies."""
 
     def __init__(self, pool: Workers) -> None:
         self._pool = pool
         self._process: subprocess.Popen[bytes] | None = None
-        # Its own number, once it has told it: in a virtual environment of Windows what was started
-        # is a launcher, and Python is another process, whose memory counts.
+        # The process's own number, once it has told it. In a virtual environment of Windows the
+        # program that was started is a launcher; Python is another process, and that one's memory
+        # counts.
         self._number = 0
         self._heard: queue.SimpleQueue[tuple[str, Any] | None] = queue.SimpleQueue()
         self.thread = threading.Thread(target=self._serve, daemon=True)
@@ -193,7 +198,7 @@ class _Seat:
             except WorkbenchError as error:
                 task.future.set_exception(error)
                 if self._process is None and not self._pool._closed.is_set():
-                    self._seat()  # it gets ready while nobody waits
+                    self._seat()  # it starts while nobody waits for it
                 return
             else:
                 task.future.set_result(value)
@@ -201,7 +206,7 @@ class _Seat:
         task.future.set_exception(CrashedError(died))
 
     def _seat(self) -> None:
-        """Start a process; whoever asks it waits until it is ready."""
+        """Start a process; the first caller waits until it is ready."""
         self._process = self._pool.start(self._file)
         self._ready = False
         self._heard = queue.SimpleQueue()
@@ -210,7 +215,7 @@ class _Seat:
         listener.start()
 
     def _leave(self) -> None:
-        """End the process, whatever it does."""
+        """End the process, whatever it is doing."""
         process, self._process = self._process, None
         if process is None:
             return
@@ -222,7 +227,7 @@ class _Seat:
                     stream.close()
 
     def _ask(self, content: bytes) -> Any:
-        """The value of a task, or what it raised."""
+        """The value of a task, or the error that it raised."""
         if self._process is None:
             self._seat()
         process = self._process
@@ -233,7 +238,7 @@ class _Seat:
                 self._ready = True
             pickle.dump(content, process.stdin)
             process.stdin.flush()
-        except OSError:  # it died meanwhile
+        except OSError:  # it has died meanwhile
             raise self._died(process) from None
         until, reason = None, ""
         while True:
@@ -248,9 +253,9 @@ class _Seat:
     def _next(
         self, process: subprocess.Popen[bytes], until: float | None, reason: str = ""
     ) -> tuple[str, Any]:
-        """The next message of a process, which may take until then and so much memory.
+        """The next message of a process, which must not exceed this time or the memory limit.
 
-        The reason is told of one that is killed for its time.
+        ``reason`` becomes the message of a process that is killed at its time limit.
         """
         allowed = self._pool.memory_limit
         while True:
@@ -284,7 +289,7 @@ class _DiedError(Exception):
 
 
 def _hear(process: subprocess.Popen[bytes], heard: queue.SimpleQueue[Any]) -> None:
-    """Pass on what a process says; None when it says nothing more."""
+    """Pass on the messages of a process; None when they end."""
     assert process.stdout is not None
     try:
         while True:
@@ -294,7 +299,7 @@ def _hear(process: subprocess.Popen[bytes], heard: queue.SimpleQueue[Any]) -> No
 
 
 def _resident(process: int) -> int:
-    """Resident memory of a process [byte]; none of one that is gone."""
+    """Resident memory of a process [byte]; 0 for one that is gone."""
     import psutil
 
     try:

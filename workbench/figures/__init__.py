@@ -26,8 +26,7 @@ def axes(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of the current style and its axes, row by row.
 
-    ``size`` [inch] is what it has on a screen; a style with a width of its own keeps the
-    proportions.
+    ``size`` [inch] is the size on a screen; a style that sets its own width keeps the proportions.
     """
     import matplotlib as mpl
     from cycler import cycler
@@ -42,7 +41,10 @@ def axes(
 
 @cache
 def _shown_figure() -> Any:
-    """The class of figures that a notebook shows, with the house's ticks wherever they go."""
+    """The class of figures that a notebook shows.
+
+    They have the workbench's ticks wherever they are drawn.
+    """
     from matplotlib.figure import Figure
 
     class ShownFigure(Figure):
@@ -61,7 +63,7 @@ def _shown_figure() -> Any:
 
 
 MOST_NAMES = 8
-"""Curves of a figure that are told apart by colours and names."""
+"""Most curves of a figure that have their own colours and names."""
 
 
 def bode_plot(
@@ -69,7 +71,7 @@ def bode_plot(
 ) -> Figure:
     """Bode plot of responses (F,) by name over frequencies [Hz]; NaN is left out.
 
-    More than `MOST_NAMES` of them are all grey, under the name ``many``.
+    With more than `MOST_NAMES` responses, all are grey under the one name ``many``.
     """
     figure, (top, bottom) = axes(2, 1, size=(7.0, 6.0), sharex=True)
     look: dict[str, Any] = {}
@@ -88,16 +90,16 @@ def bode_plot(
 
 
 def numbers_in(name: str) -> list[str]:
-    """Numbers that a figure's name carries: "figure-7-5-7-10" is figures 7.5 and 7.10."""
+    """Figure numbers in a figure's name: "figure-7-5-7-10" names figures 7.5 and 7.10."""
     if not re.fullmatch(r"figure(-[0-9A-Z]+-[0-9]+)+", name):
         return []
     return [f"{chapter}.{place}" for chapter, place in re.findall(r"-([0-9A-Z]+)-([0-9]+)", name)]
 
 
 def numbered(figure: Figure, *numbers: str) -> Figure:
-    """Caption a figure with the numbers of those that it reproduces, above its title if it has one.
+    """Put the numbers of the figures that it reproduces above a figure, before any title.
 
-    The same figure is returned. It stays as it is where it says them already, or without numbers.
+    The same figure is returned. It is unchanged if it shows the numbers already, or has none.
     """
     before = figure.get_suptitle()
     said = " ".join([before, *(panel.get_title() for panel in figure.axes)])
@@ -117,7 +119,7 @@ def phase(response: np.ndarray) -> np.ndarray:
 def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
     """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic.
 
-    Ticks of a logarithmic axis are plain numbers where all lie from 0.001 to 10,000; otherwise all
+    Ticks of a logarithmic axis are plain numbers if all lie between 0.001 and 10,000; otherwise all
     are powers of ten.
     """
     for axis in log:
@@ -129,14 +131,14 @@ def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "")
 
 
 def axis_label(values: Any, name: str) -> str:
-    """The label of an axis: what an array means (or its name) and its unit."""
+    """Label of an axis: the meaning of the array (or its name) and its unit."""
     unit = values.attrs.get("units", "1")
     meaning = values.attrs.get("long_name", name.replace("_", " "))
     return meaning if unit == "1" else f"{meaning} [{unit}]"
 
 
 def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
-    """A legend under the axes, where it covers no data, of as many columns as have room."""
+    """A legend below the axes, where it covers no data, with as many columns as fit."""
     handles, labels = source.get_legend_handles_labels()
     for count in range(columns, 0, -1):
         legend = figure.legend(
@@ -148,17 +150,18 @@ def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
 
 
 def along_batch(panel: Any, values: Any, labels: Any = None) -> None:
-    """Draw a number for each matrix of a batch, over what the batch's one axis is labelled with.
+    """Draw one number for each matrix of a batch, against the labels of the batch's axis.
 
-    Without labels, or for a batch of several axes, over the number of the matrix. Frequencies are
-    on a logarithmic scale.
+    Without labels, or for a batch with several axes, they are drawn against the number of the
+    matrix. Frequencies are on a logarithmic scale.
     """
     names = [] if labels is None else [str(name) for name in labels.dims[:-2]]
     name = names[0] if len(names) == 1 else ""
     place = labels.coords[name] if name and name in labels.coords else None
     over = np.arange(np.size(values)) if place is None else place.values
     if place is None:
-        panel.plot(over, np.ravel(values), "o")  # nothing lies between two matrices
+        # there is nothing between two matrices to join by a line
+        panel.plot(over, np.ravel(values), "o")
         panel.xaxis.get_major_locator().set_params(integer=True)
         panel.set_xlabel("number of the matrix")
         return

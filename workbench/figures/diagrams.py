@@ -1,4 +1,4 @@
-"""Block diagrams in one style: blocks, sums and wires with the names of their signals."""
+"""Block diagrams in one style: blocks, sums, and wires with the names of their signals."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from workbench.heavy_types import Figure
 
 Point = tuple[float, float]
 SUM_RADIUS, DOT_RADIUS = 0.16, 0.05
-"""Radii of a sum and of a branch, in the unit of the diagram, 1 for the height of a block."""
+"""Radii of a sum and of a branch point, in units of the diagram; a block has height 1."""
 INCHES = 0.62
-"""Size of that unit on a screen."""
+"""Size of the diagram's unit on a screen [inch]."""
 FILL = "#eef3fa"
 MOST_NAMED, MOST_LETTERS = 4, 16
-"""Signals that one wire names, of more the first and the last; letters of a line above it."""
+"""Most signals named at one wire (of more, the first and the last are named), and most letters of a
+line above a wire.
+"""
 
 DiagramKind = Literal["N-Delta", "P-K", "two degrees of freedom", "sampled", "fault filter"]
 
 
 class BlockDiagram:
-    """A drawing of ``width`` times ``height`` units, the origin at the lower left."""
+    """A drawing of ``width`` by ``height`` units; the origin is at the lower left."""
 
     def __init__(self, width: float, height: float) -> None:
         self.figure, (self.panel,) = axes(size=(INCHES * width, INCHES * height))
@@ -33,7 +35,7 @@ class BlockDiagram:
         self.panel.set_aspect("equal")
 
     def block(self, x: float, y: float, text: str, width: float = 1.6, height: float = 1.0) -> None:
-        """A block about (x, y)."""
+        """A block centred at (x, y)."""
         from matplotlib.patches import Rectangle
 
         corner = (x - width / 2, y - height / 2)
@@ -41,7 +43,7 @@ class BlockDiagram:
         self.text(x, y, text)
 
     def sum(self, x: float, y: float, minus: Point | None = None) -> None:
-        """A sum about (x, y), with a minus beside the wire that comes from a direction."""
+        """A sum centred at (x, y), with a minus sign beside the wire from this direction."""
         from matplotlib.patches import Circle
 
         self.panel.add_patch(Circle((x, y), SUM_RADIUS, facecolor="white", edgecolor=BLACK))
@@ -50,13 +52,13 @@ class BlockDiagram:
             self.text(x + away * (minus[0] or 1), y + away * (minus[1] or 1), r"$-$")
 
     def branch(self, x: float, y: float) -> None:
-        """A dot where a wire leaves another."""
+        """A dot where one wire branches off another."""
         from matplotlib.patches import Circle
 
         self.panel.add_patch(Circle((x, y), DOT_RADIUS, color=BLACK))
 
     def wire(self, *points: Point, name: str = "", arrow: bool = True) -> None:
-        """A wire along points, with the name of its signal above its longest level part."""
+        """A wire through points, with the name of its signal above its longest horizontal part."""
         *before, last = points
         if arrow:
             look = {"arrowstyle": "-|>", "color": BLACK, "shrinkA": 0.0, "shrinkB": 0.0}
@@ -70,20 +72,20 @@ class BlockDiagram:
             self.text((a + b) / 2, height + 0.08, name, "bottom")
 
     def text(self, x: float, y: float, words: str, vertical: str = "center") -> None:
-        """Words about (x, y), or with their "bottom" at y."""
+        """Words centred at (x, y), or with their "bottom" at y."""
         self.panel.text(x, y, words, ha="center", va=vertical)
 
 
 def loop_diagram(kind: DiagramKind) -> Figure:
-    """The block diagram of a loop that robust control speaks of.
+    """The block diagram of a standard loop of robust control.
 
     Parameters
     ----------
     kind
-        "N-Delta": a closed loop N and what is uncertain; "P-K": a generalised plant, its
-        uncertainty and its controller; "two degrees of freedom": set-point and measurement enter
-        the controller apart; "sampled": a sampled controller about a continuous plant; or
-        "fault filter": a filter that estimates faults of a loop.
+        "N-Delta": a closed loop N and its uncertainty; "P-K": a generalised plant, its uncertainty
+        and its controller; "two degrees of freedom": set-point and measurement enter the controller
+        separately; "sampled": a sampled controller and a continuous plant; or "fault filter": a
+        filter that estimates faults of a loop.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def loop_diagram(kind: DiagramKind) -> Figure:
     Raises
     ------
     InputError
-        Another kind.
+        Raises
 
     Examples
     --------
@@ -114,20 +116,20 @@ def plant_diagram(
     controls: Sequence[str],
     measurements: Sequence[str],
 ) -> Figure:
-    """A generalised plant P between its perturbation and its controller K, by names of signals."""
+    """A generalised plant P with its perturbation and its controller K, with signal names."""
     drawn = BlockDiagram(8.0, 4.6 if perturbation else 3.4)
     middle, low = 4.0, 0.6
     centre = 2.3
     drawn.block(middle, centre, "$P$", width=2.0, height=1.6)
-    drawn.wire((0.4, centre), (3.0, centre), name=_listed(exogenous))
-    drawn.wire((5.0, centre), (7.6, centre), name=_listed(performance))
+    drawn.wire((0.4, centre), (3.0, centre), name=_names_in_lines(exogenous))
+    drawn.wire((5.0, centre), (7.6, centre), name=_names_in_lines(performance))
     if controls or measurements:
         drawn.block(middle, low, "$K$", height=0.8)
         down = centre - 0.5
         drawn.wire((5.0, down), (5.9, down), (5.9, low), (4.8, low))
         drawn.wire((3.2, low), (2.1, low), (2.1, down), (3.0, down))
-        drawn.text(1.7, (low + down) / 2, "\n".join(_few(controls)))
-        drawn.text(6.3, (low + down) / 2, "\n".join(_few(measurements)))
+        drawn.text(1.7, (low + down) / 2, "\n".join(_first_and_last(controls)))
+        drawn.text(6.3, (low + down) / 2, "\n".join(_first_and_last(measurements)))
     if perturbation:
         high, up = 4.0, centre + 0.5
         drawn.block(middle, high, r"$\Delta$", height=0.8)
@@ -136,9 +138,9 @@ def plant_diagram(
     return drawn.figure
 
 
-def _listed(names: Sequence[str]) -> str:
-    """Names above a wire, in two lines where they are long."""
-    few = _few(names)
+def _names_in_lines(names: Sequence[str]) -> str:
+    """Names above a wire, in two lines if they are long."""
+    few = _first_and_last(names)
     half = (len(few) + 1) // 2
     text = ", ".join(few)
     if len(text) <= MOST_LETTERS or len(few) < 2:
@@ -146,8 +148,8 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(few[:half]) + ",\n" + ", ".join(few[half:])
 
 
-def _few(names: Sequence[str]) -> list[str]:
-    """All names, or the first, dots and the last."""
+def _first_and_last(names: Sequence[str]) -> list[str]:
+    """All names; or the first, dots, and the last."""
     return list(names) if len(names) <= MOST_NAMED else [names[0], "...", names[-1]]
 
 

@@ -14,7 +14,7 @@ from workbench.heavy_types import Figure
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as pixels, at its own resolution."""
+    """A figure as pixels, at its own resolution, in PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     lay_out(figure)
@@ -24,7 +24,7 @@ def png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure) -> bytes:
-    """A figure as vectors, its letters as paths."""
+    """A figure as vector graphics, its letters as paths."""
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
@@ -38,7 +38,7 @@ def svg(figure: Figure) -> bytes:
 
 @contextmanager
 def _own_resolution(figure: Figure) -> Iterator[None]:
-    """Give a figure its resolution back: vectors are drawn at 72 points to the inch."""
+    """Restore a figure's resolution: vector formats are drawn at 72 points to the inch."""
     resolution = figure.dpi
     try:
         yield
@@ -47,7 +47,10 @@ def _own_resolution(figure: Figure) -> Iterator[None]:
 
 
 def lay_out(figure: Figure) -> None:
-    """Place the parts of a figure, once: ``savefig`` would do it, and draw, twice per format."""
+    """Lay out the parts of a figure once.
+
+    ``savefig`` would do it twice per format, and draw each time.
+    """
     for panel in figure.axes:
         mend_limits(panel)
         house_ticks(panel)
@@ -55,12 +58,12 @@ def lay_out(figure: Figure) -> None:
     if engine is not None:
         engine.execute(figure)
         if any(panel.get_aspect() != "auto" for panel in figure.axes):
-            engine.execute(figure)  # the first pass did not know how large such panels become
+            engine.execute(figure)  # The first pass did not know how large the panels become.
         figure.set_layout_engine("none")
 
 
 def pdf(figure: Figure) -> bytes:
-    """A figure as vectors for print, its fonts in the file, as the settings at hand say."""
+    """A figure as vector graphics for print, with embedded fonts, by the current settings."""
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
     lay_out(figure)
@@ -71,9 +74,9 @@ def pdf(figure: Figure) -> bytes:
 
 
 def write_pgf(figure: Figure, file: Path, program: str) -> list[Path]:
-    r"""Write commands for \input in LaTeX, their letters measured by a TeX program; the files.
+    r"""Write commands for \input in LaTeX, letters measured by a TeX program; return the files.
 
-    What the figure has of pixels goes into files beside, which the commands name.
+    Pixel images in the figure go into separate files, which the commands name.
     """
     import matplotlib as mpl
     from matplotlib.backends.backend_pgf import FigureCanvasPgf
@@ -83,7 +86,7 @@ def write_pgf(figure: Figure, file: Path, program: str) -> list[Path]:
     settings: Any = {"pgf.texsystem": program, "pgf.rcfonts": False}
     with mpl.rc_context(settings), _own_resolution(figure):
         canvas.print_pgf(str(file))
-    # Tick labels use a command that only Matplotlib's own documents define.
+    # Tick labels use a command that only Matplotlib's own LaTeX documents define.
     defined = "\\providecommand{\\mathdefault}[1]{#1}%\n"
     file.write_text(defined + file.read_text(encoding="utf-8"), encoding="utf-8")
     return [file, *sorted(file.parent.glob(f"{file.stem}-img*.png"))]

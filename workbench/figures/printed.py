@@ -1,4 +1,4 @@
-"""Figures for a paper: vectors of the width that its page has, and TeX where there is a TeX."""
+"""Figures for a paper: vector graphics in the width of its page, and PGF if TeX is installed."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from workbench.figures.styles import FigureStyle, drawn_in
 from workbench.heavy_types import Figure
 
 TEX_PROGRAMS = ("pdflatex", "xelatex", "lualatex")
-"""Programs that measure the letters of a PGF figure, the quickest first."""
+"""Programs that can measure the letters of a PGF figure, the fastest first."""
 
 
 def tex_program() -> str | None:
-    """The TeX program that is found here; None without one."""
+    """The TeX program that is installed here; None if there is none."""
     return next((name for name in TEX_PROGRAMS if shutil.which(name)), None)
 
 
@@ -25,7 +25,7 @@ def tex_program() -> str | None:
 class PrintedFigure:
     """A figure as a paper prints it. A notebook shows it.
 
-    ``caption`` is the title over all panels that it has on a screen: a paper says it below.
+    ``caption`` is the figure's title on a screen, above all panels; a paper puts it below.
     """
 
     name: str
@@ -40,24 +40,24 @@ class PrintedFigure:
 
     @cached_property
     def svg(self) -> bytes:
-        """Vectors, letters as paths."""
+        """Vector graphics, letters as paths."""
         return formats.svg(self.figure)
 
     @cached_property
     def pdf(self) -> bytes:
-        """Vectors, letters in fonts that are part of the file."""
+        """Vector graphics, letters in embedded fonts."""
         with drawn_in(self.style):
             return formats.pdf(self.figure)
 
     def write_pgf(self, file: str | Path) -> list[Path]:
-        r"""Write commands for \input in a LaTeX document, in its own fonts; the files.
+        r"""Write commands for \input in a LaTeX document, in its own fonts; return the files.
 
-        What the figure has of pixels goes into files beside, which the commands name.
+        Pixel images in the figure go into separate files, which the commands name.
 
         Raises
         ------
         ResultError
-            No TeX program is found: none can measure the letters.
+            No TeX program is found, so the letters cannot be measured.
         """
         program = tex_program()
         if program is None:
@@ -69,10 +69,9 @@ class PrintedFigure:
             return formats.write_pgf(self.figure, Path(file), program)
 
     def save(self, folder: str | Path, name: str | None = None) -> list[Path]:
-        """Write PDF and SVG, and PGF where a TeX program is found; the files.
+        """Write PDF and SVG, and PGF if a TeX program is found; return the files.
 
-        ``name`` of the files is the figure's own unless it is given. The folder is made if it is
-        missing.
+        ``name`` is the stem of the files; by default that of the figure. A missing folder is made.
         """
         place = Path(folder)
         stem = name or self.name

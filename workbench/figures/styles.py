@@ -1,4 +1,4 @@
-"""Styles that figures are drawn in: the house's on a screen, and one for the pages of a paper."""
+"""Styles of figures: the workbench's own for a screen, and one for the pages of a paper."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from workbench.errors import InputError
 
 MM_PER_INCH = 25.4
 WIDTHS = {"column": 88.9, "page": 181.9}
-"""Widths [mm] of a column and of both columns of a journal's page (IEEE Transactions)."""
+"""Widths [mm] of one column and of both columns of a journal's page (IEEE Transactions)."""
 NARROWEST, WIDEST = 40.0, 420.0
-"""Limits of a width [mm] that is given as a number: narrower is no figure, wider no page."""
+"""Least and largest width [mm] that may be given as a number."""
 
 SCREEN: Any = {
     "axes.grid": True,
@@ -25,7 +25,7 @@ SCREEN: Any = {
     "axes.spines.top": False,
     "axes.titlesize": 11,
     "figure.constrained_layout.use": True,
-    "axes.formatter.limits": (-3, 5),  # else the labels of small numbers run into each other
+    "axes.formatter.limits": (-3, 5),  # otherwise the labels of small numbers overlap
     "axes.formatter.use_mathtext": True,
     "figure.dpi": 120,
     "font.size": 10,
@@ -41,7 +41,7 @@ PAPER: Any = {
     "axes.linewidth": 0.6,
     "axes.titlesize": 8,
     "figure.dpi": 300,
-    "font.family": "STIXGeneral",  # comes with Matplotlib and goes with Times
+    "font.family": "STIXGeneral",  # is part of Matplotlib and matches Times
     "font.size": 8,
     "grid.linewidth": 0.4,
     "legend.fontsize": 7,
@@ -49,7 +49,7 @@ PAPER: Any = {
     "lines.linewidth": 1.0,
     "lines.markersize": 3.5,
     "mathtext.fontset": "stix",
-    "pdf.fonttype": 42,  # publishers refuse the default, Type 3
+    "pdf.fonttype": 42,  # publishers refuse the default, Type 3 fonts
     "xtick.labelsize": 7,
     "xtick.major.width": 0.6,
     "ytick.labelsize": 7,
@@ -57,20 +57,23 @@ PAPER: Any = {
 }
 
 _PANEL_INCHES, _OUTSIDE_INCHES = 1.2, 0.4
-"""Least height on paper of a row of panels, and what is added for a legend below them [inch]."""
+"""Least height of a row of panels on paper, and extra height for a legend below them [inch]."""
 
 
 @dataclass(frozen=True)
 class FigureStyle:
-    """Settings of Matplotlib, and the width [inch] that figures have; None: each its own."""
+    """Settings of Matplotlib, and the width of all figures [inch].
+
+    None: each figure has its own width.
+    """
 
     settings: Any
     width: float | None = None
 
     def size(self, wanted: tuple[float, float], rows: int) -> tuple[float, float]:
-        """Width and height [inch] of a figure of so many rows that asks for a size of its own.
+        """Width and height [inch] of a figure with so many rows that asks for a size.
 
-        It keeps its proportions, but its panels do not get flatter than can be read.
+        It keeps its proportions, but its panels stay high enough to be read.
         """
         if self.width is None:
             return wanted
@@ -83,12 +86,12 @@ _CURRENT: ContextVar[FigureStyle] = ContextVar("style of figures", default=ON_SC
 
 
 def current_style() -> FigureStyle:
-    """The style that figures are drawn in now."""
+    """The style in which figures are drawn now."""
     return _CURRENT.get()
 
 
 def paper_style(width: str | float) -> FigureStyle:
-    """The style of a paper, for figures of a width.
+    """The style of a paper, for figures of this width.
 
     Parameters
     ----------
@@ -98,7 +101,7 @@ def paper_style(width: str | float) -> FigureStyle:
     Raises
     ------
     InputError
-        Another word; a number that is no width of a page.
+        Another word; or a number that is no width of a page.
     """
     if isinstance(width, str):
         if width not in WIDTHS:
@@ -114,12 +117,12 @@ def paper_style(width: str | float) -> FigureStyle:
 
 
 def printing_style(style: str, width: str | float) -> FigureStyle:
-    """The style of a name, for figures of a width, as `paper_style` takes it.
+    """The style with this name, for figures of a width as in `paper_style`.
 
     Raises
     ------
     InputError
-        Another name than "paper"; a width that no figure has.
+        Another name than "paper"; or an impossible width.
     """
     if style != "paper":
         raise InputError(f"figures are printed in style 'paper', not {style!r}")
@@ -140,11 +143,11 @@ def drawn_in(style: FigureStyle) -> Iterator[None]:
 
 
 def settle(figure: Any) -> str:
-    """Make a figure that was drawn in the style of a paper ready for its page; the caption it had.
+    """Prepare a figure that was drawn in a paper's style for its page; return its former title.
 
-    Letters that were given a size of their own become no larger than the others. A title over all
-    panels is taken away, since a caption says it; titles of panels and labels of axes that are
-    longer than their panel are broken into lines.
+    Letters with a size of their own become no larger than the others. A title above all panels is
+    removed, since the caption says it. Titles of panels and labels of axes that are longer than
+    their panel are broken into lines.
     """
     from matplotlib.text import Text
 
@@ -160,12 +163,12 @@ def settle(figure: Any) -> str:
             (panel.xaxis.label, "width"),
             (panel.yaxis.label, "height"),
         ):
-            _broken(text, side, getattr(panel.get_window_extent(), side))
+            _broken_into_lines(text, side, getattr(panel.get_window_extent(), side))
     return caption
 
 
-def _broken(text: Any, side: str, room: float) -> None:
-    """Break a text into lines that fit into the room [pixel] which its panel has for it."""
+def _broken_into_lines(text: Any, side: str, room: float) -> None:
+    """A text broken into lines that fit into the length [pixel] that its panel offers."""
     words = text.get_text().split()
     for lines in range(2, 4):
         if not words or getattr(text.get_window_extent(), side) <= room:

@@ -10,17 +10,17 @@ import numpy as np
 from workbench.heavy_types import Axes
 
 NARROW_AXIS = 1.7
-"""Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
+"""Logarithmic axes of at most so many decades also have labels between powers of ten."""
 NARROWEST_AXIS = 0.5
-"""Decades of a logarithmic axis up to which every tick between powers of ten is labelled."""
+"""Logarithmic axes of at most so many decades have a label at every tick."""
 FEWEST = 2
-"""Fewest labels of an axis by 1, 2 and 5 times powers of ten; with fewer every tick is labelled."""
+"""Fewest labels at 1, 2 and 5 times powers of ten; if there are fewer, every tick is labelled."""
 PLAIN_DECADES = (-3, 4)
-"""Powers of ten that are written as plain numbers, where an axis has no tick beyond them."""
+"""Exponents of ten that are written as plain numbers, if no tick of the axis lies beyond them."""
 
 
 def house_ticks(panel: Axes) -> None:
-    """Label the ticks of logarithmic axes alike; those that were given texts keep them."""
+    """Label the ticks of all logarithmic axes in one way; ticks with given texts keep them."""
     from matplotlib.ticker import LogFormatter
 
     scales = ((panel.get_xscale(), panel.xaxis), (panel.get_yscale(), panel.yaxis))
@@ -31,7 +31,7 @@ def house_ticks(panel: Axes) -> None:
 
 
 def _log_tick(axis: Any, minor: bool) -> Any:
-    """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
+    """Label of a logarithmic tick: powers of ten, and on a narrow axis 2 and 5 times those."""
     from matplotlib.ticker import FuncFormatter
 
     def decades() -> tuple[float, float]:

@@ -1,1 +1,1 @@
-"""Help for a user at the command line: what is installed here, what to cite, what to complete."""
+"""Help at the command line: the installation, citations, and completion of names."""

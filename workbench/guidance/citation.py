@@ -1,4 +1,4 @@
-"""BibTeX of what a problem's results rest on: this software, the thesis, the methods used."""
+"""BibTeX entries for a problem's results: this software, the thesis, the methods used."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from workbench.bench.project import registry
 from workbench.program import Program
 
 THESIS = ("cd/", "cd-arm/", "bench/cd-arm")
-"""Beginnings of the names of problems whose data or questions are those of the thesis."""
+"""First parts of the names of problems whose data or questions come from the thesis."""
 OF_METHODS = {
     "ab13md": ("benner1999", "fan1991"),
     "basis": ("diamond2016",),
@@ -27,7 +27,7 @@ OF_METHODS = {
     "sk": ("sanathanan1963",),
     "vector-fitting": ("gustavsen1999",),
 }
-"""Keys of the references of each method; a chain such as "dk+fixed" has those of its parts."""
+"""Bibliography keys of each method; a chain such as "dk+fixed" has the keys of its parts."""
 
 
 def citation(name: str) -> str:
@@ -36,7 +36,8 @@ def citation(name: str) -> str:
     Parameters
     ----------
     name
-        A registered name. Where no run of it is stored, its default method counts.
+        A registered name. If no run of it is stored, the references are those of its default
+        method.
 
     Raises
     ------

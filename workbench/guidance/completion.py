@@ -1,4 +1,4 @@
-"""What the shell completes: names of problems, of their parameters, and of their methods."""
+"""Completions for the shell: names of problems, of their parameters, and of their methods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.errors import WorkbenchError
 
 
 def problem_names(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Names of problems that begin so, with their first line."""
+    """Names of problems that begin with this text, each with its first line of help."""
     _add_folders(ctx)
     return [
         CompletionItem(entry.name, help=entry.summary)
@@ -22,7 +22,7 @@ def problem_names(ctx: click.Context, param: click.Parameter, begun: str) -> lis
 
 
 def parameter_names(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Parameters, as ``name=``, of the problem that stands on the line."""
+    """Parameters, as ``name=``, of the problem on the command line."""
     described = _described(ctx)
     return [
         CompletionItem(f"{name}=", help=text)
@@ -32,7 +32,10 @@ def parameter_names(ctx: click.Context, param: click.Parameter, begun: str) -> l
 
 
 def method_names(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Methods of the problem that stands on the line; of a list, its last name."""
+    """Methods of the problem on the command line.
+
+    In a list of methods the last name is completed.
+    """
     described = _described(ctx)
     *before, last = begun.split(",")
     lead = "".join(f"{one}," for one in before)
@@ -44,8 +47,8 @@ def method_names(ctx: click.Context, param: click.Parameter, begun: str) -> list
 
 
 def _described(ctx: click.Context) -> Any:
-    """The description of the first problem on the line; None where there is none yet."""
-    from workbench.bench.describe import describe  # loads NumPy, which plain commands do without
+    """The first problem on the command line; None if there is none yet."""
+    from workbench.bench.describe import describe  # Imports NumPy, which plain commands do without.
 
     _add_folders(ctx)
     params = ctx.params
@@ -53,11 +56,11 @@ def _described(ctx: click.Context) -> Any:
     name = given if isinstance(given, str) else next(iter(given), "")
     try:
         return describe(registry().find(name)) if name else None
-    except WorkbenchError:  # not a whole name yet, or a pattern
+    except WorkbenchError:  # an incomplete name, or a pattern
         return None
 
 
 def _add_folders(ctx: click.Context) -> None:
-    """The folders that the command names before; while completing, no command runs."""
+    """Add the folders that the command names; no command runs during completion."""
     for folder in ctx.find_root().params.get("problems") or ():
         add_problems(folder)

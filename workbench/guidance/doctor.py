@@ -1,4 +1,4 @@
-"""What the workbench stands on here: versions, solvers, threads, cache, and whether it works."""
+"""Examination of the installation: versions, solvers, threads, cache, and a self-test."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SOLVERS = {
     "qoco": "QOCO",
     "sdpa-python": "SDPA",
 }
-"""Conic solvers by the names of their distributions."""
+"""Names of the conic solvers by their distributions."""
 GROUND = ("numpy", "scipy", "numba", "control", "cvxpy", "casadi", "python-flint", "xarray")
 """Distributions whose version can change an answer or a time."""
 
@@ -44,7 +44,7 @@ class Examined:
 
 
 def examination(*, test: bool = True) -> Iterator[Examined]:
-    """What is found, one after the other; with ``test`` the self-test at the end."""
+    """Yield the findings, one after the other; with ``test`` the self-test comes last."""
     place = Path(workbench.__file__).parent
     yield Examined("robust-workbench", f"{workbench.__version__}, imported from {place}")
     yield _twins()
@@ -77,7 +77,7 @@ def _package(name: str) -> Examined:
 
 
 def _twins() -> Examined:
-    """Whether the other distribution that is imported as `workbench` is here too."""
+    """Check whether the other distribution that is imported as `workbench` is installed too."""
     other = _version("workbench")
     if other is None or _version("robust-workbench") is None:
         return Examined("import name", "workbench is this project's alone")
@@ -97,7 +97,7 @@ def _slycot() -> Examined:
 
 
 def _solvers() -> Examined:
-    """The installed conic solvers, which of them are methods, and how to get more."""
+    """The installed conic solvers, which of them are used as methods, and how to add more."""
     named = ", ".join(solver.name for solver in conic_solvers())
     versions = {name: _version(name) for name in SOLVERS}
     here = ", ".join(f"{SOLVERS[name]} {found}" for name, found in versions.items() if found)
@@ -108,11 +108,11 @@ def _solvers() -> Examined:
 
 
 def _threads() -> Examined:
-    """Libraries of linear algebra with their threads."""
+    """Linear algebra libraries and their numbers of threads."""
     import numpy as np
     from threadpoolctl import threadpool_info
 
-    np.linalg.norm(np.eye(2), 2)  # loads the library
+    np.linalg.norm(np.eye(2), 2)  # importing it loads the library
     pools = {
         f"{one['internal_api']} {one.get('version') or ''}".strip(): one["num_threads"]
         for one in threadpool_info()
@@ -126,7 +126,7 @@ def _threads() -> Examined:
 
 
 def _cache() -> Examined:
-    """Where Numba keeps what it compiled, and whether it can."""
+    """The folder where Numba caches compiled code, and whether it can be written."""
     place = Path(os.environ.get("NUMBA_CACHE_DIR", Path(workbench.__file__).parent))
     if os.access(place, os.W_OK):
         return Examined("cache of Numba", str(place))
@@ -137,7 +137,7 @@ def _cache() -> Examined:
 
 
 def _compiler() -> Examined:
-    """A compiler of C, for the exported controllers alone."""
+    """A C compiler, which only exported controllers need."""
     found = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     return Examined("C compiler", found or "none; only tests of exported C code need one")
 
@@ -147,7 +147,7 @@ TESTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("H-infinity synthesis", "quick/unstable-first-order/hinf", {}),
     ("dwell time", "quick/cart/dwell", {}),
 )
-"""Name, problem and parameters of the self-test, each with its certificate.
+"""Name, problem and parameters of each self-test; each has a certificate.
 
 Together they call compiled loops, SLICOT, a conic solver and ball arithmetic. Bounds of mu are not
 among them: where they are asked for the first time, Numba compiles for a minute.
@@ -155,7 +155,7 @@ among them: where they are asked for the first time, Numba compiles for a minute
 
 
 def _self_test() -> Iterator[Examined]:
-    """Small problems of several kinds, answered and certified in a folder that is thrown away."""
+    """Solve and certify small problems of several kinds, in a temporary folder."""
     before = os.environ.get("WORKBENCH_RESULTS")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["WORKBENCH_RESULTS"] = folder

@@ -21,8 +21,9 @@ from workbench.errors import InputError
 BOOTSTRAP_SAMPLES, CONFIDENCE = 1000, 0.95
 """Bootstrap samples of an interval, and the probability with which it covers the true value."""
 ARM_POWER = 0.25
-"""Power of a score between 0 and 1 that is the length of its arm: a score of 1e-4 is seen, at a
-tenth of the way to 1."""
+"""An arm's length is a score between 0 and 1 to this power. So a score of 1e-4 is visible, at a
+tenth of the full length.
+"""
 
 
 class ErrorScores(NamedTuple):
@@ -47,7 +48,7 @@ class ErrorScores(NamedTuple):
 
 
 def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScores:
-    """Scores of an error (N,), whose acceptable size and size of loss are in its own unit.
+    """Scores of an error (N,); its acceptable size and the size of loss are in its own unit.
 
     Raises InputError for an error without samples.
 
@@ -112,7 +113,8 @@ def group_means(
 def balloon_size(means: ArrayLike, power: float = ARM_POWER) -> RealArray:
     """Mean length of the arms (...,) of balloons whose groups have means (..., groups).
 
-    An arm is the mean score to the `power`, so that small shares of time are seen beside large.
+    An arm is the mean score to the `power`, so that small shares of time remain visible beside
+    large ones.
 
     Examples
     --------
@@ -130,7 +132,7 @@ def bootstrap_weights(
 ) -> RealArray:
     """Weights (samples, circumstances): each group drawn from itself, with replacement.
 
-    Circumstances are what is random; every group keeps its size. Raises InputError below 2 samples.
+    Only the circumstances are drawn; every group keeps its size. Raises InputError below 2 samples.
 
     Examples
     --------

@@ -21,7 +21,9 @@ from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 
 STATES = 6
-"""Samples so far, the detected amplitudes of e and v (real and imaginary part), and ln g."""
+"""Number of states: the samples so far, real and imaginary part of the detected amplitudes of e and
+v, and ln g.
+"""
 
 
 def wobbled_gain(
@@ -45,7 +47,7 @@ def wobbled_gain(
     period
         Sampling period [s].
     interval
-        Times [s] from which and until which there is a wobble. Outside of it g is kept.
+        Times [s] at which the wobble begins and ends. Outside this interval g is kept.
     detection
         Time constant [s] of the filters behind the detectors; the gain moves only after three of
         them.

@@ -1,7 +1,7 @@
 """Calls of compiled functions by their addresses, so that one compiled loop serves all of them.
 
-Numba's own pointers to functions are looked up anew at every call of the loop, which takes as long
-as hundreds of samples.
+Numba's own function pointers are looked up again at every call of the loop, which takes as long as
+hundreds of samples.
 """
 
 from __future__ import annotations

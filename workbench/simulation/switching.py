@@ -1,7 +1,7 @@
 """Small parts of strategies, which replace the input of a controller at unreliable measurements.
 
 w is the quality of the measurement, from 1 (good) to 0 (worthless). A quality outside 0 to 1 makes
-outputs NaN, which every run reports.
+the outputs NaN, which every run reports.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def total() -> Controller:
 def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Controller:
     """Part that reads w and gives w, but 0 in intervals (from, until) [s]: false alarms.
 
-    Time starts at the first sample of its first stage. `period` is the sampling period [s]. Raises
-    InputError for intervals that are empty, out of order or overlap.
+    Time starts when the part is first in charge. `period` is the sampling period [s]. Raises
+    InputError for intervals that are empty, out of order or overlapping.
 
     Examples
     --------
@@ -75,8 +75,8 @@ def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Control
 def ramped(rate: float, start: float, period: float) -> Controller:
     """Part that reads a and gives a with a gain of 1 that changes by `rate` [dB/s] from `start` on.
 
-    Time [s] starts at the first sample of its first stage. `period` is the sampling period [s].
-    Raises InputError for a rate that is not finite and for a start that is negative or not finite.
+    Time [s] starts when the part is first in charge. `period` is the sampling period [s]. Raises
+    InputError for a rate that is not finite and for a start that is negative or not finite.
 
     Examples
     --------

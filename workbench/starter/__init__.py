@@ -1,4 +1,4 @@
-"""The first study of a user's own plants, written from the records."""
+"""The first study of a user's own plants, generated from measured records."""
 
 from typing import TYPE_CHECKING
 

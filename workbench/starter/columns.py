@@ -1,4 +1,4 @@
-"""Which columns of a record are the time, the input and the output, by their names."""
+"""Find the columns of the time, the input and the output of a record by their names."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ OUTPUT = (
     "acceleration", "gap", "temperature", "level", "pressure", "response", "sensor", "measured",
 )  # fmt: skip
 EVEN = 0.1
-"""Largest relative deviation of the steps of a column that counts as equidistant instants."""
+"""Largest relative deviation of the steps in a column that is taken as equidistant instants."""
 
 
 def record_columns(
     file: Path, input: str | None, output: str | None, time: str | None, sample_rate: float | None
 ) -> tuple[str, str, str | None]:
-    """Names of the input, of the output, and of the time of a record; those given stay.
+    """Names of a record's columns for input, output and time; names that are given are kept.
 
-    The time is None where the sampling frequency is given. Raises InputError where the names leave
-    open which is which; the message tells all names.
+    The time is None if the sampling frequency is given. Raises InputError if the names do not
+    settle which column is which; the message lists all names.
     """
     columns = read_table(file)
     asked = {"input": input, "output": output, "time": time}
@@ -59,23 +59,25 @@ def record_columns(
         found = _instants(table, names)
         if not found:
             _refuse_gaps(file, columns, table, names)
-        time = _one(found, told, "time", "or give --sample-rate HZ")
+        time = _only_name(found, told, "time", "or give --sample-rate HZ")
     if time is None and sample_rate is not None:
-        _need_rate(columns, _called(_instants(table, names), TIME), sample_rate, told)
+        _need_rate(columns, _names_with_word(_instants(table, names), TIME), sample_rate, told)
     left = [name for name in names if name not in (input, output, time)]
     if input is None:
-        fit = _called(left, INPUT)
+        fit = _names_with_word(left, INPUT)
         if not fit and output is not None and len(left) == 1:
             fit = left
-        input = _one(fit, told, "input")
+        input = _only_name(fit, told, "input")
         left = [name for name in left if name != input]
     if output is None:
-        output = _one(_called(left, OUTPUT) or (left if len(left) == 1 else []), told, "output")
+        output = _only_name(
+            _names_with_word(left, OUTPUT) or (left if len(left) == 1 else []), told, "output"
+        )
     return input, output, time
 
 
 def _stamps(columns: Columns) -> dict[str, RealArray]:
-    """The columns of dates and clocks [s]."""
+    """The columns that hold dates or clock times, converted to [s]."""
     found = {}
     for name in list(columns.texts):
         with suppress(InputError):
@@ -86,8 +88,8 @@ def _stamps(columns: Columns) -> dict[str, RealArray]:
 def _refuse_gaps(
     file: Path, columns: Columns, table: Mapping[str, np.ndarray], names: Sequence[str]
 ) -> None:
-    """Raise InputError where a column of time has gaps: it rises, mostly by one step."""
-    for name in _called(names, TIME) or names:
+    """Raise InputError if a time column has gaps: it rises, and most steps are equal."""
+    for name in _names_with_word(names, TIME) or names:
         rows = np.flatnonzero(np.isfinite(table[name])).tolist()
         instants = table[name][rows]
         steps = np.diff(instants)
@@ -105,7 +107,7 @@ def _refuse_gaps(
 
 
 def _need_rate(columns: Columns, called: Sequence[str], sample_rate: float, told: str) -> None:
-    """Raise InputError where a column of time tells another sampling frequency."""
+    """Raise InputError if a time column contradicts the given sampling frequency."""
     for name in called:
         rate = 1.0 / float(np.diff(columns.seconds(name)[0]).mean())
         if abs(rate / sample_rate - 1) > EVEN:
@@ -116,21 +118,24 @@ def _need_rate(columns: Columns, called: Sequence[str], sample_rate: float, told
             )
 
 
-def _one(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
-    """The only name found, or an InputError that says how to name it."""
+def _only_name(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
+    """The name if exactly one was found; otherwise an InputError that says how to give it."""
     if len(found) == 1:
         return found[0]
     what = f"{', '.join(map(repr, found))} may be" if found else "none is seen to be"
     raise InputError(f"{told}; {what} the {kind}: name it, --{kind} NAME {also}".rstrip())
 
 
-def _called(names: Sequence[str], words: Sequence[str]) -> list[str]:
-    """The names that one of the words stands in, as a word of its own."""
+def _names_with_word(names: Sequence[str], words: Sequence[str]) -> list[str]:
+    """The names that contain one of the words as a separate word."""
     return [name for name in names if set(re.split(r"[^a-z]+", name.lower())) & set(words)]
 
 
 def _instants(table: dict[str, np.ndarray], names: Sequence[str]) -> list[str]:
-    """The columns with rising, equidistant values; of several those that are called so."""
+    """The columns with rising, equidistant values.
+
+    If there are several, those named like a time.
+    """
     rising = []
     for name in names:
         steps = np.diff(table[name])
@@ -138,4 +143,4 @@ def _instants(table: dict[str, np.ndarray], names: Sequence[str]) -> list[str]:
             mean = steps.mean()
             if np.abs(steps - mean).max() <= EVEN * mean:
                 rising.append(name)
-    return (_called(rising, TIME) or rising) if len(rising) > 1 else rising
+    return (_names_with_word(rising, TIME) or rising) if len(rising) > 1 else rising

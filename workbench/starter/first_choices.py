@@ -1,6 +1,6 @@
-"""First choices of a design, derived from responses: order, bandwidth, weights.
+"""Initial choices for a design, derived from responses: order, bandwidth, weights.
 
-They are where a designer starts, not where one ends; each says where its number comes from.
+They are where a designer starts, not where the design ends; each comes with its reason.
 """
 
 from __future__ import annotations
@@ -24,42 +24,51 @@ from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.responses.regions import region_radius
 
 CONFIDENCE = 0.99
-"""Probability of the regions that count as what the plants may be, each at each frequency: of a few
-plants at some dozens of frequencies hardly one lies outside."""
+"""Probability of the regions, each at one frequency, in which the plants are assumed to lie. With a
+few plants at some dozens of frequencies hardly one lies outside its region.
+"""
 SEEN = 0.95
-"""Probability of the regions by which noise hides a plant."""
+"""Probability of the regions by which a plant is judged to be hidden by noise."""
 BENT = 0.01
-"""Standard deviation, relative to a response, of its difference from the linear plant at the
-working point. Flows and forces that bend with the size of a signal make some per cent of it."""
+"""Assumed standard deviation, relative to a response, of its difference from the linear plant at
+the working point. Flows and forces that depend nonlinearly on the signal's size cause a few per
+cent of difference.
+"""
 HIDDEN = 0.5
-"""Radius of a region over the response from which noise hides a plant."""
+"""Noise hides a plant at a frequency if the region's radius exceeds this fraction of
+the response.
+"""
 BESIDE = 3
-"""Frequencies in a row at which a plant is seen, and not by chance."""
+"""Fewest neighbouring frequencies at which a plant is seen that do not count as chance."""
 FEWEST = 8
-"""Least number of frequencies that noise leaves."""
+"""Least number of frequencies that must remain after those hidden by noise are dropped."""
 LARGEST_ORDER = 6
-"""Largest order of the nominal that is tried."""
+"""Largest order of the nominal plant that is tried."""
 AS_GOOD, OF_SPREAD = 1.5, 0.3
-"""Error of a fit, over that of the best order or over the spread of the plants, up to which a
-smaller order is taken."""
+"""Limits for taking a smaller order: its fit error may be so many times that of the best order, or
+so large a fraction of the spread of the plants.
+"""
 FIT_FREQUENCIES = 60
-"""Most frequencies that are fitted."""
+"""Most frequencies used in the fit."""
 PHASE_BUDGET = 0.35
-"""Phase [rad] that hold and delay may take at the bandwidth: 20 degrees."""
+"""Phase lag [rad] that hold and delay may have at the bandwidth: 20 degrees."""
 LATEST = np.radians(-186.0)
-"""Least phase [rad] of plant, hold and delay at the bandwidth: a controller leads by some 60
-degrees, and a sensitivity of 2 for every plant of the set needs nearly all of them."""
+"""Lowest phase [rad] that plant, hold and delay may have at the bandwidth. A controller can lead by
+some 60 degrees, and a sensitivity of 2 for every plant of the set needs nearly all of them.
+"""
 WORST_SET = 0.7
-"""Largest min(|W_e|, r) over frequency. A perturbed loop meets its weight where |W_e| (1 - T) + r T
-is below 1 for some T, and the least of it is min(|W_e|, r); r is the relative size of the set."""
+"""Largest min(|W_e|, r) over frequency, where r is the relative size of the set. A perturbed loop
+can meet its weight only if |W_e| (1 - T) + r T is below 1 for some T in [0, 1]; its least value is
+min(|W_e|, r).
+"""
 ERROR_PEAK = 2.0
 """Largest sensitivity that the error weight allows."""
 BELOW_THE_END = 3.0
-"""Distance of the bandwidth from the last measured frequency, as a factor."""
+"""Least ratio of the last measured frequency to the bandwidth."""
 BELOW_ZERO = 3.0
-"""Least zero right of the axis over the bandwidth."""
+"""Least ratio of a right half-plane zero to the bandwidth."""
 EFFORT = 0.05
-"""Control weight over the least |G| below the bandwidth: the control may be 20 / |G|."""
+"""Control weight times the least |G| below the bandwidth: the control may be 20 / |G|."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +76,12 @@ class FirstChoices:
     """Numbers of a first design, each with its reason.
 
     ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
-    nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
-    at low frequencies. ``reasons``: by name of the number. ``columns``: what was read from the
-    records; ``notes``: what is odd about them; ``tested``: what is assumed of them, and what tests
-    of it gave. ``peak``: certified peak of mu of a first controller, below 1 where it keeps the
-    weights; NaN before one was tried. ``states``: the fewest of a controller that keeps them; 0
-    before one was tried.
+    nominal plant. ``bandwidth`` [Hz]: frequency at which the error weight is about 1. ``effort``:
+    the control weight at low frequencies. ``reasons``: the reason for each number, by name.
+    ``columns``: the columns read from the records; ``notes``: peculiarities of the records;
+    ``tested``: assumptions about the records, with the results of their tests. ``peak``: certified
+    peak of mu with a first controller, below 1 if it meets the weights; NaN before one was tried.
+    ``states``: fewest states of a controller that meets them; 0 before one was tried.
 
     Examples
     --------
@@ -103,12 +112,12 @@ class FirstChoices:
 def first_choices(
     responses: Responses, period: float, delay: float = 1.0, at_most: float = np.inf
 ) -> FirstChoices:
-    """First choices for a controller of these plants on a computer.
+    """Initial choices for a controller of these plants that runs on a computer.
 
     Parameters
     ----------
     responses
-        Of two plants or more.
+        Responses of two plants or more.
     period
         Sampling time of the controller [s].
     delay
@@ -119,8 +128,8 @@ def first_choices(
     Raises
     ------
     InputError
-        Noise hides the plants nearly everywhere; no bandwidth suits both an unstable pole and what
-        limits it from above, which the message names.
+        Noise hides the plants nearly everywhere; or an unstable pole needs a higher bandwidth than
+        another limit allows, which the message names.
 
     Examples
     --------
@@ -136,7 +145,7 @@ def first_choices(
     """
     need_positive(period, "period")
     reasons = {}
-    used, reasons["band"] = _seen(responses)
+    used, reasons["band"] = _seen_band(responses)
     nominal, reasons["order"] = _nominal(used)
     unstable = int((nominal.poles.real > 0).sum())
     bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay, at_most)
@@ -148,11 +157,11 @@ def first_choices(
     return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
 
 
-def _seen(responses: Responses) -> tuple[Responses, str]:
+def _seen_band(responses: Responses) -> tuple[Responses, str]:
     """The responses in the longest band in which noise hides no plant, and how it was found.
 
-    Where plants are seen on both sides, as about an antiresonance, the band goes on: what lies
-    beyond belongs to the plants, and a controller would meet it.
+    If plants are seen on both sides of hidden frequencies, as about an antiresonance, the band
+    continues across: the plants do act beyond, and a controller would meet them there.
     """
     radius = np.where(responses.present, region_radius(responses, SEEN), 0.0)
     size = np.where(responses.present, np.abs(responses.values), 0.0)
@@ -178,9 +187,9 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
 
 
 def _bridges(hidden: np.ndarray, radius: RealArray, size: RealArray) -> np.ndarray:
-    """Hidden frequencies (F,) below others at which plants are seen, larger than regions here.
+    """Hidden frequencies (F,) with a seen frequency above them, counting larger regions as seen.
 
-    A few lines count as seen by chance; as many as `BESIDE` in a row do not.
+    A few frequencies may count as seen by chance; `BESIDE` of them in a row do not.
     """
     seen = ~hidden
     row = np.convolve(seen, np.ones(BESIDE), "valid") == BESIDE
@@ -192,11 +201,11 @@ def _bridges(hidden: np.ndarray, radius: RealArray, size: RealArray) -> np.ndarr
 
 
 def _nominal(responses: Responses) -> tuple[Rational, str]:
-    """The nominal of the smallest order that fits nearly as well as any, and what was tried."""
+    """The nominal plant of the smallest order that fits nearly as well as the best; and why."""
     responses = responses.thinned(FIT_FREQUENCIES)
     omega, mean = responses.omega, mean_response(responses.points)
     away = np.where(responses.present, responses.values / mean[:, None] - 1, 0.0)
-    spread = float(np.median(np.abs(away).max(axis=1)))  # few lines about a notch do not count
+    spread = float(np.median(np.abs(away).max(axis=1)))  # the few lines about a notch do not count
     context = Context(Options())
 
     def fits(count: int) -> list[tuple[float, Rational]]:
@@ -229,7 +238,7 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
 def _bandwidth(
     responses: Responses, nominal: Rational, period: float, delay: float, at_most: float
 ) -> tuple[float, str]:
-    """Bandwidth [Hz] that a first design can hope for, and what limits it."""
+    """Bandwidth [Hz] that a first design can hope for, and the reason that limits it."""
     size = _relative_size(responses)
     dead = (delay + 0.5) * period
     limits = {
@@ -248,7 +257,8 @@ def _bandwidth(
         limits[words] = float(responses.omega[max(int(np.argmax(late)) - 1, 0)])
     wide = size >= WORST_SET
     if wide.any():
-        # There |W_e| has to be below WORST_SET: |W_e|^2 = 1 / ERROR_PEAK^2 + (omega_b / omega)^2.
+        # At that frequency |W_e| must be below WORST_SET, with |W_e|^2 = 1 / ERROR_PEAK^2 +
+        # (omega_b / omega)^2.
         room = np.sqrt(WORST_SET**2 - ERROR_PEAK**-2)
         first = int(np.argmax(wide))
         words = (
@@ -276,10 +286,10 @@ def _bandwidth(
 
 
 def _phase(nominal: Rational, omega: RealArray) -> RealArray:
-    """Phase (F,) [rad] of a function of positive gain, counted from frequency zero."""
+    """Phase (F,) [rad] of a function with positive static gain, unwrapped from frequency zero."""
 
     def turned(roots: np.ndarray) -> RealArray:
-        """Sum of the phases of s - root; from 0 on the left of the axis, from pi on its right."""
+        """Sum of the phases of s - root; a left half-plane root starts at 0, a right one at pi."""
         s = 1j * omega[:, None]
         left = np.angle(s - np.where(roots.real > 0, -roots.conj(), roots))
         angle: RealArray = np.where(roots.real > 0, np.pi - left, left).sum(axis=1)
@@ -290,9 +300,9 @@ def _phase(nominal: Rational, omega: RealArray) -> RealArray:
 
 
 def _relative_size(responses: Responses) -> RealArray:
-    """Radius (F,) of the smallest circle about the plants and regions, relative to its centre.
+    """Radius (F,) of the smallest circle that encloses the plants and their regions, over |centre|.
 
-    Infinite where the centre is 0.
+    Infinite if the centre is 0.
     """
     center, radius = exact_circle(responses.points)
     regions = np.where(responses.present, region_radius(responses, CONFIDENCE), 0.0).max(axis=1)

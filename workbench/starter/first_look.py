@@ -1,4 +1,4 @@
-"""A first look at the records of a study: how they are sampled, and what is odd about them."""
+"""A first look at the records of a study: how they are sampled, and what is peculiar."""
 
 from __future__ import annotations
 
@@ -18,24 +18,27 @@ from workbench.synthesis import WorkingPoint
 from workbench.uncertainty import Responses
 
 UNDISTORTED = 0.1
-"""Highest frequency that is used, times the sampling time; images distort higher ones."""
+"""Highest frequency used, as a fraction of the sampling rate; aliases distort higher ones."""
 FEWEST_SAMPLES = math.ceil(FEWEST / UNDISTORTED)
-"""Samples of the shortest record that has enough frequencies up to there."""
+"""Samples of the shortest record that has enough frequencies up to that limit."""
 RISING = 0.5
-"""Slope of the gain over frequency, in logarithms, that a plant with mass, lag or delay has not."""
+"""Slope of log gain over log frequency that no plant with mass, lag or delay reaches."""
 END = 3.0
-"""Part of the frequencies that count as the end: from the last one, divided by this, on."""
+"""The end of the band: frequencies above the last one divided by this factor."""
 KNOWN, FEWEST_LINES = 5.0, 3
-"""Gain over its standard deviation at a line that is known, and lines that tell a slope."""
+"""Least ratio of gain to standard deviation at a line that counts as known, and fewest known lines
+that determine a slope.
+"""
 
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What the records of a study have in common.
+    """Common properties of the records of a study.
 
-    ``columns``: which of them is what, in words. ``period``: sampling time [s] of the first record.
-    ``limits``: least and largest value of the input in all records. ``point``: where they rest.
-    ``noise``: rms of the measurement noise. ``notes``: what is odd about that.
+    ``columns``: sentence that says which column is which. ``period``: sampling time [s] of the
+    first record. ``limits``: least and largest value of the input in all records. ``point``:
+    working point of the records. ``noise``: rms of the measurement noise. ``notes``: peculiarities
+    of the records.
     """
 
     columns: str
@@ -54,8 +57,8 @@ def first_look(
     Raises
     ------
     InputError
-        A record is too short; or two files hold the same one: one plant that counts twice makes
-        the spread too small. Or as `workbench.identification.read_record`.
+        A record is too short; or two files hold the same record, since a plant that counts twice
+        makes the spread too small. Or as `workbench.identification.read_record`.
     """
     read, alike = read_alike(paths, input, output, sample_rate, time)
     records = [(one["u"].values, one["y"].values) for one in read]
@@ -84,13 +87,13 @@ def first_look(
 
 
 def oddities(responses: Responses, files: Sequence[str]) -> tuple[str, ...]:
-    """Sentences about responses that a plant with its input and its output in place has not.
+    """Sentences about properties that responses lack if input and output are in their places.
 
-    ``files`` are the names of the plants' records; they are told where some only are odd.
+    ``files`` are the names of the plants' records; they are named if only some show the property.
     """
     omega, gain = responses.omega, np.abs(responses.values)
     noise = np.zeros_like(gain) if responses.variance is None else np.sqrt(responses.variance)
-    # Noise has no slope of the plant's, so that lines which it hides say nothing of it.
+    # The slope of noise is not the plant's: lines that noise hides are left out.
     asked = (omega >= omega[-1] / END)[:, None] & (gain > KNOWN * noise)
     slopes = np.array(
         [

@@ -1,4 +1,4 @@
-"""A first design whose weights are kept: the bandwidth is lowered until a controller proves it."""
+"""A first design that meets its weights: the bandwidth is lowered until a certificate proves it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ from workbench.synthesis.mu.finish import with_few_states
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 
 Structure = Literal["free", "pi", "pid"]
-"""Structures of a controller: the fewest states that keep the weights, or three terms and fewer."""
+"""Structures of a controller: free, with the fewest states that meet the weights; PI; PID."""
 STEP, TRIES = 1.6, 8
-"""Factor between the bandwidths that are tried, and their number."""
+"""Factor between the bandwidths that are tried, and how many are tried."""
 TARGET = 0.95
-"""Certified peak of mu at which a bandwidth is kept: some room is left for fewer states."""
+"""A bandwidth is accepted if the certified peak of mu is at most this; the rest leaves room for
+fewer states.
+"""
 KEPT = 0.98
-"""Peak up to which states are left out to find the largest order."""
+"""Largest peak of mu allowed while states are removed to find the largest order."""
 SECONDS = 300.0
-"""Time limit [s] of each try; a try that needs longer counts by the peak that it has reached. On a
-busy computer a first try may compile loops for a minute or two."""
+"""Time limit [s] of each try; a try that runs out of time is judged by the peak reached so far. On
+a busy computer a first try may spend a minute or two on compiling loops.
+"""
 
 
 def kept_weights(
@@ -36,29 +39,30 @@ def kept_weights(
     lower: Callable[[float], FirstChoices] | None,
     structure: Structure = "free",
 ) -> FirstChoices:
-    """The choices with the largest tried bandwidth at which the certified peak of mu is below 1.
+    """The choices with the largest tried bandwidth whose certified peak of mu is below 1.
 
     Parameters
     ----------
     design
-        The written ``design.py`` of the study, whose cover, weights and synthesis are taken.
+        The generated ``design.py`` of the study; its cover, weights and synthesis are used.
     chosen
-        What is tried first.
+        The choices that are tried first.
     lower
-        The choices with a bandwidth [Hz] of at most its argument; raises InputError where there
-        are none. None: the bandwidth was asked for, and only that is tried.
+        Returns choices with a bandwidth [Hz] of at most its argument; raises InputError if there
+        are none. None: the user asked for the bandwidth, and only that one is tried.
     structure
-        Of the controller.
+        Structure of the controller.
 
     Returns
     -------
     FirstChoices
-        With its ``peak`` and ``states``. Where no bandwidth is kept, the one with the least peak.
+        With ``peak`` and ``states`` filled in. If no bandwidth succeeds, the one with the least
+        peak.
 
     Raises
     ------
     SolverError
-        No certified cover of the plants is found.
+        No certified cover of the plants was found.
     """
     study = import_file(design.parents[1], design)
     covered = solve(study.cover(), options=Options())
@@ -94,10 +98,10 @@ def kept_weights(
 
 
 def fewest_states(best: FirstChoices, plant: Any, found: MuController) -> FirstChoices:
-    """The choices with the fewest states that keep the weights, and the peak with them.
+    """The choices with the fewest states that meet the weights, and the peak that results.
 
-    Small orders come first, answered as the written study does it; the last one is that to which
-    the controller of full order can be truncated.
+    Orders are tried from small to large, with the synthesis of the generated study. The last one is
+    the order to which the controller of full order can be truncated.
     """
     most = max(KEPT, (1 + PEAK_TOLERANCE) * found.upper)
     last = int(with_few_states(MuSynthesis(plant, integral=True), found.K, most).nstates)

@@ -1,4 +1,4 @@
-"""The measurement noise of records."""
+"""The measurement noise in records."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from workbench.arrays import RealArray
 
 SEGMENTS = 8
-"""Segments of a record, without overlap, of which spectra are averaged."""
+"""Number of segments of a record, without overlap, whose spectra are averaged."""
 UPPER = 0.5
-"""Share of the frequencies, from half the sampling rate down, in which noise is looked for."""
+"""Noise is estimated in this fraction of the frequencies, the highest ones."""
 
 
 def rms_of_noise(records: Sequence[tuple[RealArray, RealArray]]) -> float:
-    """The rms of measurement noise that is white, from the largest of records (u, y).
+    """The rms of white measurement noise: the largest over the records (u, y).
 
-    It is what of the output's spectrum the input does not explain (the spectrum times one less the
-    coherence), in the upper half of the frequencies, where plants are small. The median over them
-    leaves out lines.
+    The noise spectrum is the part of the output's spectrum that the input does not explain (the
+    spectrum times one minus the coherence), in the upper half of the frequencies, where the plant's
+    gain is small. The median over frequency ignores lines.
 
     Source: J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley 2010, section 6.2: the noise
-    spectrum of the output, of which 1 / segments is explained by chance.
+    spectrum of the output; by chance the input explains 1 / segments of it.
     """
     from scipy.signal import csd, welch
 

@@ -1,4 +1,4 @@
-"""Where records rest: their working point, and what forbids one controller for all plants."""
+"""The working point of records, and a condition that rules out one controller for all plants."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.regions import region_radius
 
 NEAR_ZERO = 1e-3
-"""Means below this share of a signal's range count as zero."""
+"""A mean below this fraction of the signal's range counts as zero."""
 APART = 0.2
-"""Distance of the records' means of the input, over its range, from which on it is said."""
+"""Distance between the records' mean inputs, relative to the input's range, above which the user is
+told.
+"""
 REAL = 0.7
-"""Cosine of the phase from which on a response at a low frequency tells the static gain's sign."""
+"""Least |cos(phase)| of a response at a low frequency that reveals the sign of the static gain."""
 SIGN_CONFIDENCE = 0.95
-"""Probability of the regions that have to tell a sign."""
+"""Probability of the regions by which the sign of a gain is judged."""
 
 
 def working_point(records: Sequence[Dataset]) -> tuple[WorkingPoint, tuple[str, ...]]:
-    """The means of input and output of all records, and what is odd about them."""
+    """The means of input and output of all records, and notes about peculiarities."""
     rest, units = {}, {}
     for name in ("u", "y"):
         values = [np.asarray(record[name].values, dtype=float).ravel() for record in records]
@@ -44,12 +46,12 @@ def working_point(records: Sequence[Dataset]) -> tuple[WorkingPoint, tuple[str, 
 
 
 def refuse_opposite_gains(responses: Responses, files: Sequence[str]) -> None:
-    """Raise InputError where two plants clearly have static gains of opposite sign.
+    """Raise InputError if two plants clearly have static gains of opposite sign.
 
-    The characteristic polynomial of a loop has the value n_K(0) n(0) at s = 0 where the controller
-    n_K / d_K has a pole there; it must be positive to be stable. With equally many poles right of
-    the axis the sign of n(0) is that of the static gain. So no fixed linear controller with an
-    integrator stabilises two such plants (internal stability; see also the sign condition of M.
+    If the controller n_K / d_K has a pole at s = 0, the loop's characteristic polynomial has the
+    value n_K(0) n(0) there, which must be positive for stability. For plants with equally many
+    unstable poles the sign of n(0) is that of the static gain. So no fixed linear controller with
+    an integrator stabilises two such plants (internal stability; see also the sign condition of M.
     Morari, E. Zafiriou, Robust Process Control, 1989, on integral controllability).
     """
     lowest, radius = responses.values[0], region_radius(responses, SIGN_CONFIDENCE)[0]

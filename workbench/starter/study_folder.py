@@ -1,4 +1,4 @@
-"""A study folder that runs at once: from the records to the C file."""
+"""Generate a study folder that runs at once: from the records to the C file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TEMPLATES = {
     "problems/{package}/design.py": "design.py.jinja",
     "tests/test_{package}.py": "test.py.jinja",
 }
-"""Files of a study, and the template of each."""
+"""Files of a study, and the template of each file."""
 
 
 def write_study(
@@ -61,58 +61,61 @@ def write_study(
     control_rms: float | None = None,
     step: float | None = None,
 ) -> FirstChoices:
-    """Write a folder with problems, notebook, README, test and the records.
+    """Write a study folder: problems, notebook, README, test and the records.
 
-    The first design is tried: its bandwidth is lowered until a controller is certified to keep the
+    A first design is tried: its bandwidth is lowered until a controller is certified to meet the
     weights. This can take minutes.
 
     Parameters
     ----------
     folder
-        The new folder; its name is that of the plant.
+        The new folder; the plant gets the folder's name.
     data
-        A pattern of files, one record of each plant, such as ``"drive*.csv"``; or a list of them.
+        A pattern of files, such as ``"drive*.csv"``, or a list of files; each holds the record of
+        one plant.
     input, output, time
-        Names of columns; None: found by their names and values.
+        Names of columns; None: they are found by their names and values.
     sample_rate
-        Sampling frequency [Hz] of records without a column of time.
+        Sampling frequency [Hz] of records without a time column.
     excitation
-        Name of the column of what was added to closed loops from outside, such as the set-point;
-        or, if it was not recorded but repeats itself, the samples of its period.
+        Name of the column with the signal added to the closed loops from outside, such as the
+        set-point. If that was not recorded but is periodic, its period in samples.
     assume
-        Assumptions on the records that you vouch for against their reports, such as "open loop".
+        Assumptions about the records that you vouch for although their tests reject them, such as
+        "open loop".
     period
         Sampling time [s] of the controller's computer; None: that of the records.
     delay
         Delay [samples] of the controller's computer.
     spread, resonance_shift
-        How far plants lie from those with records, as of `Responses.from_files`; of one record one
-        of them is needed.
+        Deviation of plants from the recorded ones, as in `Responses.from_files`; with a single
+        record one of the two is needed.
     structure
-        ``"pi"``, ``"pid"``, or ``"free"``: the fewest states that keep the weights.
+        ``"pi"``, ``"pid"``, or ``"free"``: the fewest states that meet the weights.
     bandwidth_hz
-        Bandwidth that is asked for [Hz]; None: the largest one tried that is kept.
+        Bandwidth that is asked for [Hz]; None: the largest tried bandwidth that meets the weights.
     limits
-        Least and largest value of the input, absolute; None: those of the records.
+        Least and largest value of the input, absolute; None: those in the records.
     effort
-        Weight of the input at low frequencies; None: from the gain of the plants.
+        Weight of the input at low frequencies; None: derived from the gain of the plants.
     overshoot, settling_time, recovery_time, control_rms
-        As of `Demands`; None: not demanded. The noise is estimated from the records.
+        As in `Demands`; None: not demanded. The noise is estimated from the records.
     step
-        A step of the set-point [units of the output] that must keep the input within its limits.
+        A step of the set-point [units of the output] during which the input must stay within its
+        limits.
 
     Returns
     -------
     FirstChoices
-        The numbers that the design begins with, and why. Its ``peak`` is 1 or more where no
-        bandwidth was found at which the weights are kept.
+        The initial numbers of the design, and the reasons for them. Its ``peak`` is 1 or more if no
+        tried bandwidth meets the weights.
 
     Raises
     ------
     InputError
-        The folder is there already; its name is no name; no records are found, or their columns
-        leave open what is what; or as `Responses.from_files` and `first_choices`. Nothing is
-        written then.
+        The folder exists already; its name cannot name a plant; no records are found, or it is
+        unclear which of their columns is which; or as `Responses.from_files` and `first_choices`.
+        Nothing is written then.
 
     Examples
     --------
@@ -141,7 +144,7 @@ def write_study(
         "recovery_time": recovery_time,
         "control_rms": control_rms,
     }
-    Demands(**asked, noise=1.0)  # raises for numbers that are none
+    Demands(**asked, noise=1.0)  # raises for invalid numbers
     need_positive(period, "period", or_none=True)
     need_positive(sample_rate, "sample_rate", or_none=True)
     if not (is_real(delay) and 0.0 <= delay < math.inf):
@@ -171,7 +174,7 @@ def write_study(
         hold=True,
         **stated,
     )
-    actuator(held, None, look.point, (1, 1), every)  # raises for limits that do not fit
+    actuator(held, None, look.point, (1, 1), every)  # raises for invalid limits
     responses = responses.within(0.0, UNDISTORTED / look.period)
     refuse_opposite_gains(responses, list(responses.plants))
     notes = tuple(filter(None, [responses.assumption])) + look.notes
@@ -254,7 +257,7 @@ def _bracketed(unit: str) -> str:
 
 
 def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
-    """Every file of the study, below a folder."""
+    """Write every file of the study into a folder."""
     import jinja2
 
     made = jinja2.Environment(
@@ -278,7 +281,10 @@ def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
 
 
 def _notebook(text: str) -> str:
-    """A notebook of cells that lines `# %%` begin; those of `# %% [markdown]` are prose."""
+    """A notebook whose cells begin at lines `# %%`.
+
+    Cells that begin at `# %% [markdown]` are prose.
+    """
     cells: list[dict[str, Any]] = []
     for part in text.split("# %%")[1:]:
         head, _, body = part.partition("\n")

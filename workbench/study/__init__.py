@@ -1,4 +1,4 @@
-"""Studies that read as their science: arrays, checks, metrics, tables and figures declared once."""
+"""Studies: arrays, checks, metrics, tables and figures, each declared once as a function."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Answers of functions in a Study, declared: stored with it, and certified as part of it."""
+"""Answers of functions, declared in a Study: stored with it, and certified as part of it."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from workbench.study.packing import packed_datasets, unpacked_datasets
 
 Labelled = Mapping[Any, Any]
 Restored = dict[Any, tuple[Checker, Any]]
-"""Checker and answer by label; the answer None where none is stored."""
+"""Checker and answer by label; the answer is None if none is stored."""
 
 
 class AnswersDeclaration(Declaration):
-    """Answers by label, and the function that gives what certifies each of them."""
+    """Answers by label, and the function that returns the checker of each."""
 
     def __init__(self, function: Function) -> None:
         super().__init__(function)
         self.of_checkers: PartDeclaration | None = None
 
     def checkers(self, function: Function) -> PartDeclaration:
-        """Declare what certifies the answers: a `Checker` by label, from the Study's data alone."""
+        """Declare the answers' checkers: a `Checker` by label, from the Study's data alone."""
         self.of_checkers = PartDeclaration(function)
         return self.of_checkers
 
     def variables(self, study: Any, get: Callable[[str], Any]) -> dict[str, Any]:
-        """The variables of a dataset from which `restored` has the answers back."""
+        """The dataset variables from which `restored` rebuilds the answers."""
         import xarray as xr
 
         checkers = self._checkers(study, get)
@@ -51,7 +51,7 @@ class AnswersDeclaration(Declaration):
         return packed_datasets(self.name, found)
 
     def restored(self, study: Any, get: Callable[[str], Any], data: Dataset) -> Restored:
-        """Checker and answer by label; no answer where none is stored."""
+        """Checker and answer by label; the answer is None if none is stored."""
         stored = unpacked_datasets(self.name, data)
         return {
             label: (
@@ -74,14 +74,15 @@ class AnswersDeclaration(Declaration):
 
 
 def answers(function: Function) -> Any:
-    """Declare answers of functions by label, which are stored and certified with the Study.
+    """Declare answers of functions, by label; they are stored and certified with the Study.
 
-    A second function, under ``@NAME.checkers``, gives the checker of each from the Study's data
-    alone. `workbench verify` restores the answers and asks the checkers again; their checks stand
-    in the Study's certificate, the worst of those that are alike. Arrays that need the answers and
-    dimensions alone are made again from what is restored, and must be the same. Other declarations
-    that need the answers get what the function gave: they can be computed with the arrays, and are
-    not there for metrics and figures. None stands for an answer that is not there.
+    A second function, under ``@NAME.checkers``, returns the checker of each answer from the Study's
+    data alone. `workbench verify` restores the answers and asks the checkers again. The Study's
+    certificate holds their checks; of checks with the same statement, the worst. Arrays that need
+    only the answers and dimensions are computed again from the restored answers, and must agree.
+    Other declarations that need the answers get them as the function returned them: such
+    declarations can be computed together with the arrays, but metrics and figures cannot use them.
+    Return None for an answer that does not exist.
 
     Examples
     --------
@@ -116,9 +117,11 @@ def answers(function: Function) -> Any:
 def checks_of(
     name: str, found: Restored, checks: Callable[[Checker, Any], Iterable[Check]]
 ) -> list[Check]:
-    """The checks of answers of one declaration; of those that are alike the worst stands for all.
+    """The checks of the answers of one declaration.
 
-    ``where`` says whose value it is.
+    Of checks with equal statements the worst is kept.
+
+    ``where`` names the answer that the worst value belongs to.
     """
     worst: dict[tuple[Any, ...], Check] = {}
     for label, (checker, answer) in found.items():
@@ -137,5 +140,5 @@ def checks_of(
 
 
 def label_words(label: Any) -> str:
-    """A label in words; those of a tuple beside each other."""
+    """A label as words; the parts of a tuple side by side."""
     return " ".join(map(str, label)) if isinstance(label, tuple) else str(label)

@@ -1,4 +1,4 @@
-"""Checks of a Study, declared: a statement, a limit, and the array that must stay below it."""
+"""Checks of a Study, declared: a statement, a limit, and the array that must not exceed it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Checked(Declaration):
         if value is None:
             return
         over = self.over(study) if callable(self.over) else self.over
-        if isinstance(value, list):  # checks made by hand
+        if isinstance(value, list):  # the function returned checks itself
             yield from quantified(over, value)
             return
         limit = self.at_most(study) if callable(self.at_most) else self.at_most
@@ -65,8 +65,8 @@ def check(
 ) -> Any:
     """Declare a check: a function of stored arrays whose value may not exceed ``at_most``.
 
-    The function returns a number, a number and its place in words, or an array whose largest value
-    counts (NaN counts as largest); None where there is nothing to check; or a list of `Check`.
+    The function returns a number; a number and its place in words; an array, whose largest value
+    counts (NaN counts as largest); None if there is nothing to check; or a list of `Check`.
 
     Parameters
     ----------
@@ -74,14 +74,14 @@ def check(
         Default: the function's name, and the first line of its docstring. With ``each``, both may
         name the labels, as in ``"{axis} resonance"``.
     value
-        The function; without one this is a decorator.
+        The function; if it is left out, this is a decorator.
     at_most
-        The limit, or limits by the labels of the first of ``each``, or a function of the Study
-        that gives either; a list of `Check` has its own.
+        The limit; or limits by the labels of the first of ``each``; or a function of the Study that
+        returns either. A list of `Check` has its own limits.
     each
-        Dimensions of the array with a check for each label.
+        Dimensions of the array that get one check for each label.
     where
-        How the place of the largest value is said, as in ``"of {drive} at {frequency:.4g}"``, with
+        Format of the place of the largest value, as in ``"of {drive} at {frequency:.4g}"``, with
         units. Default: the labels of all its dimensions.
     over
         What the statement quantifies over, such as "at the 400 frequencies, for these 12 drives";
@@ -136,7 +136,7 @@ def _worst(value: Any, where: str) -> tuple[float, str]:
 
 
 class _Label:
-    """A coordinate in words: its value, by a format where one is given, and its unit."""
+    """A coordinate in words: its value, in a format if one is given, and its unit."""
 
     def __init__(self, coordinate: Any) -> None:
         self.value, self.unit = coordinate.values.item(), coordinate.attrs.get("units", "")

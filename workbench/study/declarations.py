@@ -1,4 +1,4 @@
-"""Declarations of a Study: its stored dimensions, arrays and systems, and parts used for them.
+"""Declarations of a Study: stored dimensions, arrays and systems, and intermediate results.
 
 A declaration is an attribute of a Study's class. Its function takes what it needs by name, as
 pytest fixtures do: other declarations, ``self`` for the Study's own fields, ``context`` for the
@@ -21,7 +21,7 @@ Function = Callable[..., Any]
 
 
 class Declaration:
-    """A named function of a Study and of what it needs by name."""
+    """A named function of a Study and of the things that its arguments name."""
 
     def __init__(self, function: Function | None) -> None:
         self.function = function
@@ -32,19 +32,19 @@ class Declaration:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Names of the arguments, ``self`` left out."""
+        """Names of the arguments, without ``self``."""
         if self.function is None:
             return ()
         return tuple(name for name in inspect.signature(self.function).parameters if name != "self")
 
     @property
     def help(self) -> str:
-        """The first line of the docstring, its full stop left out."""
+        """The first line of the docstring, without its full stop."""
         text = inspect.getdoc(self.function) if self.function is not None else None
         return (text or "").partition("\n")[0].removesuffix(".")
 
     def value(self, study: Any, get: Callable[[str], Any]) -> Any:
-        """The function's result; its arguments are found by name."""
+        """The function's result; the arguments are looked up by name."""
         assert self.function is not None
         given = {name: get(name) for name in self.needs}
         if "self" in inspect.signature(self.function).parameters:
@@ -53,7 +53,7 @@ class Declaration:
 
 
 class PartDeclaration(Declaration):
-    """An intermediate result: computed once for all that need it, and not stored."""
+    """An intermediate result: computed once for everything that needs it, and not stored."""
 
 
 def part(function: Function) -> Any:
@@ -92,7 +92,7 @@ class Dim(Declaration):
         self.labels, self.unit, self.meaning = labels, unit, meaning
 
     def variable(self, study: Any, get: Callable[[str], Any]) -> tuple[Any, ...]:
-        """Name, labels and attributes, as a dataset takes them."""
+        """Name, labels and attributes of the dimension, for a dataset."""
         labels = self.labels if self.function is None else self.value(study, get)
         meaning = self.meaning or self.help
         about = {"units": self.unit} if self.unit else {}
@@ -101,7 +101,7 @@ class Dim(Declaration):
 
 
 def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
-    """Declare a dimension by its labels, or as a decorator of a function that gives them.
+    """Declare a dimension by its labels, or as a decorator of a function that returns them.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
 
 
 class ArrayDeclaration(Declaration):
-    """Arrays that are stored, over declared dimensions; several where ``units`` names them."""
+    """Arrays that are stored, over declared dimensions; several arrays if ``units`` names them."""
 
     def __init__(
         self,
@@ -156,13 +156,13 @@ class ArrayDeclaration(Declaration):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the arrays that it gives."""
+        """Names of its arrays."""
         return (self.name,) if isinstance(self.units, str) else tuple(self.units)
 
     def variables(
         self, study: Any, get: Callable[[str], Any], sizes: Mapping[str, Sequence[Any]]
     ) -> dict[str, tuple[Any, ...]]:
-        """Variables of a dataset by name; none where the function gives None."""
+        """Dataset variables by name; empty if the function returns None."""
         value = self.value(study, get)
         if value is None:
             return {}
@@ -198,7 +198,7 @@ class ArrayDeclaration(Declaration):
         return dims, values, about | self.extra
 
 
-Dims = Any  # a dimension, declared before or by name, or a tuple of them
+Dims = Any  # a dimension, as an object or by its name, or a tuple of them
 
 
 def array(
@@ -215,17 +215,17 @@ def array(
     Parameters
     ----------
     dims
-        A dimension, declared before or by name, or a tuple of them.
+        A dimension declared before, or its name, or a tuple of these.
     unit, meaning
-        Stored as ``units`` and ``long_name``. The meaning is the docstring where none is given.
+        Stored as ``units`` and ``long_name``. The default meaning is the docstring.
     value
-        The function that gives it; without one this is a decorator. It returns anything of the
-        shape of the dimensions, or a mapping from the labels of the first one; None where this
-        Study has no such array.
+        The function; if it is left out, this is a decorator. It returns anything of the shape of
+        the dimensions, or a mapping from the labels of the first one; None if this Study has no
+        such array.
     coordinate
-        It stands beside the labels of its dimension.
+        Whether the array is stored as a coordinate beside the labels of its dimension.
     attributes
-        Stored as they are.
+        Stored as attributes of the array.
 
     Examples
     --------
@@ -255,10 +255,10 @@ def array(
 
 
 def arrays(dims: Dims = (), value: Function | None = None, /, **units: Any) -> Any:
-    """Declare several arrays over the same dimensions; their function returns them by name.
+    """Declare several arrays over the same dimensions; the function returns them by name.
 
-    ``arrays((loop, drive), lambda found: found, crossover=("Hz", "crossover"), phase="deg")``: each
-    array with its unit, or with unit and meaning. Without a function this is a decorator.
+    ``arrays((loop, drive), lambda found: found, crossover=("Hz", "crossover"), phase="deg")`` gives
+    each array its unit, or its unit and meaning. Without a function this is a decorator.
 
     Examples
     --------
@@ -289,13 +289,13 @@ def _unit_and_meaning(about: str | tuple[str, str]) -> tuple[str, str]:
 
 
 class VariablesDeclaration(Declaration):
-    """Arrays whose names and dimensions the function gives."""
+    """Arrays whose names and dimensions are chosen by the function."""
 
 
 def variables(function: Function) -> Any:
-    """Declare stored arrays of the function's own names and dimensions, as those of a proof.
+    """Declare stored arrays whose names and dimensions the function chooses, as those of a proof.
 
-    The function returns variables of a dataset by name: dims, values and attributes.
+    The function returns dataset variables by name: dimensions, values and attributes.
 
     Examples
     --------
@@ -318,9 +318,9 @@ def variables(function: Function) -> Any:
 
 
 class System(Declaration):
-    """python-control systems that are stored, one or one for each label of a dimension.
+    """Stored python-control systems: one, or one for each label of a dimension.
 
-    Called with a Study and its dataset it gives them back.
+    Called with a Study and its dataset, it returns them.
     """
 
     def __init__(self, function: Function, over: Any, called: str) -> None:
@@ -332,13 +332,13 @@ class System(Declaration):
         return self._over.name if isinstance(self._over, Declaration) else self._over
 
     def prefix(self, label: Any) -> str:
-        """Prefix of the names of one system's arrays."""
+        """First part of the names of one system's arrays."""
         if self.over is None:
             return self.called or self.name
         return (self.called or f"{self.name}_{{}}").format(identifier(label))
 
     def variables(self, value: Any, labels: Sequence[Any]) -> dict[str, Any]:
-        """Variables of a dataset for the systems that the function gave."""
+        """Dataset variables for the systems that the function returned."""
         if value is None:
             return {}
         if self.over is None:
@@ -352,7 +352,7 @@ class System(Declaration):
         }
 
     def restored(self, data: Dataset) -> Any:
-        """The system, or the systems by label; those that are not stored are left out."""
+        """The system, or the systems by label; systems that are not stored are left out."""
         if self.over is None:
             return restored(data, self.prefix(None)) if f"{self.prefix(None)}_A" in data else None
         return {
@@ -366,10 +366,10 @@ class System(Declaration):
 
 
 def system(over: Any = None, called: str = "") -> Any:
-    """Declare a system (or one for each label of the dimension ``over``) that is stored.
+    """Declare a stored system (or one for each label of the dimension ``over``).
 
-    ``study.name(dataset)`` gives it back: a StateSpace, or a mapping from labels. ``called`` is
-    how its arrays begin, with ``{}`` for the label.
+    ``study.name(dataset)`` returns it: a StateSpace, or a mapping from labels. ``called`` is the
+    first part of its arrays' names, with ``{}`` for the label.
 
     Examples
     --------
@@ -395,6 +395,6 @@ def system(over: Any = None, called: str = "") -> Any:
 
 
 def identifier(label: Any) -> str:
-    """A label as it stands in names of arrays and metrics: lower case, words joined by ``_``."""
+    """A label as used in names of arrays and metrics: lower case, words joined by ``_``."""
     text = str(label).lower()
     return "_".join("".join(one if one.isalnum() else " " for one in text).split())

@@ -1,8 +1,8 @@
-"""Numbers of random experiments, which differ from one draw to the next.
+"""Statistics of random experiments, whose numbers differ from one draw to the next.
 
-An experiment is repeated with seeds that are independent of each other, and each of its numbers is
-a distribution over the dimension ``draw``. One draw proves nothing: a claim is made where it holds
-in nearly all draws, each compared with itself (the same noise, the same defect).
+An experiment is repeated with independent seeds, so that each of its numbers has a distribution
+over the dimension ``draw``. One draw proves nothing. A claim is made only if it holds in nearly all
+draws; methods are compared within each draw, with the same noise and the same defect.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from workbench.errors import InputError
 from workbench.heavy_types import DataArray
 
 DRAW = "draw"
-"""The dimension of repeated experiments."""
+"""Name of the dimension of repeated experiments."""
 CENTRAL = 0.9
-"""Share of the draws that lie within the interval of a number."""
+"""Share of the draws that lie within the interval that is reported."""
 SURE = 0.95
-"""Least share of the draws in which a claim holds that is made; above one minus it, and below it,
-the claim is undecided."""
+"""A claim "holds" if it is true in at least this share of the draws, and "fails" if it is true in
+at most one minus this share. Between the two it is undecided.
+"""
 LEAST_COVERAGE_P = 1e-3
-"""Significance of the test whether intervals cover as often as they promise."""
+"""Significance level of the test whether intervals cover as often as they promise."""
 SUMMARY = ("mean", "low", "high")
-"""What is told of a number over its draws: its mean, and the ends of its interval."""
+"""What is reported of a number over its draws: its mean, and the ends of its interval."""
 
 
 def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64]:
@@ -45,16 +46,16 @@ def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64
 def over_draws(values: DataArray, *also: str) -> DataArray:
     """Mean and interval of a number over its draws, along the dimension ``summary``.
 
-    Draws without a value, NaN, do not count; where none has one the summary is NaN.
+    Draws without a value (NaN) do not count; if no draw has a value, the summary is NaN.
 
     Parameters
     ----------
     values
         An array with the dimension ``draw``.
     also
-        Other dimensions whose entries are draws too, such as ``drive``.
+        Other dimensions that count as draws too, such as ``drive``.
 
-    Raises InputError where there is no dimension ``draw``.
+    Raises InputError if there is no dimension ``draw``.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
         raise InputError(f"array over {values.dims} has no dimension {missing[0]!r}")
     dims, tail = [DRAW, *also], (1.0 - CENTRAL) / 2
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of what has no value in any draw
+        warnings.simplefilter("ignore", RuntimeWarning)  # of entries without a value in any draw
         ends = values.astype(float).quantile([tail, 1.0 - tail], dims).rename(quantile="summary")
         mean = values.mean(dims)
     every = [mean.expand_dims("summary"), ends.drop_vars("summary")]
@@ -95,7 +96,9 @@ def with_interval(summary: DataArray, form: str = "{:.3g}") -> str:
 
 
 def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
-    """Share of the experiments (draws, drives, ...) in which a claim holds, over dims ``kept``.
+    """Share of the experiments (draws, drives, ...) in which a claim holds.
+
+    The dimensions ``kept`` stay.
 
     Examples
     --------
@@ -109,10 +112,10 @@ def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
 
 
 def claim_of(share: float) -> str:
-    """What may be claimed of something that holds in a share of the draws.
+    """The verdict on a claim that holds in this share of the draws.
 
-    "holds" in `SURE` of them or more, "fails" in 1 - `SURE` or less, "undecided" between.
-    Raises InputError for a share outside 0 to 1.
+    "holds" for a share of at least `SURE`, "fails" for one of at most 1 - `SURE`, "undecided"
+    between. Raises InputError for a share outside 0 to 1.
 
     Examples
     --------
@@ -128,17 +131,17 @@ def claim_of(share: float) -> str:
 
 
 def coverage_p(covered: DataArray, promised: float) -> DataArray:
-    """Probability that intervals which keep their promise cover no more of the draws than these.
+    """Probability that intervals with the promised coverage cover no more draws than observed.
 
-    A binomial test over the dimension ``draw``: below `LEAST_COVERAGE_P` the intervals are too
-    narrow.
+    This is a binomial test over the dimension ``draw``: a result below `LEAST_COVERAGE_P` means
+    that the intervals are too narrow.
 
     Parameters
     ----------
     covered
-        Whether an interval holds the truth, by draw; the draws must be independent.
+        For each draw, whether the interval contains the truth; the draws must be independent.
     promised
-        Probability with which it should.
+        Probability of coverage that the intervals promise.
 
     Examples
     --------

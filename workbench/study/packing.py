@@ -1,7 +1,7 @@
-"""Datasets of one kind by label, as a few variables of one dataset: entries after each other.
+"""Datasets of one kind packed into a few variables of one dataset, entries one after another.
 
-A hundred answers of eight arrays each would be eight hundred variables, which take a file longer to
-open than to read.
+A hundred answers of eight arrays each would be eight hundred variables, and opening the file would
+take longer than reading it.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 
 ABSENT = -1
-"""Number of entries of a variable that a label's dataset does not have."""
+"""Marks a variable that the dataset of a label does not have, in place of its number of entries."""
 
 
 def packed_datasets(name: str, datasets: Mapping[str, Dataset]) -> dict[str, Any]:
-    """Variables of a dataset that hold datasets by label, all of whose names begin with ``name``.
+    """Variables that hold one dataset for each label; all their names begin with ``name``.
 
     Raises
     ------
     InputError
-        Variables of one name have different dimensions.
+        Variables of the same name have different dimensions.
     """
     kinds = dict.fromkeys(str(one) for data in datasets.values() for one in data.variables)
     found: dict[str, Any] = {f"{name}_label": (f"{name}_label", list(datasets), {})}
@@ -51,12 +51,12 @@ def packed_datasets(name: str, datasets: Mapping[str, Dataset]) -> dict[str, Any
 
 
 def unpacked_datasets(name: str, data: Dataset) -> dict[str, Dataset]:
-    """The datasets by label that `packed_datasets` made; none where there is nothing of this name.
+    """The datasets by label that `packed_datasets` packed; empty if there are none under this name.
 
     Raises
     ------
     InputError
-        The sizes do not fit the entries.
+        The sizes do not agree with the number of entries.
     """
     import xarray as xr
 

@@ -1,4 +1,4 @@
-"""A Study: arrays, metrics and figures computed without a choice of method."""
+"""A Study: arrays, metrics and figures that are computed, with no choice of method."""
 
 from __future__ import annotations
 
@@ -29,17 +29,19 @@ from workbench.study.views import Drawn, Metric, Table, stem
 
 Kind = TypeVar("Kind", bound=Declaration)
 STORED = Dim | ArrayDeclaration | System | VariablesDeclaration | AnswersDeclaration
-"""Declarations of what a dataset holds."""
+"""Kinds of declarations that are stored in a dataset."""
 STORED_ANSWERS = "for the stored answers"
-"""What a check of the arrays that are made of them quantifies over."""
+"""Quantifier of the check of arrays that are made from stored answers."""
 
 
 class Study(Task):
-    """Arrays, metrics and figures computed without a choice of method; its answer is a dataset.
+    """Arrays, metrics and figures that are computed, with no choice of method.
 
-    Subclasses are frozen dataclasses of what they depend on. They declare dimensions, arrays,
+    The answer is a dataset.
+
+    Subclasses are frozen dataclasses of the data they depend on. They declare dimensions, arrays,
     checks, metrics, tables and figures (see `workbench.study`), or define the methods of the same
-    names below; a method may be defined and the rest declared.
+    names below; both ways can be mixed.
 
     Examples
     --------
@@ -61,10 +63,10 @@ class Study(Task):
     """
 
     accuracies: ClassVar[AccuracyRange] = ANY_ACCURACY_ALIKE
-    """The tolerances that make a difference to `compute`; it hears of no others."""
+    """The tolerances that make a difference to `compute`; it receives no others."""
 
     def __init_subclass__(cls, **rest: Any) -> None:
-        """Refuse a declaration that hides what a study itself has by this name."""
+        """Refuse a declaration whose name is taken by an attribute of Study."""
         super().__init_subclass__(**rest)
         for name, one in vars(cls).items():
             if isinstance(one, Declaration) and hasattr(Study, name):
@@ -74,13 +76,13 @@ class Study(Task):
                 )
 
     def compute(self, context: Context) -> Dataset:
-        """The arrays, each declaration computed after what it needs.
+        """The arrays, each computed after the declarations that it needs.
 
         Raises
         ------
         InputError
-            A declaration needs a name that is not declared, or itself by way of others; an array
-            that does not fit its dimensions.
+            A declaration needs a name that is not declared, or needs itself through others; or an
+            array does not fit its dimensions.
         """
         return _Computation(self, context).dataset()
 
@@ -89,21 +91,25 @@ class Study(Task):
         declared = [one for check in self._declared(Checked) for one in check.checks(self, get)]
         restored = self._restored(answer)
         made = self._made_of(restored, get) if restored else []
-        return declared + made + _each(restored, lambda one, found: one.checks(found, tolerance))
+        return (
+            declared
+            + made
+            + _answer_checks(restored, lambda one, found: one.checks(found, tolerance))
+        )
 
     def second_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return _each(self._restored(answer), lambda one, found: one.second_opinion(found))
+        return _answer_checks(self._restored(answer), lambda one, found: one.second_opinion(found))
 
     def deep_opinion(self, answer: Dataset) -> Sequence[Check]:
-        return _each(self._restored(answer), lambda one, found: one.deep_opinion(found))
+        return _answer_checks(self._restored(answer), lambda one, found: one.deep_opinion(found))
 
     def _restored(self, answer: Dataset) -> dict[str, Restored]:
-        """The declared answers of functions with their checkers, restored from what is stored."""
+        """The declared answers of functions, with their checkers, restored from stored arrays."""
         stored, parts = self._getter(answer), {}
         declared = {one.name: one for one in self._declared(PartDeclaration)}
 
         def get(name: str) -> Any:
-            """A stored value, or a part computed from stored values."""
+            """A stored value, or an intermediate result computed from stored values."""
             if name not in declared:
                 return stored(name)
             if name not in parts:
@@ -116,7 +122,7 @@ class Study(Task):
         }
 
     def _made_of(self, restored: dict[str, Restored], stored: Callable[[str], Any]) -> list[Check]:
-        """Whether arrays that need answers of functions and dimensions alone are made of these."""
+        """Check that arrays made of answers and dimensions alone agree when made again."""
         answers = {
             name: {label: one for label, (_, one) in every.items()}
             for name, every in restored.items()
@@ -159,7 +165,8 @@ class Study(Task):
         return {name: figure for draw in drawings for name, figure in draw().items()}
 
     def drawings(self, answer: Dataset) -> dict[str, Callable[[], Mapping[str, Figure]]]:
-        if type(self).figures is not Study.figures:  # defined, not declared
+        # a method defined in the class, not a declaration
+        if type(self).figures is not Study.figures:
             return super().drawings(answer)
         return self._drawings(answer)
 
@@ -182,11 +189,11 @@ class Study(Task):
         return self.accuracies.served(tolerance)
 
     def _declared(self, kind: type[Kind]) -> Iterator[Kind]:
-        """The declarations of a kind, those of base classes first, in order."""
+        """The declarations of a kind in their order; those of base classes come first."""
         return (one for one in declarations(type(self)).values() if isinstance(one, kind))
 
     def _getter(self, answer: Dataset) -> Callable[[str], Any]:
-        """Function that gives checks, metrics, tables and figures stored values by name."""
+        """Function that looks up stored values by name, for checks, metrics, tables and figures."""
         answer = in_doubles(answer)
         systems = {one.name: one for one in self._declared(System)}
         optional = {name for one in self._declared(ArrayDeclaration) for name in one.names}
@@ -208,16 +215,18 @@ class Study(Task):
         return get
 
 
-def _each(restored: dict[str, Restored], checks: Callable[[Checker, Any], Any]) -> list[Check]:
-    """Checks of the answers of all declarations."""
+def _answer_checks(
+    restored: dict[str, Restored], checks: Callable[[Checker, Any], Any]
+) -> list[Check]:
+    """Checks of the answers of all answer declarations."""
     every = (checks_of(name, found, checks) for name, found in restored.items())
     return [check for some in every for check in some]
 
 
 def in_doubles(answer: Dataset) -> Dataset:
-    """A dataset whose arrays of single precision, which save space, are widened.
+    """A dataset whose single-precision arrays are converted to double precision.
 
-    Sums and moduli of single numbers differ between processors by more than stored metrics may.
+    In single precision, sums and moduli would differ between processors by more than metrics may.
     """
     narrow = {
         name: array.astype(np.result_type(array.dtype, float))
@@ -228,7 +237,7 @@ def in_doubles(answer: Dataset) -> Dataset:
 
 
 def declarations(cls: type) -> dict[str, Declaration]:
-    """The declarations of a class and its bases by name."""
+    """The declarations of a class and of its bases, by name."""
     return {
         name: one
         for base in reversed(cls.__mro__)
@@ -263,7 +272,7 @@ class _Computation:
         return xr.Dataset(self.variables, self.coordinates)
 
     def get(self, name: str) -> Any:
-        """A declared thing by name: made now where it is not yet."""
+        """A declared thing by name; computed now if it has not been yet."""
         if name not in self.values:
             one = self.declared.get(name) or self.home.get(name)
             if one is None:

@@ -1,4 +1,4 @@
-"""Metrics, tables and plain figures of a Study, declared over its stored arrays."""
+"""Metrics, tables and figures of a Study, declared over its stored arrays."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ class Metric(Declaration):
 
 
 def _named(label: Any) -> str:
-    """A label as it stands in the name of a metric."""
+    """A label as used in the name of a metric."""
     text = str(label)
     return text if text.isidentifier() or text.isalnum() else identifier(text)
 
 
 def metric(template: Function | str = "", value: Function | None = None) -> Any:
-    """Declare a metric: a function of stored arrays that gives a number.
+    """Declare a metric: a function of stored arrays that returns a number.
 
-    An array gives one metric for each label; they are named by a template, as in
-    ``metric("error_{quantity}", lambda error: abs(error).max("drive"))``. A mapping is taken by its
-    names; None is left out. Without a function this is a decorator.
+    An array gives one metric for each label, named by a template, as in
+    ``metric("error_{quantity}", lambda error: abs(error).max("drive"))``. A mapping gives one
+    metric for each of its names; None gives no metric. Without a function this is a decorator.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Table(Declaration):
 def table(function: Function | None = None, *, rows: Any = None, **columns: Any) -> Any:
     """Declare a table: a function that returns heads and rows, or a column for each array.
 
-    A function may also return a text, or a mapping from names of tables; None is no table.
+    A function may also return a text, or a mapping from names to tables; None gives no table.
 
     ``table(rows="drive", gain="{:.0f}", error="{:+.2%}")`` has a row for each drive and a column
     for each array over drives; a second dimension makes a column for each of its labels.
@@ -136,7 +136,7 @@ def table(function: Function | None = None, *, rows: Any = None, **columns: Any)
 
 
 class _Columns(Table):
-    """A table of one column for each array."""
+    """A table with one column for each array."""
 
     def __init__(self, function: Function, rows: Any, columns: tuple[str, ...]) -> None:
         super().__init__(function)
@@ -168,8 +168,8 @@ class Drawn(Declaration):
 def figure(function: Function) -> Any:
     """Declare a figure: a function of stored arrays that returns it (see `workbench.figures`).
 
-    It may also return a mapping from names of figures; None is no figure. A name such as
-    ``figure-8-7`` puts the number into the figure's caption.
+    It may also return a mapping from names to figures; None gives no figure. The number in a name
+    such as ``figure-8-7`` is put into the figure's caption.
 
     Examples
     --------
@@ -207,16 +207,17 @@ def lines(
     limit: float | None = None,
     title: str = "",
 ) -> Any:
-    """Declare a plain figure: an array over a dimension, a line for each label of another.
+    """Declare a line plot: an array over one dimension, with a line for each label of another.
 
     Parameters
     ----------
     name, x, each
-        The array, and the dimensions along the axis and across the lines.
+        The array, the dimension of the horizontal axis, and the dimension with one line for each
+        label.
     log
         Which axes are logarithmic: "x", "y", "xy" or "".
     limit
-        A level drawn across.
+        A level that is drawn as a horizontal line.
 
     Examples
     --------
@@ -265,5 +266,5 @@ class _Lines(Drawn):
 
 
 def stem(name: str) -> str:
-    """The name of a table or figure as a file has it."""
+    """The name of a table or figure as used in file names."""
     return name.strip("_").replace("_", "-")

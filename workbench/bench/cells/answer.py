@@ -1,4 +1,4 @@
-"""Answer one cell: by its method, under its limits, timed, certified, stored."""
+"""Answer one cell by its method: with limits, timed, certified and stored."""
 
 from __future__ import annotations
 
@@ -25,17 +25,20 @@ from workbench.solution import Solution, ask, judge
 from workbench.solvers import Options, Outcome
 
 WARM_UP = 10.0
-"""A method's first call in a process may import: it may take so much longer than its limit, and is
-made a second time where it is faster [s]."""
+"""Extra time [s] that a method's first call in a process gets for imports. A first call that takes
+less than this, or compiles, is repeated, and only the second call is timed.
+"""
 CHECK_LIMIT = 600.0
-"""What a check may take where there is a time limit [s]; it is not the method's time."""
+"""Longest time [s] of the check of an answer, if there is a time limit; it does not count as the
+method's time.
+"""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell as a worker gets it.
+    """A cell, as it is sent to a worker.
 
-    ``given`` are the parameters of its problem as the user gave them; ``light``: it leaves no
+    ``given`` are the parameters of its problem, as the user gave them; ``light``: it leaves no
     folder; ``verbose``: solvers print into its log.
     """
 
@@ -52,12 +55,12 @@ class Cell:
 
 
 def answer(cell: Cell, place: Site) -> Record:
-    """Answer a cell and certify the answer; its results folder is left unless it is light.
+    """Answer a cell and certify the answer; unless the cell is light, its results folder stays.
 
     Raises
     ------
     WorkbenchError
-        The problem cannot be loaded. What the method does wrong is in the record.
+        The problem cannot be loaded. A failure of the method is part of the record instead.
     """
     place.enter()
     started, clock = now(), time.perf_counter()
@@ -85,9 +88,9 @@ _warm: set[tuple[type, str]] = set()
 
 
 def _timed(task: Program, method: str, options: Options) -> Said:
-    """What a method says.
+    """A method's answer, timed.
 
-    Its first call in a process is not counted where it may have spent its time on imports.
+    Its first call in a process does not count if imports may have taken most of its time.
     """
     pair, limit = (type(task), method), options.time_limit
     if pair not in _warm:
@@ -101,7 +104,7 @@ def _timed(task: Program, method: str, options: Options) -> Said:
 
 @dataclass(frozen=True)
 class Said:
-    """What a method said, CPU time and time of compiling [s], and the peak of memory [byte]."""
+    """A method's solution, CPU time and compilation time [s], and peak memory [byte]."""
 
     solution: Solution
     context: Context
@@ -111,7 +114,7 @@ class Said:
 
 
 def _once(task: Program, method: str, options: Options, longer: float = 0.0) -> Said:
-    """What a method says in one call, which may take so much longer than its time limit [s]."""
+    """A method's answer in one call, which may exceed its time limit by ``longer`` [s]."""
     context, limit = Context(options), options.time_limit
     forget_peak_memory()
     reason = "" if limit is None else f"killed at its time limit of {limit:.4g} s"
@@ -132,16 +135,16 @@ WARM = (
     *(__name__, "workbench.bench.netcdf", "workbench.bench.crate"),
     *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),
 )
-"""What a worker imports before its first cell."""
+"""Modules that a worker imports before its first cell."""
 
 
 def cell_workers(count: int, memory_limit: int | None, threads: int) -> Workers:
-    """A pool of processes that are warm for cells."""
+    """A pool of processes that have imported everything cells need."""
     return Workers(count, threads=threads, memory_limit=memory_limit, preload=WARM)
 
 
 _apart = threading.local()
-"""The child process of each thread that answers cells for somebody else's executor."""
+"""For each thread: the child process that answers cells for another executor."""
 
 
 def answer_apart(cell: Cell, place: Site, memory_limit: int | None, threads: int) -> Record:
@@ -155,7 +158,7 @@ def answer_apart(cell: Cell, place: Site, memory_limit: int | None, threads: int
 
 
 def store_lost(cell: Cell, record: Record, place: Site) -> None:
-    """Leave a results folder for a cell whose worker came to no end."""
+    """Write a results folder for a cell whose worker died or was killed."""
     question = cell.question
     solution = Solution(None, Outcome(record.outcome), record.message, None)
     about = {"started": now(), "seconds": {"total": 0.0}, "code": cell.code, CELL: record.to_json()}

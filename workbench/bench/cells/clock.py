@@ -1,4 +1,4 @@
-"""The clock of a cell: it kills at the limit, and stands still while functions are compiled."""
+"""The clock of a cell: it kills at the time limit, and stands still during compilation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workbench.executor.worker import alarm
 
 
 class Clock:
-    """How long a cell has left, why it is killed then, and what was spent on compiling [s]."""
+    """Time left for a cell, the reason given if it is killed, and the compilation time [s]."""
 
     def __init__(self, limit: float | None, reason: str) -> None:
         self.compiling = 0.0
@@ -20,7 +20,7 @@ class Clock:
         alarm(limit, reason)
 
     def stop(self) -> None:
-        """A function is being compiled; it may need others for that."""
+        """Note that a compilation begins; compilations may be nested."""
         self._depth += 1
         if self._depth == 1:
             if self._left is not None:
@@ -29,7 +29,7 @@ class Clock:
             alarm(None)
 
     def go_on(self) -> None:
-        """It is compiled."""
+        """Note that a compilation has ended."""
         self._depth -= 1
         if self._depth == 0:
             now = time.monotonic()
@@ -40,9 +40,9 @@ class Clock:
 
 @contextmanager
 def running(limit: float | None, reason: str) -> Iterator[Clock]:
-    """Have this process killed after so many seconds inside, those of compiling not counted.
+    """Inside, kill this process after so many seconds, not counting those of compilation.
 
-    Whoever waits for it is told the reason.
+    The caller that waits for the process is told the reason.
     """
     from numba.core import event
 

@@ -25,7 +25,7 @@ def this_machine() -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """The processor's name as the system knows it."""
+    """The processor's name, from the operating system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -35,16 +35,17 @@ def _processor() -> str:
 
 
 def forget_peak_memory() -> None:
-    """Have the peak of this process's memory counted from now on, where the system can do that."""
+    """Restart the count of this process's peak memory, if the system supports that."""
     if sys.platform == "linux":
         try:
             Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-        except OSError:  # a container may forbid it; then the peak is that of the whole process
+        # a container may forbid it; then the peak is that of the process's whole life
+        except OSError:
             return
 
 
 def peak_memory() -> float:
-    """The largest resident memory of this process since then [byte]."""
+    """The largest resident memory of this process since the restart [byte]."""
     if sys.platform == "linux":
         for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
             if line.startswith("VmHWM:"):

@@ -1,4 +1,4 @@
-"""What a comparison asks: its cells, their questions, and the code that will answer them."""
+"""The plan of a comparison: its cells, their questions, and the code that answers them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from workbench.study import Study
 
 @dataclass(frozen=True)
 class Planned:
-    """A method of a problem: why it cannot take it, whether it claims the best answer, its code.
+    """A method of a problem: why it is unfit, whether it claims the optimum, its code.
 
-    ``tolerances`` are those that the certificate judges by, by level; of two levels with the same
-    one the cell is the same.
+    ``tolerances`` are those of the certificate, by accuracy level; two levels with the same
+    tolerance share one cell.
     """
 
     unfit: str
@@ -36,10 +36,10 @@ class Planned:
 
 @dataclass(frozen=True)
 class Plan:
-    """A problem of a comparison as a worker has loaded it.
+    """A problem of a comparison, as a worker has loaded it.
 
-    ``question`` is its own, without a method; None where the problem could not be loaded, which
-    ``failure`` tells, or is a study, which has no methods.
+    ``question`` is the problem's question without a method. It is None if the problem could not be
+    loaded (``failure`` says why), or is a study, which has no methods.
     """
 
     problem: str
@@ -52,12 +52,12 @@ class Plan:
 
 
 _loaded: dict[tuple[str, str], Bound] = {}
-"""Problems that this worker has loaded, with their needs: the latest `MOST_LOADED` of them."""
+"""Problems that this worker has loaded, with their needs; the latest `MOST_LOADED` are kept."""
 MOST_LOADED = 32
 
 
 def loaded(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool = False) -> Bound:
-    """A problem with its needs, kept for the next cell; ``stored``: no need may be run for it."""
+    """A problem with its needs, kept for the next cell; ``stored``: its needs may not be run."""
     key = (name, canonical(parameters))
     if key not in _loaded:
         while len(_loaded) >= MOST_LOADED:
@@ -70,7 +70,7 @@ def loaded(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool 
 def plan(
     name: str, parameters: Mapping[str, Any], seed: int, place: Site, stored: bool = False
 ) -> Plan:
-    """The plan of a problem, loaded anew; whatever goes wrong is in it."""
+    """The plan of a problem, loaded anew; any error is recorded in the plan."""
     place.enter()
     _loaded.pop((name, canonical(parameters)), None)
     kind = registry().find(name).hint("return")

@@ -1,4 +1,4 @@
-"""How a cell ended: what the table of a comparison has of it."""
+"""The record of how a cell ended, for the table of a comparison."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from workbench.solution import Solution
 from workbench.solvers import Outcome
 
 CELL = "cell"
-"""The part of run.json that only cells have."""
+"""Name of the part of run.json that only cells have."""
 
 
 @dataclass(frozen=True)
 class Record:
     """How a cell ended.
 
-    ``objective`` is that of a valid answer, to be minimised; ``scale`` what differences of it are
-    relative to, ``rounding`` what rounding may change of it; ``gap`` its certified relative
-    distance from the best (`certified_gap`). Wall times of statement, solve and check, CPU time of
-    the first two [s]; the largest resident memory of the process meanwhile [byte]. NaN stands for
-    what there is not.
+    ``objective`` is that of a valid answer, to be minimised; ``scale`` makes differences of it
+    relative; ``rounding`` is the difference that rounding can cause; ``gap`` is the certified
+    relative distance from the optimum (`certified_gap`). Wall times of statement, solve and check,
+    and CPU time of the first two [s]; largest resident memory of the process during them [byte].
+    NaN stands for a missing number.
     """
 
     outcome: str
@@ -45,7 +45,7 @@ class Record:
 
     @classmethod
     def of(cls, task: Program, solution: Solution, cpu: float, memory: float) -> Record:
-        """The record of a judged answer."""
+        """The record of an answer that has been checked."""
         certificate = solution.certificate
         own = certificate is not None and solution.proof is None
         objective, scale, rounding = math.nan, math.nan, math.nan
@@ -76,9 +76,9 @@ class Record:
 
     @classmethod
     def lost(cls, error: BaseException) -> Record:
-        """The record of a cell whose worker, or whose task, did not come to an end.
+        """The record of a cell whose worker or task did not finish.
 
-        Its outcome stands as its claim too, as in the folder that `store_lost` leaves.
+        The outcome is entered as the claim too, as in the folder that `store_lost` writes.
         """
         if isinstance(error, TimeLimitError):
             return cls(Outcome.TIME_LIMIT, Outcome.TIME_LIMIT, str(error))
@@ -91,14 +91,19 @@ class Record:
     @classmethod
     def stored(cls, run: Run) -> Record:
         """The record in a cell's results folder."""
-        return cls.from_json({**run.info.get(CELL, {}), **_said(run.info)}, str(run.path))
+        return cls.from_json(
+            {**run.info.get(CELL, {}), **_outcome_and_claim(run.info)}, str(run.path)
+        )
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
     @classmethod
     def from_json(cls, stored: Mapping[str, Any], place: str) -> Record:
-        """A record read back; numbers may be the names of those that JSON has not."""
+        """A record read back from JSON.
+
+        Numbers that JSON lacks, such as NaN, are stored by name.
+        """
         try:
             values: dict[str, Any] = {
                 one.name: float(stored[one.name]) if one.type == "float" else stored[one.name]
@@ -110,17 +115,17 @@ class Record:
 
 
 def certified_gap(certificate: Certificate | None) -> float:
-    """The relative gap of a valid answer; NaN without one. Of another answer it says nothing."""
+    """The relative gap of a valid answer; NaN without one, and for any other answer."""
     if certificate is None or certificate.gap is None or not certificate.valid:
         return math.nan
     return certificate.gap.value
 
 
-def _said(info: Mapping[str, Any]) -> dict[str, Any]:
+def _outcome_and_claim(info: Mapping[str, Any]) -> dict[str, Any]:
     return {name: info[name] for name in ("outcome", "claim")}
 
 
 def _reason(solution: Solution) -> str:
-    """The checks that fail, and what the method said."""
+    """The checks that fail, and the method's message."""
     failed = () if solution.certificate is None else solution.certificate.failures
     return "; ".join(filter(None, [*failed, solution.message]))

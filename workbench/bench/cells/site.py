@@ -1,4 +1,4 @@
-"""Where a worker finds what its caller finds, and whether it has the same code."""
+"""The caller's folders, solvers and code, which its workers must share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from workbench.errors import ClusterError
 
 @dataclass(frozen=True)
 class Site:
-    """Problem folders, results and solvers."""
+    """Problem folders, results folder and solvers."""
 
     folders: tuple[Path, ...]
     results: Path
@@ -34,7 +34,7 @@ class Site:
         return cls(tuple(registry().roots), results_root().absolute(), used_solvers())
 
     def enter(self) -> None:
-        """Find the same things in this process."""
+        """Make this process use the same folders and solvers."""
         if self in _entered:
             return
         _entered[:] = [self]
@@ -46,14 +46,16 @@ class Site:
 
 
 _entered: list[Site] = []
-"""The place that this process is at: looking through the problem folders takes milliseconds."""
+"""The site that this process uses now; remembered, since scanning the problem folders takes
+milliseconds.
+"""
 
 
 @dataclass(frozen=True)
 class SameCode:
-    """A caller's site, versions and sources, which a worker elsewhere must have too.
+    """A caller's site, versions and sources; a worker elsewhere must have the same ones.
 
-    ``path`` are the folders in which the caller finds modules.
+    ``path`` lists the folders from which the caller imports modules.
     """
 
     site: Site
@@ -68,7 +70,7 @@ class SameCode:
         return cls(site, tuple(environment().items()), _sources(site.folders), path)
 
     def __call__(self) -> None:
-        """Enter the site; `ClusterError` says what is missing or differs."""
+        """Enter the site; `ClusterError` says what is missing or different."""
         for folder in (*self.site.folders, self.site.results):
             if not folder.is_dir():
                 raise ClusterError(

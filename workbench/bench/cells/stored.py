@@ -1,4 +1,4 @@
-"""Cells that were answered before: in results folders, or as light records."""
+"""Cells that were answered before, in results folders or as light records."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from workbench.bench.store import CELLS, Store
 from workbench.errors import ResultError
 
 LIGHT = "light.sqlite"
-"""File of the light records, in the folder of the cells."""
+"""Name of the file with the light records, in the folder of the cells."""
 
 
 def in_folder(store: Store, cell: Cell) -> Record | None:
-    """The record in the results folder of a cell, an answer or a failure, if it may be reused.
+    """The record in a cell's results folder, be it an answer or a failure, if it may be reused.
 
     Raises
     ------
     ResultError
-        The folder holds another cell: their keys collide.
+        The folder holds another cell, whose key is the same.
     """
     question = cell.question
     for place in store.places(question.problem, question.key):
@@ -37,14 +37,14 @@ def in_folder(store: Store, cell: Cell) -> Record | None:
 
 
 class Journal(AbstractContextManager["Journal"]):
-    """Light records of cells below a results root, one row each; written when a cell ends."""
+    """Light records of cells below a results root, one row for each; written when a cell ends."""
 
     def __init__(self, root: Path) -> None:
         self.file = root / CELLS / LIGHT
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             self._rows = sqlite3.connect(self.file, timeout=60.0, isolation_level=None)
-            # Safe from a process that is killed, and no wait for the disk after each cell.
+            # A killed process does no harm, and no cell has to wait for the disk.
             self._rows.execute("pragma journal_mode = wal")
             self._rows.execute("pragma synchronous = normal")
             self._rows.execute(
@@ -55,8 +55,10 @@ class Journal(AbstractContextManager["Journal"]):
             raise ResultError(f"light records cannot be kept in {self.file}: {error}") from None
 
     def __exit__(self, *error: Any) -> None:
-        with suppress(sqlite3.OperationalError):  # another process writes: the last one does this
-            self._rows.execute("pragma journal_mode = delete")  # leaves one file, to be read alone
+        # another process is writing: the last one does this
+        with suppress(sqlite3.OperationalError):
+            # merge into one file, which can be read without writing
+            self._rows.execute("pragma journal_mode = delete")
         self._rows.close()
 
     def find(self, cell: Cell) -> Record | None:
@@ -74,7 +76,7 @@ class Journal(AbstractContextManager["Journal"]):
         return Record.from_json(record, str(self.file)) if code == cell.code else None
 
     def keep(self, cell: Cell, record: Record) -> None:
-        """Store how a cell ended, in place of an earlier time."""
+        """Store how a cell ended, replacing an earlier record."""
         question = cell.question
         row = (question.key, cell.code, canonical(asdict(question)), canonical(record.to_json()))
         try:
@@ -84,12 +86,12 @@ class Journal(AbstractContextManager["Journal"]):
 
 
 def light_records(root: Path) -> dict[str, tuple[str, Record]]:
-    """The code and the light record of every cell below a results root, by its key; only read.
+    """Code and light record of every cell below a results root, by key; opened read-only.
 
     Raises
     ------
     ResultError
-        They cannot be read.
+        The records cannot be read.
     """
     file = root / CELLS / LIGHT
     if not file.exists():

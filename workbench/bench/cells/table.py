@@ -19,9 +19,9 @@ from workbench.solvers import ACCURACY
 
 @dataclass(frozen=True)
 class Filled:
-    """A cell in its place: how it ended, its key, its code, the tolerance that it served.
+    """A cell of the table: how it ended, its key, its code, the tolerance that the method used.
 
-    ``optimal``: its method claims the best answer.
+    ``optimal``: the method claims to find the optimum.
     """
 
     record: Record
@@ -41,9 +41,9 @@ def cell_table(
     sizes: Mapping[str, float],
     settings: Mapping[str, Any],
 ) -> Dataset:
-    """A comparison's dataset over (problem, by_method, accuracy, repetition).
+    """The dataset of a comparison, over (problem, by_method, accuracy, repetition).
 
-    A pair of problem and method that nobody asked has an empty outcome, and NaN for numbers.
+    A pair of problem and method that was not asked for has an empty outcome, and NaN for numbers.
     """
     import xarray as xr
 
@@ -90,5 +90,5 @@ def cell_table(
 
 
 def _ordered(labels: Any) -> list[Any]:
-    """Labels in the order in which they are met first."""
+    """Labels in the order of their first appearance."""
     return list(dict.fromkeys(labels))

@@ -1,4 +1,4 @@
-"""What is made of a comparison's cells: verdicts, tables, figures and files."""
+"""Results of a comparison, made from its cells: verdicts, tables, figures and files."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Accuracy against time: the certified gap of every cell over its wall time."""
+"""Figure of accuracy against time: certified gap over wall time for every cell."""
 
 from __future__ import annotations
 
@@ -15,22 +15,25 @@ from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
 from workbench.heavy_types import Axes, Dataset, Figure
 
 LINEAR = 1e-12
-"""Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
+"""Gaps below this are drawn on a linear scale: rounding errors, far below the finest accuracy
+level.
+"""
 NONE_ABOVE = 2
-"""Decades above the largest gap at which cells without a gap are drawn, in a row of their own."""
+"""Cells without a gap are drawn in a row of their own, so many decades above the largest gap."""
 MOST_PANELS = 6
-"""Most problems that get a panel each; more share one."""
+"""Most problems that get one panel each; with more, all share one panel."""
 SIZES = (3.5, 5.5, 8.0, 10.0)
 """Sizes of markers [points] from the coarsest accuracy level to the finest."""
 
 
 def accuracy_against_time(data: Dataset, looks: dict[str, Look]) -> Figure:
-    """Certified gap over wall time; the axis has negative gaps only where there are some.
+    """Certified gap over wall time; the axis shows negative gaps only if there are some.
 
-    A gap below zero is an answer beyond its bound, as wrong as one above it. Cells without a gap,
-    since there is no answer, no valid one or no bound, stand in a row of their own above. Markers
-    are filled where the verdict is certified, hollow elsewhere, and crossed where the claim is
-    wrong or contradicts another certificate. Horizontal bars are quartiles over repetitions.
+    A negative gap means that an answer is better than its bound allows, which is as wrong as a
+    large positive one. Cells without a gap (no answer, no valid answer, or no bound) stand in a row
+    of their own above. Markers are filled if the verdict is certified, hollow if not, and crossed
+    if the claim is wrong or contradicts another certificate. Horizontal bars are quartiles over
+    repetitions.
     """
     names = [str(name) for name in data["problem"].values]
     alone = len(names) <= MOST_PANELS
@@ -60,7 +63,7 @@ def accuracy_against_time(data: Dataset, looks: dict[str, Look]) -> Figure:
 
 
 def _row_of_none(data: Dataset) -> float:
-    """Height of cells without a gap: a power of ten above every gap, and at least above 1e-6."""
+    """Height at which cells without a gap are drawn: a power of ten above all gaps and 1e-6."""
     gaps = np.abs(np.asarray(data["gap"].values, dtype=float))
     largest = max(1e-6, float(gaps[np.isfinite(gaps)].max(initial=0.0)))
     return float(10.0 ** (np.ceil(np.log10(largest)) + NONE_ABOVE))
@@ -69,9 +72,9 @@ def _row_of_none(data: Dataset) -> float:
 def _method(
     panel: Axes, data: Dataset, place: tuple[int, int], look: Look, row: float, *, joined: bool
 ) -> None:
-    """The cells of one problem by one method: a marker for each accuracy level.
+    """Draw the cells of one problem by one method: one marker for each accuracy level.
 
-    Those without a gap are drawn at the height ``row``.
+    Cells without a gap are drawn at the height ``row``.
     """
     low, time, high = quartiles(np.asarray(wall_seconds(data).values[place], dtype=float))
     gaps = np.asarray(data["gap"].values[place], dtype=float)
@@ -99,7 +102,7 @@ def _method(
 
 
 def _gap_axes(panels: list[Axes], row: float) -> None:
-    """Gaps on a scale that is logarithmic on either side of zero, and times on a log scale."""
+    """Set a scale for gaps that is logarithmic on both sides of zero, and a log scale for times."""
     lines = [line for panel in panels for line in panel.get_lines()]
     drawn = np.concatenate([np.zeros(1), *(np.asarray(line.get_ydata()) for line in lines)])
     lowest, highest = drawn.min(), row / 10.0**NONE_ABOVE
@@ -124,7 +127,7 @@ def _gap_label(value: float) -> str:
 
 
 def _explained(data: Dataset) -> list[Any]:
-    """Legend entries of accuracy levels and of what filling and crosses mean."""
+    """Legend entries for accuracy levels, filled markers and crosses."""
     from matplotlib.lines import Line2D
 
     def key(words: str, **drawn: Any) -> Any:

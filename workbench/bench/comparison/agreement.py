@@ -1,4 +1,4 @@
-"""How far the objectives of two methods lie apart, for every pair of methods."""
+"""Figure of the difference between the objectives of every pair of methods."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from workbench.bench.comparison.styles import GID, WIDTH
 from workbench.heavy_types import Dataset, Figure
 
 LEAST, MOST = 1e-12, 1.0
-"""Ends of the colour scale: differences beyond have the colour of the end."""
+"""Ends of the colour scale; differences outside it get the colour of the nearer end."""
 MOST_LETTERS = 50
-"""Letters that have room side by side below the columns."""
+"""Most letters that fit side by side below the columns."""
 DARK = 1e-6
-"""Differences below are written in white, on the dark half of the scale."""
+"""Differences below this are written in white, on the dark half of the scale."""
 
 
 def agreement_matrix(data: Dataset) -> Figure:
-    """Largest relative difference of the objectives of valid answers, for each pair of methods.
+    """Largest relative difference between the objectives of valid answers, by pairs of methods.
 
-    Over all problems and repetitions that both answered at the finest accuracy level; "none" where
-    there is no such problem. The text in a cell is the difference.
+    It is taken over all problems and repetitions that both methods answered at the finest accuracy
+    level; "none" if there are none. The text in a cell is the difference.
     """
     from matplotlib.colors import LogNorm
 
@@ -43,7 +43,7 @@ def agreement_matrix(data: Dataset) -> Figure:
             color="white" if dark else figures.BLACK,
         )  # fmt: skip
     panel.grid(False)
-    panel.set_xticks(range(len(names)), names, **_turned(names))
+    panel.set_xticks(range(len(names)), names, **_column_label_keywords(names))
     panel.set_yticks(range(len(names)), names)
     panel.set_xlabel("method")
     panel.set_ylabel("method")
@@ -55,15 +55,15 @@ def agreement_matrix(data: Dataset) -> Figure:
     return figure
 
 
-def _turned(names: list[str]) -> dict[str, Any]:
-    """Keywords of labels below the columns, which are turned where they would meet."""
+def _column_label_keywords(names: list[str]) -> dict[str, Any]:
+    """Keywords for labels below the columns; they are rotated if they would overlap."""
     if max(map(len, names)) * len(names) <= MOST_LETTERS:
         return {}
     return {"rotation": 45, "ha": "right", "rotation_mode": "anchor"}
 
 
 def _short(value: float) -> str:
-    """A difference in few letters: 0, 3e-09 as 3e-9, and plain numbers from 0.01."""
+    """A difference in few letters: 0, 3e-9 for 3e-09, and plain numbers from 0.01 on."""
     if value == 0:
         return "0"
     if value >= 0.01:

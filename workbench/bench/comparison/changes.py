@@ -1,4 +1,4 @@
-"""What changed between two comparisons, such as before and after a new version of a solver."""
+"""Changes between two comparisons, for instance before and after a new version of a solver."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from workbench.heavy_types import Dataset
 from workbench.tables import markdown
 
 CONFIDENCE = 0.95
-"""Probability of the intervals of ratios of times."""
+"""Confidence of the intervals for ratios of times."""
 CHANGED_HEADS = ["problem", "method", "accuracy", "verdict before", "verdict now"]
 RATIO_HEADS = ["method", "cells", "time now / before", "interval"]
 GAP_HEADS = ["method", "cells", "largest gap before", "largest gap now"]
 
 
 def changes(old: Dataset, new: Dataset) -> Dataset:
-    """What changed between two comparisons of the same problems, cell by cell and method by method.
+    """Changes between two comparisons of the same problems, by cell and by method.
 
     Parameters
     ----------
@@ -34,19 +34,19 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
     Returns
     -------
     Dataset
-        With dims (problem, by_method, accuracy): ``verdict``, median ``time`` [s] of certified
-        cells and largest ``gap``, along the dim ``version`` ("before", "now"); ``changed``, 1 where
-        the verdict differs. With dim by_method: ``ratio``, the geometric mean of the ratio
-        of times, ``ratio_low`` and ``ratio_high``, its interval, and ``pairs``, the number of cells
-        that both comparisons certify. The interval is Student's, of the logarithms, with a
-        probability of 0.95; NaN for less than two pairs.
+        It has dims (problem, by_method, accuracy): ``verdict``, median ``time`` [s] of certified
+        cells and largest ``gap``, each with the dim ``version`` ("before", "now"); ``changed``, 1
+        if the verdict differs. With the dim by_method: ``ratio``, the geometric mean of the ratio
+        of times, ``ratio_low`` and ``ratio_high``, its 95 % confidence interval, and ``pairs``, the
+        number of cells that both comparisons certify. The interval is Student's, for the
+        logarithms; NaN with fewer than two pairs.
 
     Raises
     ------
     InputError
         The comparisons have no problem, method or level in common, or differ in their parameters.
     ResultError
-        One of them is no comparison.
+        One of them is not a comparison.
     """
     import xarray as xr
 
@@ -84,7 +84,7 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
 
 
 def changes_table(found: Dataset) -> str:
-    """Tables in Markdown of what `changes` found: verdicts, times and gaps."""
+    """Markdown tables of the result of `changes`: verdicts, times and gaps."""
     rows = _changed_rows(found)
     both = (found["verdict"].values != "").all(axis=0)
     count = int(both.sum())
@@ -106,12 +106,12 @@ def changes_table(found: Dataset) -> str:
 
 
 def changed_cells(found: Dataset) -> list[dict[str, str]]:
-    """The cells whose verdict is another now, for a script."""
+    """The cells whose verdict has changed, as data for a script."""
     return [dict(zip(CHANGED_HEADS, row, strict=True)) for row in _changed_rows(found)]
 
 
 def _changed_rows(found: Dataset) -> list[list[str]]:
-    """Labels, verdict before and verdict now of the cells whose verdict is another."""
+    """Labels, earlier verdict and present verdict of the cells whose verdict has changed."""
     return [
         [*cell_labels(found, place), *found["verdict"].values[(slice(None), *place)].tolist()]
         for place in zip(*np.nonzero(found["changed"].values), strict=True)
@@ -119,7 +119,7 @@ def _changed_rows(found: Dataset) -> list[list[str]]:
 
 
 def _need_same_parameters(old: Dataset, new: Dataset) -> None:
-    """Raise `InputError` where the problems of the comparisons are not the same."""
+    """Raise `InputError` if the comparisons do not have the same problems."""
     before, now = (str(data.attrs.get("parameters") or "{}") for data in (old, new))
     if before != now:
         raise InputError(
@@ -165,7 +165,7 @@ def _ratio_row(found: Dataset, j: int) -> list[Any]:
 
 
 def _gap_row(found: Dataset, j: int) -> list[Any]:
-    """Largest gaps of a method before and now; empty where no cell has a gap in both."""
+    """Largest gaps of a method before and now; empty if no cell has a gap in both."""
     before, now = (each.ravel() for each in found["gap"].values[:, :, j])
     both = ~(np.isnan(before) | np.isnan(now))
     if not both.any():

@@ -17,19 +17,20 @@ from workbench.heavy_types import Dataset, Figure
 
 
 def drawings(data: Dataset) -> dict[str, Figure]:
-    """The figures of a dataset with verdicts, each Program's apart where there are several."""
+    """The figures of a dataset with verdicts; with several Programs, separate ones for each."""
     known, parts = method_looks(data), list(groups(data))
     found: dict[str, Figure] = {}
     for program, one in parts:
         end = f"-{_stem(program)}" if len(parts) > 1 else ""
-        found |= {f"{name}{end}": figure for name, figure in _drawn(one, known).items()}
+        found |= {f"{name}{end}": figure for name, figure in _program_figures(one, known).items()}
     return found
 
 
-def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
-    """The figures of one Program for which it has data, what one looks at first in front.
+def _program_figures(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
+    """The figures of one Program that have data, the most important one first.
 
-    Profiles are about many problems; of one the accuracy against time tells all that they do.
+    Profiles need many problems; for a single one the figure of accuracy against time shows
+    everything.
     """
     found = {}
     if not np.isnan(data["gap"].values).all():
@@ -46,5 +47,5 @@ def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
 
 
 def _stem(program: str) -> str:
-    """A class name as a part of a file's name: MuUpperBound is mu-upper-bound."""
+    """A class name as part of a file name: MuUpperBound becomes mu-upper-bound."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", program).lower()

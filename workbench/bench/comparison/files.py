@@ -1,4 +1,4 @@
-"""The cells of a comparison as a table in a file, for other programs: CSV or Parquet."""
+"""Export of a comparison's cells as a table for other programs: CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ FORMATS = (".csv", ".parquet")
 def write_cells(data: Dataset, path: str | Path) -> Path:
     """Write every cell of a comparison as a row: labels, all variables, and the command.
 
-    A column's name carries its unit, such as ``solve [s]``. A number that is not known is an empty
-    field in CSV, and null in Parquet.
+    A column's name carries its unit, such as ``solve [s]``. An unknown number is an empty field in
+    CSV, and null in Parquet.
 
     Parameters
     ----------
     data
         Dataset of a comparison.
     path
-        File to write; its ending, ``.csv`` or ``.parquet``, tells the format.
+        File to write; its suffix, ``.csv`` or ``.parquet``, selects the format.
 
     Returns
     -------
@@ -38,9 +38,9 @@ def write_cells(data: Dataset, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        Another ending, a folder that does not exist, or Parquet without the package pyarrow.
+        Another suffix, a folder that does not exist, or Parquet without the package pyarrow.
     ResultError
-        The dataset is none of a comparison.
+        The dataset is not that of a comparison.
     """
     path = need_table_file(path)
     columns = cell_columns(data)
@@ -56,7 +56,7 @@ def write_cells(data: Dataset, path: str | Path) -> Path:
 
 
 def need_table_file(path: str | Path) -> Path:
-    """A file that cells can be written to. Raises `InputError` as `write_cells` does."""
+    """The path of a file that can hold cells. Raises `InputError` as `write_cells` does."""
     path = Path(path)
     if path.suffix not in FORMATS:
         raise InputError(f"cells are written to {' or '.join(FORMATS)}, not to {path.name!r}")
@@ -71,7 +71,7 @@ def need_table_file(path: str | Path) -> Path:
 
 
 def cell_columns(data: Dataset) -> dict[str, list[Any]]:
-    """The cells of a comparison in columns, by name with unit; None for numbers not known."""
+    """The cells as columns, by name with unit; None for unknown numbers."""
     data = judged(data)
     places = np.argwhere(asked_cells(data))
     found: dict[str, list[Any]] = {}
@@ -95,13 +95,13 @@ def _write_parquet(columns: dict[str, list[Any]], path: Path) -> None:
 
 
 def _named(data: Dataset, name: str) -> str:
-    """Name of a column, with its unit where it has one."""
+    """Name of a column, with its unit if it has one."""
     column = "method" if name == DIMS[1] else name
     unit = str(data[name].attrs.get("units", "1"))
     return column if unit == "1" else f"{column} [{unit}]"
 
 
 def _plain(value: Any) -> Any:
-    """A value of an array as Python's own; None for NaN."""
+    """A value of an array as a plain Python value; None for NaN."""
     plain = value.item() if isinstance(value, np.generic) else value
     return None if isinstance(plain, float) and np.isnan(plain) else plain

@@ -1,7 +1,7 @@
-"""The dataset of a comparison: its dimensions, its variables, and what is read from its cells.
+"""The layout of a comparison's dataset: dimensions, variables, and functions that read cells.
 
 A cell is one problem by one method at one accuracy level, in one repetition. A pair of a problem
-and a method that nobody asked for has the outcome "" everywhere: it is no cell.
+and a method that was not asked for has the outcome "" everywhere; it is not a cell.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from workbench.heavy_types import DataArray, Dataset
 from workbench.solvers import Outcome
 
 METHOD = "by_method"
-"""The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
+"""Name of the dimension of methods; xarray's ``sel`` reserves the word method."""
 DIMS = ("problem", METHOD, "accuracy", "repetition")
 """Dimensions of every variable."""
 UNFIT = "unfit"
@@ -32,12 +32,12 @@ NUMBERS = (
     "statement", "solve", "check", "cpu", "memory",
 )  # fmt: skip
 LATER = ("code",)
-"""Variables that older comparisons do not have."""
+"""Variables that are missing in comparisons of older versions."""
 COORDINATES = (*DIMS, "tolerance", "program", "size")
 
 
 def need_comparison(data: Dataset) -> Dataset:
-    """The dataset, if it has all that a comparison's dataset has.
+    """The dataset, once it is checked to have everything that a comparison has.
 
     Raises
     ------
@@ -68,43 +68,43 @@ def need_comparison(data: Dataset) -> Dataset:
 
 
 def asked_cells(data: Dataset) -> np.ndarray:
-    """Where there is a cell: the problem was given to the method, which may have been unfit."""
+    """Mask of the cells: the problem was given to the method, be that fit for it or not."""
     return np.asarray(data["outcome"].values != "")
 
 
 def tried(data: Dataset) -> np.ndarray:
-    """Where a method was asked that can take its problem."""
+    """Mask of the cells whose method can take the problem."""
     return np.asarray(asked_cells(data) & (data["outcome"].values != UNFIT))
 
 
 def seconds(data: Dataset) -> DataArray:
-    """Wall time [s] of statement and solve of every cell."""
+    """Wall time [s] of statement and solve for every cell."""
     return data["statement"] + data["solve"]
 
 
 def tolerances(data: Dataset) -> RealArray:
-    """Tolerance at which a method's claim to have the optimum is judged, as an array of cells."""
+    """Tolerance by which a method's claim of the optimum is judged, for every cell."""
     return np.asarray(data["tolerance"].broadcast_like(data["outcome"]).transpose(*DIMS).values)
 
 
 def per_problem(data: Dataset, name: str) -> list[Any]:
-    """Values of a coordinate of the problems, one for each."""
+    """Values of a coordinate of the problems, one for each problem."""
     values: list[Any] = data[name].values.tolist()
     return values
 
 
 def time_limit(data: Dataset) -> float | None:
-    """Time limit [s] of every cell; None without one."""
+    """Time limit [s] of the cells; None without one."""
     return _positive(data.attrs.get("time_limit"))
 
 
 def cell_labels(data: Dataset, place: tuple[int, ...]) -> list[str]:
-    """Problem, method and accuracy level of a cell, by its place in the arrays."""
+    """Problem, method and accuracy level of a cell, by its index in the arrays."""
     return [str(data[dim].values[i]) for dim, i in zip(DIMS[:3], place[:3], strict=True)]
 
 
 def command(data: Dataset, place: tuple[int, ...]) -> str:
-    """The command that computes a cell anew, by its place in the arrays."""
+    """The command that computes a cell anew, by its index in the arrays."""
     problem, method, level = cell_labels(data, place)
     words = ["workbench", "run", problem, "--method", method, "--tolerance", level]
     limit = time_limit(data)
@@ -117,7 +117,7 @@ def command(data: Dataset, place: tuple[int, ...]) -> str:
 
 
 def _positive(given: Any) -> float | None:
-    """A positive finite number, or None for anything else that an attribute may hold."""
+    """A positive finite number; None for anything else that an attribute may hold."""
     try:
         value = float(given)
     except (TypeError, ValueError):

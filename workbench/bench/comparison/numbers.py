@@ -1,4 +1,4 @@
-"""Numbers of a comparison: counts of verdicts, times over repetitions, means over problems."""
+"""Statistics of a comparison: counts of verdicts, times over repetitions, means over problems."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from workbench.bench.comparison.verdicts import CERTIFIED, CONTRADICTION, WRONG
 from workbench.heavy_types import Dataset
 
 SHIFTS = (0.01, 10.0)
-"""Shifts [s] of geometric means. The first is above the overhead of a call and resolves programs of
-milliseconds; the second is that of H. Mittelmann's tables and of qpbenchmark, for large programs.
+"""Shifts [s] of geometric means. The first exceeds the overhead of a call and still resolves
+programs that take milliseconds; the second is that of H. Mittelmann's tables and of qpbenchmark,
+for large programs.
 """
 QUARTILES = (0.25, 0.5, 0.75)
 
 
 def certified(data: Dataset) -> np.ndarray:
-    """Cells whose verdict is certified: an answer, or that there is none."""
+    """Mask of the cells with a certified verdict: an answer, or the proof that there is none."""
     return np.isin(data["verdict"].values, CERTIFIED)
 
 
@@ -36,7 +37,7 @@ def counts(data: Dataset) -> dict[str, int]:
 
 
 def badge(data: Dataset) -> str:
-    """Both numbers that stand for a comparison: "certified 44 of 45, 1 false claim"."""
+    """The two main numbers of a comparison: "certified 44 of 45, 1 false claim"."""
     found = counts(data)
     words = f"certified {found['certified']} of {found['cells']}"
     for name, number in (("false claim", "false_claims"), ("contradiction", "contradictions")):
@@ -55,7 +56,7 @@ def combined_verdicts(data: Dataset) -> np.ndarray:
 
 
 def quartiles(values: RealArray) -> RealArray:
-    """Quartiles and median (3, ...) over the last axis, without NaN; NaN where nothing is left."""
+    """Quartiles and median (3, ...) over the last axis, ignoring NaN; NaN if nothing is left."""
     count = np.isfinite(values).sum(axis=-1)
     found = np.full((3, *values.shape[:-1]), np.nan)
     for place in map(tuple, np.argwhere(count)):
@@ -65,15 +66,15 @@ def quartiles(values: RealArray) -> RealArray:
 
 
 def largest_gap(gaps: RealArray) -> float:
-    """The largest gap in size among repetitions (R,), with its sign; NaN where none is known."""
+    """The largest gap by absolute value among repetitions (R,), with its sign; NaN if unknown."""
     known = gaps[~np.isnan(gaps)]
     return float(known[np.argmax(np.abs(known))]) if known.size else float("nan")
 
 
 def certified_times(data: Dataset) -> RealArray:
-    """Quartiles of statement and solve [s], (3, problem, method, accuracy), of certified cells.
+    """Quartiles of statement and solve time [s], (3, problem, method, accuracy), if certified.
 
-    NaN where a repetition has no certificate: the method did not answer the problem each time.
+    NaN if a repetition has no certificate: then the method did not answer the problem each time.
     """
     times = quartiles(np.asarray(seconds(data).values, dtype=float))
     every = (certified(data) | (data["outcome"].values == "")).all(axis=-1)
@@ -82,9 +83,9 @@ def certified_times(data: Dataset) -> RealArray:
 
 
 def penalty(data: Dataset) -> float:
-    """Time [s] that counts for a problem without a certificate.
+    """Time [s] that a problem without a certificate counts as.
 
-    It is the time limit, or without one the longest time of any cell.
+    It is the time limit or, without one, the longest time of any cell.
     """
     limit = time_limit(data)
     if limit is not None:
@@ -109,7 +110,7 @@ def disagreements(data: Dataset) -> RealArray:
     """Largest relative difference (method, method) of the objectives of valid answers.
 
     Cells of the same problem, accuracy and repetition are compared, relative to the larger of their
-    scales. NaN where two methods have no problem with an objective in common.
+    scales. NaN if two methods share no problem with an objective.
     """
     objective = np.asarray(data["objective"].values, dtype=float).swapaxes(0, 1)
     scale = np.asarray(data["scale"].values, dtype=float).swapaxes(0, 1)
@@ -127,10 +128,10 @@ def disagreements(data: Dataset) -> RealArray:
 
 
 def groups(data: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """The comparison by the Program of its problems, with the methods that each Program has.
+    """The comparison split by the Program of its problems, each with that Program's methods.
 
-    Methods of different Programs are not comparable, so that tables of means and figures show each
-    Program on its own. Problems that no method can take are left out.
+    Methods of different Programs cannot be compared, so tables of means and figures show each
+    Program separately. Problems that no method can take are left out.
     """
     here = tried(data)
     programs = np.asarray(data["program"].values, dtype=object)

@@ -1,4 +1,4 @@
-"""Performance profile and cactus plot of one Program's problems, a panel for each accuracy level.
+"""Performance profile and cactus plot of one Program's problems, one panel per accuracy level.
 
 Source: E. D. Dolan, J. J. More, Benchmarking optimization software with performance profiles,
 Mathematical Programming 91 (2002) 201-213.
@@ -18,13 +18,13 @@ from workbench.bench.comparison.styles import WIDTH, Look, keys, legend, share_a
 from workbench.heavy_types import Axes, Dataset, Figure
 
 BEYOND = 1.3
-"""Factor by which the axis of times reaches beyond the last step of a curve."""
+"""Factor by which the time axis extends beyond the last step of a curve."""
 
 
 def performance_ratios(data: Dataset) -> RealArray:
     """Median time over that of the fastest certified method (problem, method, accuracy).
 
-    Infinite where a method has no certificate of the problem at that level.
+    Infinite if a method has no certificate for the problem at that level.
     """
     times = certified_times(data)[1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -36,7 +36,7 @@ def performance_ratios(data: Dataset) -> RealArray:
 def profile(ratios: RealArray) -> tuple[RealArray, RealArray]:
     """The steps of rho(tau): the share (N,) of problems whose ratio is at most tau (N,).
 
-    ratios: of one method (P,), at least 1; infinite where the problem is not solved.
+    ratios: those of one method (P,), at least 1; infinite for an unsolved problem.
     """
     tau = np.unique(ratios[np.isfinite(ratios)])
     share = (ratios[:, None] <= tau).mean(axis=0)
@@ -44,10 +44,10 @@ def profile(ratios: RealArray) -> tuple[RealArray, RealArray]:
 
 
 def performance_profile(data: Dataset, looks: dict[str, Look]) -> Figure:
-    """Share of the problems that each method solves within a factor of the fastest method's time.
+    """Share of problems that each method solves within a factor of the fastest method's time.
 
-    The curve's left end is the share of problems on which the method is the fastest; its right end
-    is the share that it solves at all. Problems it cannot take count as not solved.
+    A curve's left end is the share of problems on which the method is the fastest; its right end is
+    the share that it solves at all. Problems that it cannot take count as unsolved.
     """
     ratios = performance_ratios(data)
     count = data.sizes["problem"]
@@ -93,7 +93,7 @@ def cactus(data: Dataset, looks: dict[str, Look]) -> Figure:
 
 
 def _steps(panel: Axes, look: Look, x: RealArray, y: RealArray) -> None:
-    """A step curve; its markers, where there are many steps, on about eight of them."""
+    """Draw a step curve; if it has many steps, about eight of them get a marker."""
     marked = list(range(0, x.size, max(1, x.size // 8)))
     panel.step(
         x, y, where="post", linestyle=look.line, marker=look.marker, markevery=marked,
@@ -108,13 +108,13 @@ def _panels(
     x: str,
     y: str,
 ) -> tuple[Figure, list[Axes]]:
-    """A panel for each level; ``draw`` fills it and returns the largest x of its steps."""
+    """One panel for each level; ``draw`` fills it and returns the largest x of its steps."""
     levels = data["accuracy"].values
     figure, panels = figures.axes(
         1, len(levels), size=(max(WIDTH, 2.7 * len(levels)), 3.2), sharex=True, sharey=True
     )
     ends = [draw(panel, k) for k, panel in enumerate(panels)]
-    # Every curve goes on to the right end of the axis at the height of its last step.
+    # Extend every curve to the right end of the axis at the height of its last step.
     right = max(ends) * BEYOND
     for panel, level in zip(panels, levels, strict=True):
         for line in panel.get_lines():

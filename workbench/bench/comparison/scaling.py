@@ -1,4 +1,4 @@
-"""How the time of each method grows with the size of one Program's problems."""
+"""Figure of each method's time over the size of one Program's problems."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from workbench.heavy_types import Dataset, Figure
 
 
 def problem_sizes(data: Dataset) -> RealArray:
-    """Size of every problem (P,); NaN where its Program states none."""
+    """Size of every problem (P,); NaN if its Program defines none."""
     return np.asarray(data["size"].values, dtype=float)
 
 
 def has_sizes(data: Dataset) -> bool:
-    """Whether the problems have at least two sizes, so that there is something to draw."""
+    """Whether the problems have at least two different sizes, which a figure needs."""
     known = problem_sizes(data)
     return np.unique(known[np.isfinite(known)]).size > 1
 
 
 def scaling_figure(data: Dataset, looks: dict[str, Look]) -> Figure:
-    """Median time with quartiles over problem size, of certified cells, a panel for each level.
+    """Median time with quartiles over problem size, for certified cells, one panel per level.
 
-    Problems of the same size are joined by their median, so that a line shows the trend.
+    The line connects the median times of the problem sizes, so it shows the trend.
     """
     times, size = certified_times(data), problem_sizes(data)
     levels = data["accuracy"].values
@@ -55,5 +55,5 @@ def scaling_figure(data: Dataset, looks: dict[str, Look]) -> Figure:
 
 
 def _lines(look: Look) -> dict[str, Any]:
-    """Keywords of vertical lines of a method."""
+    """Keywords for a method's vertical lines."""
     return {"colors": look.colour, "gid": str(look.drawn["gid"])}

@@ -21,7 +21,7 @@ from workbench.study import Study
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Study):
-    """The cells of a comparison; `workbench.bench.comparison.layout` says what its dataset has."""
+    """The cells of a comparison; `workbench.bench.comparison.layout` describes the dataset."""
 
     cells: Callable[[Context], Dataset]
 
@@ -33,7 +33,7 @@ class Comparison(Study):
 
     @classmethod
     def stored(cls) -> Comparison:
-        """One whose cells are known: it shows them, and answers no more."""
+        """A comparison whose cells are stored: it can show them, but not compute any."""
 
         def unknown(context: Context) -> Dataset:
             raise ResultError("a stored comparison cannot run again; call workbench.compare")
@@ -61,7 +61,7 @@ class Comparison(Study):
         return {"certified_share": share, **found}
 
     def facts(self, answer: Dataset) -> list[str]:
-        """That a comparison holds says that its cells agree, not that any of them is certified."""
+        """Fact: if a comparison holds, its cells agree; that does not certify any of them."""
         return [badge(judged(answer))]
 
     def tables(self, answer: Dataset) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""How the methods of a comparison look, the same in every figure."""
+"""Colours, markers and lines of a comparison's methods, the same in every figure."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from workbench.figures import CYCLE
 from workbench.heavy_types import Axes, Dataset, Figure
 
 MARKERS = "osD^vp<>*hdP"
-"""None is a cross, which marks a false claim."""
+"""Markers of methods; none is a cross, which marks a false claim."""
 LINES = ("-", "--", "-.", ":")
 GID = "method:"
-"""Prefix of the id of everything drawn for a method, by which a page shows or hides it."""
+"""Beginning of the id of everything drawn for a method; a page shows or hides it by this id."""
 WIDTH = 7.4
-"""Width of a figure [inches]: a column and a half of a journal."""
+"""Width of a figure [inch]: one and a half columns of a journal."""
 ROW = 0.22
-"""Height of a row of a legend [inches]."""
+"""Height of a row of a legend [inch]."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,15 @@ class Look:
 
     @property
     def drawn(self) -> dict[str, Any]:
-        """Keywords of everything drawn for the method."""
+        """Keywords for everything that is drawn for the method."""
         return {"color": self.colour, "gid": f"{GID}{self.name}"}
 
 
 def method_looks(data: Dataset) -> dict[str, Look]:
     """The look of every method of a comparison, by name.
 
-    Up to seven methods of a Program differ in colour. Those of a Program that share a colour differ
-    in marker or line.
+    Up to seven methods of a Program have different colours. Methods of a Program that share a
+    colour differ in marker or line.
     """
     names = [str(name) for name in data[METHOD].values]
     lines = [LINES[(i + 2 * (i // len(CYCLE))) % len(LINES)] for i in range(len(names))]
@@ -53,9 +53,10 @@ def method_looks(data: Dataset) -> dict[str, Look]:
 
 
 def _colours(data: Dataset) -> list[str]:
-    """A colour for every method: the one that fewest methods of its Programs have, then fewest."""
+    """A colour for every method: the one used least in its Programs, then least overall."""
     here = np.asarray(asked_cells(data).any(axis=tuple(range(2, data["outcome"].ndim))))
-    programs = np.zeros(len(here))  # older comparisons do not tell them: then all are one
+    # older comparisons do not store them: then all methods share one
+    programs = np.zeros(len(here))
     if "program" in data.coords:
         programs = np.asarray(data["program"].values)
     of_program = np.array([here[programs == one].any(axis=0) for one in np.unique(programs)])
@@ -69,9 +70,9 @@ def _colours(data: Dataset) -> list[str]:
 
 
 def legend(figure: Figure, handles: list[Any], width: float = WIDTH) -> None:
-    """A legend below the axes, in as many columns as the longest of its labels allows.
+    """A legend below the axes, with as many columns as its longest label allows.
 
-    The figure grows by the height of the legend, so that the axes keep theirs.
+    The figure grows by the legend's height, so that the axes keep theirs.
     """
     labels = [str(handle.get_label()) for handle in handles]
     longest = max(map(len, labels), default=1)
@@ -102,7 +103,7 @@ def keys(looks: dict[str, Look], *, line: bool = True, marker: bool = True) -> l
 
 
 def shortened(title: str, most: int = 46) -> str:
-    """A title that fits above a panel: a long one loses its middle."""
+    """A title that fits above a panel; a long one is shortened in the middle."""
     if len(title) <= most:
         return title
     half = (most - 3) // 2
@@ -110,6 +111,6 @@ def shortened(title: str, most: int = 46) -> str:
 
 
 def share_axis(panel: Axes) -> None:
-    """A vertical axis of shares from 0 to 1."""
+    """Set a vertical axis for shares from 0 to 1."""
     panel.set_ylim(-0.03, 1.03)
     panel.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])

@@ -34,19 +34,19 @@ HEADS = [
     "problem", "method", "accuracy", "verdict", "claim", "gap", "objective",
     "statement [s]", "solve [s]", "CPU [s]", "memory [MB]",
 ]  # fmt: skip
-"""Heads of `rows`."""
+"""Heads of the table of `rows`."""
 MEAN_HEADS = ["method", "accuracy", "problems", "certified", "share", "false claims"] + [
     f"mean time, shift {shift:g} s" for shift in SHIFTS
 ]
 FAILURE_HEADS = ["problem", "method", "accuracy", "verdict", "reason", "command"]
 ORDER = (CONTRADICTION, WRONG, str(Outcome.INACCURATE))
-"""Verdicts that stand first among the failures."""
+"""Verdicts that are listed first among the failures."""
 
 
 def rows(data: Dataset) -> list[list[str]]:
-    """The cells of a dataset with verdicts as text, a row for all repetitions of each.
+    """The cells of a dataset with verdicts as text; the repetitions of a cell share a row.
 
-    Times are medians, with their quartiles where there are repetitions; the gap is the largest.
+    Times are medians, with quartiles if there are repetitions; the gap is the largest.
     """
     verdicts = combined_verdicts(data)
     times = {n: quartiles(data[n].values) for n in ("statement", "solve", "cpu", "memory")}
@@ -71,9 +71,9 @@ def rows(data: Dataset) -> list[list[str]]:
 
 
 def means(data: Dataset, late: float) -> Rows:
-    """Share certified, false claims and mean times per method and accuracy, of one Program.
+    """Share certified, false claims and mean times by method and accuracy, for one Program.
 
-    Means are over the problems that the method can take. A problem without a certificate counts
+    Means are over the problems that the method can take. A problem without a certificate counts as
     ``late`` [s].
     """
     times, here = certified_times(data)[1], tried(data)
@@ -100,9 +100,9 @@ def means(data: Dataset, late: float) -> Rows:
 
 
 def failures(data: Dataset) -> Rows:
-    """The cells without a certified verdict: their reason, and the command that repeats each.
+    """The cells without a certified verdict, with the reason and the command that repeats each.
 
-    Contradictions and wrong claims stand first. Repetitions with the same verdict share a row.
+    Contradictions and wrong claims come first. Repetitions with the same verdict share a row.
     """
     verdict, done = data["verdict"].values, {*CERTIFIED, UNFIT, ""}
     found = {}
@@ -125,7 +125,7 @@ def failures(data: Dataset) -> Rows:
 
 
 def agreement(data: Dataset) -> Rows:
-    """Largest relative difference of objectives between methods, of one Program."""
+    """Largest relative difference of objectives between methods, for one Program."""
     names = [str(name) for name in data[METHOD].values]
     apart = disagreements(data)
     table = [
@@ -136,7 +136,7 @@ def agreement(data: Dataset) -> Rows:
 
 
 def unfit(data: Dataset) -> list[str]:
-    """Why some methods cannot take some of the problems, a sentence each."""
+    """One sentence for each problem that a method cannot take, with the reason."""
     found = {}
     for place in zip(*np.nonzero(data["outcome"].values == UNFIT), strict=True):
         problem, method, _ = cell_labels(data, place)
@@ -145,7 +145,7 @@ def unfit(data: Dataset) -> list[str]:
 
 
 def alike(data: Dataset) -> list[str]:
-    """The methods that one computation answers for several levels, a sentence each."""
+    """One sentence for each method whose single computation serves several accuracy levels."""
     found, here = [], tried(data)
     levels = data["accuracy"].values
     for i, j in np.ndindex(*data["outcome"].shape[:2]):
@@ -172,7 +172,7 @@ def tables(data: Dataset) -> dict[str, str]:
 
 
 def _agreements(data: Dataset) -> str:
-    """Table of agreement for each Program with an objective, at each accuracy level."""
+    """One table of agreement for each Program with an objective, at each accuracy level."""
     parts = []
     for program, one in groups(data):
         for k, level in enumerate(one["accuracy"].values):
@@ -187,7 +187,7 @@ def _agreements(data: Dataset) -> str:
 
 
 def _by_program(data: Dataset) -> str:
-    """Table of means for each Program, and what the means are."""
+    """One table of means for each Program, with an explanation of the means."""
     late = penalty(data)
     said = (
         "Times are shifted geometric means [s] of statement and solve, over the problems that a "
@@ -201,12 +201,12 @@ def _by_program(data: Dataset) -> str:
 
 
 def _caption(data: Dataset, program: str) -> str:
-    """The Program's name, where there are several."""
+    """The Program's name, if there are several Programs."""
     return f"{program}\n\n" if len(set(per_problem(data, "program"))) > 1 else ""
 
 
 def _spread(quartile: np.ndarray) -> str:
-    """A median [s], with its quartiles where they differ."""
+    """A median [s], with its quartiles if they differ."""
     low, middle, high = quartile
     text = _number(middle, ".4f")
     return text if not high > low else f"{text} ({low:.4f} to {high:.4f})"

@@ -1,18 +1,18 @@
-"""The verdict of every cell, made from all cells of a comparison.
+"""The verdict of every cell, which takes all cells of a comparison into account.
 
-One cell alone shows whether an answer is valid. Only together do the cells of a problem show
-whether a claim is true. Words of the rules:
+One cell alone shows whether an answer is valid. Whether a claim is true is seen only from all cells
+of a problem together. Terms of the rules:
 
 - A *valid answer* meets every check at its tolerance. It is *credible* unless it lies below the
   lower bound that its own gap proves, by more than `SAFETY` times its tolerance.
-- A method *claims the optimum* where it says "solved" and is registered as one that finds the
-  optimum; others are heuristics, which are never wrong for being worse than somebody.
+- A method *claims the optimum* if it says "solved" and is registered as finding the optimum. Other
+  methods are heuristics: a worse objective does not make them wrong.
 - The *lower bound* of a credible answer is objective - gap * scale - rounding: no valid answer of
   the problem has a smaller objective.
-- Objectives *differ* where their distance exceeds the tolerance of the cells, times the scale, plus
-  what rounding may make; they differ *clearly* beyond `SAFETY` times the tolerance.
+- Objectives *differ* if their distance exceeds the tolerance of the cells, times the scale, plus
+  the rounding error; they differ *clearly* beyond `SAFETY` times the tolerance.
 
-Rules, the first that applies:
+Rules; the first one that applies decides:
 
 unfit, crashed, memory limit
     The method cannot take the problem, or its worker died, or it was stopped for its memory.
@@ -20,7 +20,7 @@ contradiction
     Two certificates exclude each other. A credible answer, or a proof that there is no least value,
     stands against a proof that there is no answer. A lower bound stands against a proof that there
     is no least value, or clearly above the objective of a credible answer. Both cells have this
-    verdict. So has one cell of a heuristic whose valid answer is not credible.
+    verdict. A single cell of a heuristic also has it if its valid answer is not credible.
 wrong
     The method says "solved", and its answer was checked and is not valid; or no answer exists, as
     another cell proves. It claims the optimum, and its answer is not credible, or another cell has
@@ -52,17 +52,17 @@ from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
 
 SAFETY = 10.0
-"""Tolerances by which two numbers must differ before one of them is called wrong."""
+"""Number of tolerances by which two objectives must differ before one of them is called wrong."""
 WRONG, CONTRADICTION = "wrong", "contradiction"
 CERTIFIED = (str(Outcome.SOLVED), str(Outcome.INFEASIBLE), str(Outcome.UNBOUNDED))
-"""Verdicts of cells whose answer, or claim that there is none, is certified."""
+"""Certified verdicts: the answer, or the claim that there is none, has a certificate that holds."""
 
 
 def judged(data: Dataset) -> Dataset:
     """The dataset with the variables ``verdict`` and ``reason``, made from all its cells.
 
-    The reason says in a sentence what speaks against a cell that is wrong, in a contradiction or
-    inaccurate; it is empty elsewhere, where the cell's message says it.
+    For a cell that is wrong, in a contradiction or inaccurate, the reason is a sentence that says
+    why. It is empty for other cells, whose message says it.
 
     Raises
     ------
@@ -92,7 +92,7 @@ class _Problem:
     gap: np.ndarray
     tolerance: np.ndarray
     validity: np.ndarray
-    """Tolerance of the validity checks, which is never finer than that asked for."""
+    """Tolerance of the validity checks; it is never finer than the one asked for."""
     scale: np.ndarray
     rounding: np.ndarray
 
@@ -130,9 +130,9 @@ class _Problem:
         reason = np.full(verdict.shape, "", dtype=object)
 
         def put(word: str, found: np.ndarray, sentences: str, by: np.ndarray | None = None) -> None:
-            """Give cells this verdict; ``by`` (N, N) tells which other cells speak against each."""
+            """Give cells a verdict; ``by`` (N, N) marks other cells that speak against each."""
             for k in np.flatnonzero(found):
-                if verdict[k] in (WRONG, CONTRADICTION):  # the first reason stands
+                if verdict[k] in (WRONG, CONTRADICTION):  # keep the first reason
                     continue
                 verdict[k] = word
                 other = "" if by is None else self.names[int(np.argmax(by[k]))]
@@ -188,13 +188,13 @@ class _Problem:
 
     @property
     def valid(self) -> np.ndarray:
-        """Cells with a valid answer; one that the clock stopped has it if it has an objective."""
+        """Cells with a valid answer; after a time limit, those that have an objective."""
         stopped = (self.outcome == Outcome.TIME_LIMIT) & np.isfinite(self.objective)
         return np.isin(self.outcome, [Outcome.SOLVED, Outcome.INACCURATE]) | stopped
 
     @property
     def beyond(self) -> np.ndarray:
-        """Valid answers that lie below the lower bound of their own gap."""
+        """Valid answers below the lower bound that their own gap proves."""
         return np.asarray(self.valid & (self.gap < -SAFETY * self.validity))
 
     @property
@@ -203,7 +203,7 @@ class _Problem:
 
     @property
     def lower(self) -> np.ndarray:
-        """Lower bounds (N,) on the objective; minus infinity where a cell proves none."""
+        """Lower bounds (N,) on the objective; minus infinity if a cell proves none."""
         with np.errstate(invalid="ignore"):
             found = self.objective - self.gap * self.scale - self.rounding
         return np.where(self.credible & np.isfinite(found), found, -np.inf)
@@ -221,9 +221,9 @@ class _Problem:
         return np.asarray(found | found.T)
 
     def better(self, factor: float) -> np.ndarray:
-        """Pairs (N, N): the second cell has a better valid objective, by so many tolerances.
+        """Pairs (N, N): the second cell has a valid objective better by ``factor`` tolerances.
 
-        None speaks against a cell whose closed gap proves its own objective.
+        No objective speaks against a cell whose closed gap proves its own.
         """
         objective = np.where(self.valid, self.objective, np.nan)
         tolerance = np.maximum(self.tolerance[:, None], self.validity[None, :])
@@ -235,16 +235,16 @@ class _Problem:
 
     @property
     def _scale(self) -> np.ndarray:
-        """The larger scale (N, N) of two cells."""
+        """The larger of two cells' scales (N, N)."""
         return np.fmax(self.scale[:, None], self.scale[None, :])
 
     @property
     def _rounding(self) -> np.ndarray:
-        """The rounding (N, N) of two cells together."""
+        """The sum of two cells' rounding errors (N, N)."""
         return np.asarray(self.rounding[:, None] + self.rounding[None, :])
 
     def _excluding(self, k: int) -> str:
-        """What the certificate of a cell in a contradiction says, against that of another."""
+        """The statement of a certificate in a contradiction, to be set against another cell's."""
         if self.no_answer[k]:
             return "proves that there is no answer, against {}"
         if self.no_least[k]:

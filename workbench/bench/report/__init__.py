@@ -1,7 +1,6 @@
-"""Results as a folder of pages that opens from a disk: no network, no server.
+"""A report of results: a folder of pages that opens from the disk, without network or server.
 
-The pages show what the results folders hold, as stored: they recompute nothing, and the same
-folders give the same pages.
+The pages show the stored results. Nothing is recomputed, and the same folders give the same pages.
 """
 
 from __future__ import annotations
@@ -45,34 +44,34 @@ def report(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write the runs below a results folder, failures among them, as a folder of pages.
+    """Write the runs below a results folder, including failures, as a folder of pages.
 
-    Figures of a run are drawn once: again only when its folder, what it stands on, or the code
-    has changed.
+    The figures of a run are drawn once; they are redrawn only if its folder, a result that it
+    needs, or the code has changed.
 
     Parameters
     ----------
     root
         The results folder (default: the project's).
     output
-        The folder of the report (default: the results folder): its entry is ``index.html``, its
-        other files stand below ``report``.
+        The folder of the report (default: the results folder): its start page is ``index.html``,
+        its other files are below ``report``.
     pattern
         Shell pattern of the problems to show.
     executor
-        Where the figures are drawn, a run to a task (default: in this process).
+        Where the figures are drawn, one task for each run (default: in this process).
     progress
-        Told how many runs are drawn. None: a terminal or a notebook shows it.
+        Called with the number of runs that are drawn. None: shown at a terminal or in a notebook.
 
     Returns
     -------
-    Path of the entry. Every page appears whole or not at all; the entry is written last, so an
-    interrupted report leaves the earlier one in use.
+    Path of the start page. Every page appears whole or not at all; the start page is written last,
+    so an interrupted report leaves the earlier one in use.
 
     Raises
     ------
     ResultError
-        ``root`` is given and is no folder or has no results, the report cannot be written there,
+        ``root`` is given and is not a folder or has no results; the report cannot be written there;
         or a results folder cannot be read.
     """
     chosen = root is not None
@@ -86,9 +85,10 @@ def report(
     if chosen and not shown and not left_out and not entries(root):
         raise ResultError(f"{root} has no results below it; a results folder is needed")
     place = ReportFolder(output)
-    locked = FileLock(output / "report" / ".lock")  # one report at a time in a folder
+    # only one report at a time may be written in a folder
+    locked = FileLock(output / "report" / ".lock")
     with locked, shown_live("report") as (bar, _):
-        kept = _drawn(place, shown, executor or InProcess(), progress or bar)
+        kept = _draw_new_runs(place, shown, executor or InProcess(), progress or bar)
         where = places(shown)
         for entry in shown:
             write_whole(place.page(entry.stem), [_page(place, entry, kept[entry.stem], where)])
@@ -106,7 +106,7 @@ def report(
 
 
 def single_page(run: str | Path, output: str | Path | None = None) -> Path:
-    """Write one run as one page that needs nothing else, its figures inside.
+    """Write one run as a single self-contained page with its figures inside.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def single_page(run: str | Path, output: str | Path | None = None) -> Path:
     Raises
     ------
     ResultError
-        The folder is no undamaged results folder, or the page cannot be written there.
+        The folder is damaged or not a results folder; or the page cannot be written there.
     """
     found = open_run(run)
     wrong = unreadable(found.path)
@@ -146,10 +146,10 @@ def single_page(run: str | Path, output: str | Path | None = None) -> Path:
     return target
 
 
-def _drawn(
+def _draw_new_runs(
     place: ReportFolder, shown: list[ReportEntry], executor: Executor, progress: Progress
 ) -> dict[str, KeptRun]:
-    """Figures and tables of all runs by the names of their pages; those that are new are drawn."""
+    """Figures and tables of all runs by the names of their pages; only new ones are drawn."""
     stamp = stamps({entry.run.path: entry.run for entry in shown}, drawing_code())
     found = {entry.stem: place.kept(entry.stem, stamp[entry.run.path]) for entry in shown}
     stale = [entry for entry in shown if found[entry.stem] is None]
@@ -160,7 +160,7 @@ def _drawn(
 
 
 def _page(place: ReportFolder, entry: ReportEntry, kept: KeptRun, where: dict[str, str]) -> str:
-    """The page of a run in the folder of the report."""
+    """The page of a run in the report's folder."""
     inline = []
     for number, one in enumerate(kept.figures):
         vectors = own_file(place.figure(one.svg)).read_bytes() if one.svg else None
@@ -186,12 +186,12 @@ def _page(place: ReportFolder, entry: ReportEntry, kept: KeptRun, where: dict[st
 
 
 def _inline(vectors: bytes | None, prefix: str) -> Toggled | None:
-    """A figure to put into a page; None where there is none, or it is no SVG that can be."""
+    """A figure as SVG to put into a page; None if there is none, or if it cannot be used."""
     if vectors is None:
         return None
     try:
         return toggled(vectors, prefix)
-    except ValueError:  # the pixels are shown
+    except ValueError:  # the PNG is shown instead
         return None
 
 
@@ -200,7 +200,7 @@ def _methods(figures: list[Toggled | None]) -> list[str]:
 
 
 def _embedded(figure: DrawnFigure) -> Markup:
-    """The pixels as a data URI in base64, in which nothing can be mistaken for markup."""
+    """A PNG as a data URI in base64, which cannot be mistaken for markup."""
     code = base64.b64encode(figure.png).decode()
     return Markup(f"data:image/png;base64,{code}")
 

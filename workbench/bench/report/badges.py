@@ -1,4 +1,4 @@
-"""What the report says of a run in a few words."""
+"""A short summary of a run for the report."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Badge:
-    """State of a run (holds, partial, fails, stopped or uncertified) and its words.
+    """State of a run (holds, partial, fails, stopped or uncertified) and its text.
 
-    ``outcome`` is what the method ended with; empty for a comparison, whose cells have one each.
+    ``outcome`` is that of the run; empty for a comparison, each of whose cells has one.
     """
 
     state: str
@@ -28,9 +28,9 @@ class Badge:
 
 
 def run_badge(run: Run, failed: bool = False) -> Badge:
-    """Badge of a run: what its certificate says, and of a comparison what its cells say.
+    """Badge of a run, by its certificate; for a comparison, by its cells.
 
-    A run that was kept as a failure never holds, whatever certificate lies in its folder.
+    A run that was stored as a failure never holds, whatever certificate its folder contains.
     """
     if run.certificate is None:
         state = "uncertified"
@@ -45,9 +45,9 @@ def run_badge(run: Run, failed: bool = False) -> Badge:
 
 
 def _of_cells(metrics: dict[str, float]) -> Badge:
-    """Share of a comparison's cells that are certified, and how many of its claims are false.
+    """Share of a comparison's cells that are certified, and its number of false claims.
 
-    Comparisons of older versions count successes, and no false claims.
+    Comparisons of older versions count successes only, and no false claims.
     """
     share = metrics.get("certified_share", metrics.get("success_rate", math.nan))
     cells, false = metrics.get("cells", math.nan), metrics.get("false_claims", math.nan)
@@ -63,7 +63,7 @@ def _of_cells(metrics: dict[str, float]) -> Badge:
 
 
 def _percent(share: float) -> str:
-    """A share in per cent; 0 % and 100 % are said of none and of all only."""
+    """A share in per cent; 0 % means none and 100 % means all, without rounding."""
     if not 0 <= share <= 1:
         return "unknown share"
     if share in (0, 1):

@@ -1,4 +1,4 @@
-"""Figures and tables of a run as the report shows them, drawn where the work runs."""
+"""Figures and tables of a run for the report, drawn where the executor runs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ LIBRARY = Path(workbench.__file__).parent
 
 @dataclass(frozen=True)
 class DrawnFigure:
-    """A figure as pixels, which look the same whatever fonts the reader has.
+    """A figure as pixels, which look the same with whatever fonts the reader has.
 
-    ``svg`` is there as well where parts of the figure belong to methods that can be toggled.
+    ``svg`` is present too if parts of the figure belong to methods that can be shown or hidden.
     """
 
     name: str
@@ -37,7 +37,7 @@ class DrawnFigure:
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """Figures and tables of a run; ``missing`` has a sentence for what could not be made."""
+    """Figures and tables of a run; ``missing`` has one sentence for each that could not be made."""
 
     figures: list[DrawnFigure]
     tables: dict[str, str]
@@ -45,12 +45,12 @@ class DrawnRun:
 
 
 def draw_runs(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[DrawnRun]:
-    """Figures and tables of the runs in results folders, a run to a task."""
-    return spread(partial(_drawn, added_problems()), folders, executor, progress, "runs drawn")
+    """Figures and tables of the runs in results folders, one task for each run."""
+    return spread(partial(_draw_run, added_problems()), folders, executor, progress, "runs drawn")
 
 
-def _drawn(problems: Sequence[Path], folder: Path) -> DrawnRun:
-    """Figures and tables of the run in a folder; what fails leaves a sentence, and the rest."""
+def _draw_run(problems: Sequence[Path], folder: Path) -> DrawnRun:
+    """Figures and tables of a run; each failure leaves a sentence and does not stop the others."""
     for each in problems:
         add_problems(each)
     run = Run(folder)
@@ -88,7 +88,7 @@ def _figure(stem: str, figure: Figure) -> DrawnFigure:
 
 
 def _reason(error: Exception) -> str:
-    """An error's words; one that is not ours with the line of ours that met it."""
+    """An error's text; for a foreign error also the line of the workbench where it occurred."""
     if isinstance(error, WorkbenchError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
@@ -97,10 +97,10 @@ def _reason(error: Exception) -> str:
 
 
 def _is_ours(file: Path) -> bool:
-    """Whether a source file is the library's, which may be installed, or a user's."""
+    """Whether a source file belongs to the workbench, which may be installed, or to the user."""
     return file.is_relative_to(LIBRARY) or "site-packages" not in file.parts
 
 
 def _words(stem: str) -> str:
-    """The name of a figure as people read it: ``figure-7-13`` is figure 7.13."""
+    """The title of a figure: ``figure-7-13`` is figure 7.13."""
     return re.sub(r"[-_]+", " ", re.sub(r"(?<=\d)-(?=\d)", ".", stem))

@@ -1,4 +1,4 @@
-"""Runs as the report shows them."""
+"""The runs of a report."""
 
 from __future__ import annotations
 
@@ -20,18 +20,20 @@ from workbench.bench.sweep import SWEEP
 from workbench.errors import ResultError
 
 OPTIONS = ("tolerance", "time_limit", "seed")
-"""Options that are shown beside the parameters where runs of a problem differ in them."""
+"""Options that are shown beside the parameters if the runs of a problem differ in them."""
 LONGEST = 60
-"""Characters of a parameter in the table of runs; a longer one is cut, its page has it whole."""
+"""Most characters of a parameter in the table of runs; a longer one is shortened there, but not on
+its page.
+"""
 
 
 @dataclass(frozen=True)
 class ReportEntry:
     """A run as the report shows it.
 
-    ``anchor`` names it, ``place`` is its folder below the results folder, ``stem`` the name of its
-    page's file. ``differing`` has the parameters and options in which the runs of its problem
-    differ, as texts.
+    ``anchor`` identifies it, ``place`` is its folder below the results folder, ``stem`` is the file
+    name of its page. ``differing`` holds, as texts, the parameters and options in which the runs of
+    its problem differ.
     """
 
     run: Run
@@ -49,7 +51,7 @@ class ReportEntry:
 
     @property
     def title(self) -> str:
-        """What the run is called: its problem, or the pattern of a comparison's problems."""
+        """The title of a run: its problem, or the pattern of a comparison's problems."""
         pattern = self.run.info["parameters"].get("pattern")
         return f"comparison of {pattern}" if self.is_comparison and pattern else self.run.problem
 
@@ -63,7 +65,7 @@ class ReportEntry:
 
     @property
     def headline(self) -> tuple[str, float] | None:
-        """Name and value of the key metric; a comparison's is in its badge."""
+        """Name and value of the main metric; for a comparison they are in its badge."""
         name = self.run.info["headline"]
         if self.is_comparison or name not in self.run.metrics:
             return None
@@ -83,7 +85,7 @@ class ReportEntry:
 
 
 def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
-    """Every run below a results folder, failures among them, by theme, problem, method and key."""
+    """Every run below a results folder, including failures, by theme, problem, method and key."""
     runs = [(run, False) for run in stored_runs(root, pattern)]
     runs += [(run, True) for run in failed_runs(root, pattern)]
     runs.sort(key=lambda pair: (pair[0].problem, pair[0].method or "", pair[0].path.as_posix()))
@@ -92,7 +94,7 @@ def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
     for (run, failed), differing in zip(runs, differences, strict=True):
         anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
         place = run.path.relative_to(root).as_posix()
-        while anchor in taken:  # a folder copied by hand keeps its problem and key
+        while anchor in taken:  # a copied folder has the same problem and key
             anchor += "'"
             differing["folder"] = place
         taken.add(anchor)
@@ -102,14 +104,14 @@ def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
 
 
 def entry_of(run: Run) -> ReportEntry:
-    """A run by itself."""
+    """The entry of a single run."""
     failed = run.path.suffix == FAILED
     anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
     return ReportEntry(run, failed, anchor, anchor, theme(run.problem), _summary(run))
 
 
 def theme(problem: str) -> str:
-    """What a problem is about: the folders of its source file; its name's first part elsewhere."""
+    """The theme of a problem: the folders of its source file, or the first part of its name."""
     if problem in OWN_STUDIES:
         return "comparisons" if problem == COMPARISON else "sweeps"
     entry = registry().entries.get(problem)
@@ -119,7 +121,7 @@ def theme(problem: str) -> str:
 
 
 def _summary(run: Run) -> str:
-    """What a run is about in one line: its problem's help, or how much a comparison compares."""
+    """One line about a run: its problem's help, or the size of a comparison."""
     if run.problem == SWEEP:
         over = run.info["parameters"].get("over")
         names = ", ".join(over) if isinstance(over, dict) else ""
@@ -137,8 +139,8 @@ def _summary(run: Run) -> str:
 
 
 def _differences(runs: Iterable[Run]) -> list[dict[str, str]]:
-    """For each run the parameters and options in which it differs from others of its problem."""
-    asked = [(run.problem, _asked(run)) for run in runs]
+    """For each run, the parameters and options in which the runs of its problem differ."""
+    asked = [(run.problem, _arguments_of(run)) for run in runs]
     groups = defaultdict[str, list[dict[str, str]]](list)
     for problem, one in asked:
         groups[problem].append(one)
@@ -153,7 +155,7 @@ def _differing_names(group: list[dict[str, str]]) -> list[str]:
     return [name for name in names if len({one.get(name) for one in group}) > 1]
 
 
-def _asked(run: Run) -> dict[str, str]:
+def _arguments_of(run: Run) -> dict[str, str]:
     """Parameters and options of a run as texts."""
     options = {name: run.info["options"].get(name) for name in OPTIONS}
     return {name: text(value) for name, value in {**options, **run.info["parameters"]}.items()}
@@ -166,18 +168,18 @@ def _short(words: str) -> str:
 
 
 def searchable(entry: ReportEntry) -> str:
-    """What the filter of the report reads of a run beside its row."""
-    asked = " ".join(f"{name}={value}" for name, value in _asked(entry.run).items())
+    """Text that the report's filter searches in addition to the run's row."""
+    asked = " ".join(f"{name}={value}" for name, value in _arguments_of(entry.run).items())
     return f"{entry.summary} {asked}"[:400]
 
 
 def as_json(differing: Mapping[str, str]) -> str:
-    """Differing parameters as the script of the index reads them."""
+    """Differing parameters as JSON for the script of the index page."""
     return json.dumps(differing, ensure_ascii=False)
 
 
 def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
-    """The kept failures below a results folder whose problem fits a shell pattern."""
+    """The stored failures below a results folder whose problem fits a shell pattern."""
     aside = {root / PARTIAL, *(root / name for name in RESERVED if name not in OWN_STUDIES)}
     folders = (
         file.parent
@@ -188,5 +190,5 @@ def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
 
 
 def places(shown: Iterable[ReportEntry]) -> dict[str, str]:
-    """Names of the pages of finished runs by their keys, for links from what needed them."""
+    """File names of the pages of finished runs by their keys, to link to them."""
     return {entry.run.key: entry.stem for entry in reversed(list(shown)) if not entry.failed}

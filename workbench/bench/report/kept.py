@@ -1,13 +1,13 @@
-"""The files of a report: pages, figures, and what is kept so that nothing is drawn twice.
+"""The files of a report: pages, figures, and records that avoid drawing anything twice.
 
     DIR/index.html                 the entry, written last
     DIR/report/runs/<run>.html     a page per run
     DIR/report/figures/<hash>.*    figures, named by their content
     DIR/report/kept/<run>.json     which figures and tables a run has, and for which state of it
 
-Every file appears whole. A figure is never changed, and what no page shows any more goes only after
-the new entry is in place: an interrupted report leaves the earlier one as it was, or pages of both.
-What is kept is read like a file of somebody else: checked, and escaped where it is shown.
+Every file appears whole. A figure is never changed, and a figure that no page shows is deleted only
+after the new start page is in place. So an interrupted report leaves the earlier one as it was, or
+pages of both. The records are not trusted: they are checked when read, and escaped when shown.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from workbench.errors import ResultError
 
 ENTRY, FOLDER = "index.html", "report"
 PARTS = {"runs": r"[\w-]+\.html", "figures": r"[0-9a-f]{24}\.(png|svg)", "kept": r"[\w-]+\.json"}
-"""Folders of a report, and the names of the files that are its own."""
+"""Folders of a report, and patterns for the names of its own files."""
 MARK = '<meta name="generator" content="workbench report">'
-"""What every page has in its head: other files of the same name are never replaced."""
+"""Mark in the head of every page; a file of the same name without the mark is never replaced."""
 _OLDER = "<title>Workbench results"
 
 _Name = Annotated[str, Field(pattern=f"^{PARTS['figures']}$")]
@@ -40,7 +40,7 @@ _Pixels = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class KeptFigure(BaseModel):
-    """A figure: its name, its files, its width and height [pixels]."""
+    """A figure: its name, its files, its width and height [pixel]."""
 
     model_config = ConfigDict(strict=True, frozen=True)
 
@@ -52,7 +52,7 @@ class KeptFigure(BaseModel):
 
 
 class KeptRun(BaseModel):
-    """Figures and tables of a run, and the stamp of the state that they show."""
+    """Figures and tables of a run, with the stamp of the state that they show."""
 
     model_config = ConfigDict(strict=True, frozen=True)
 
@@ -64,19 +64,19 @@ class KeptRun(BaseModel):
 
     @property
     def files(self) -> set[str]:
-        """Names of the files of its figures."""
+        """File names of its figures."""
         shown = [*self.figures, *([self.thumbnail] if self.thumbnail else [])]
         return {file for figure in shown for file in (figure.png, figure.svg) if file}
 
 
 class ReportFolder:
-    """The files of the report in a folder.
+    """The files of a report below a folder.
 
     Raises
     ------
     ResultError
-        A folder of the report is a link, which would lead elsewhere, or cannot be made; or its
-        entry is a page that no report has written.
+        A folder of the report is a link, which could lead elsewhere, or cannot be made; or its
+        start page exists and was not written by a report.
     """
 
     def __init__(self, place: Path) -> None:
@@ -102,7 +102,7 @@ class ReportFolder:
         return self.parts["figures"] / name
 
     def kept(self, stem: str, stamp: str) -> KeptRun | None:
-        """What is kept of a run, if it shows this state and its figures are all there."""
+        """The record of a run, if it shows this state and all its figures exist."""
         file = self.parts["kept"] / f"{stem}.json"
         if not file.exists():
             return None
@@ -114,7 +114,7 @@ class ReportFolder:
         return found if found.stamp == stamp and whole else None
 
     def keep(self, stem: str, stamp: str, drawn: DrawnRun) -> KeptRun:
-        """Write the figures of a run, then what is known of them."""
+        """Write the figures of a run, then their record."""
         figures = [self._written(one.name, one.png, one.svg) for one in drawn.figures]
         first = drawn.figures[0] if drawn.figures else None
         small = self._written(first.name, thumbnail(first.png), None) if first else None
@@ -141,7 +141,10 @@ class ReportFolder:
         return name
 
     def tidy(self, shown: dict[str, KeptRun]) -> None:
-        """Remove the files of the report that none of these runs needs, by their pages' names."""
+        """Delete the report's files that none of these runs needs.
+
+        The runs are given by their pages.
+        """
         needed = {
             "runs": {f"{stem}.html" for stem in shown},
             "kept": {f"{stem}.json" for stem in shown},
@@ -156,14 +159,14 @@ class ReportFolder:
 
 
 def write_whole(file: Path, content: bytes | Iterable[str]) -> None:
-    """Write beside, then rename in: whoever reads the old file never sees half a new one.
+    """Write a temporary file, then rename it; so nobody ever reads half a new file.
 
-    A file that has this content already is left as it is.
+    A file that has this content already is not touched.
 
     Raises
     ------
     ResultError
-        It cannot be written there.
+        The file cannot be written there.
     """
     whole = content if isinstance(content, bytes) else "".join(content).encode("utf-8")
     partial = file.with_name(f".{file.name}.{os.getpid()}")
@@ -182,7 +185,7 @@ def write_whole(file: Path, content: bytes | Iterable[str]) -> None:
 
 
 def _is_ours(file: Path) -> bool:
-    """Whether a page was written by a report, of this version or an older one."""
+    """Whether a page was written by a report, by this version or an older one."""
     try:
         with file.open(encoding="utf-8", errors="replace") as page:
             head = page.read(4096)

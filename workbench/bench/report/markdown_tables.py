@@ -1,4 +1,4 @@
-"""Tables and code in Markdown as HTML, tables with captions and scopes."""
+"""Tables and code in Markdown, converted to HTML with captions and scopes."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ import re
 from markupsafe import Markup, escape
 
 FENCE = "```"
-"""The start of a line above and below a block of code."""
+"""The mark at the beginning of the lines above and below a block of code."""
 LONGEST_CAPTION = 90
-"""A longer line above a table is a paragraph of its own, not the table's caption."""
+"""Most characters of a line above a table that becomes its caption; a longer line is a
+paragraph.
+"""
 LONGEST_CELL = 32
-"""A longer text in a cell is broken into lines, so that its table needs less room."""
+"""Most characters of a cell in one line; a longer text is broken, so that the table is narrower."""
 
 
 def tables_as_html(markdown: str, name: str) -> Markup:
-    """The pipe tables and fenced code of a Markdown text as HTML, its other lines as paragraphs.
+    """The pipe tables and fenced code of a Markdown text as HTML, other lines as paragraphs.
 
-    Every table has a caption: the name, and what a short line above it says. So has code, which
-    keeps its lines and spaces.
+    Every table has a caption: the name, and a short line above it if there is one. So has code,
+    which keeps its lines and spaces.
     """
     html = Markup("")
     for place, part in enumerate(re.split(rf"^{FENCE}.*\n?", markdown, flags=re.MULTILINE)):
@@ -32,7 +34,7 @@ def tables_as_html(markdown: str, name: str) -> Markup:
 
 
 def _tables_and_paragraphs(markdown: str, name: str) -> Markup:
-    """A part of a text without code."""
+    """A part of a text without code blocks, as HTML."""
     html, rows, line_above = Markup(""), list[list[str]](), ""
     for line in [*markdown.splitlines(), ""]:
         if line.startswith("|"):
@@ -53,7 +55,7 @@ def _tables_and_paragraphs(markdown: str, name: str) -> Markup:
 
 
 def _spans(text: str) -> Markup:
-    """A text with its code in back quotes as code."""
+    """A text with back-quoted parts as code."""
     parts = re.split(r"`([^`]+)`", text)
     return Markup("").join(
         Markup("<code>{}</code>").format(part) if place % 2 else escape(part)
@@ -62,11 +64,11 @@ def _spans(text: str) -> Markup:
 
 
 def _table(rows: list[list[str]], caption: str) -> Markup:
-    """A table whose first column heads its rows, unless that is a column of numbers.
+    """A table; its first column holds the row heads, unless that is a column of numbers.
 
-    With long texts in it, a narrow page folds its rows: each cell then says its column.
+    If it has long texts, a narrow page folds its rows: each cell then names its column.
     """
-    if len(rows) < 2 or len({len(row) for row in rows}) > 1:  # a cell has a bar in it
+    if len(rows) < 2 or len({len(row) for row in rows}) > 1:  # a cell contains a bar
         text = "\n".join(" | ".join(row) for row in rows)
         return Markup("<p>{}</p><pre>{}</pre>").format(_spans(caption), text)
     head, rule, *body = rows
@@ -104,5 +106,5 @@ def _table(rows: list[list[str]], caption: str) -> Markup:
 
 
 def _method(head: list[str], row: list[str]) -> str:
-    """The method that a row is about, where the table has a column of methods."""
+    """The method of a row, if the table has a column of methods."""
     return row[head.index("method")] if "method" in head else ""

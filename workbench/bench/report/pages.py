@@ -1,4 +1,4 @@
-"""Pages of a report, made from their templates."""
+"""Pages of a report, filled in from templates."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from workbench.bench.report.markdown_tables import tables_as_html
 
 HERE = Path(__file__).parent
 PICTURES = "'self' file: data:"
-"""Where pages may load pictures from: their own folder, on a disk or on a server."""
+"""Sources from which pages may load pictures: their own folder, on a disk or on a server."""
 
 
 @dataclass(frozen=True)
 class FigureView:
-    """A figure on a page: its name, where its pixels are, their size, and what can be toggled."""
+    """A figure on a page: its name, the address and size of its pixels, and its SVG."""
 
     name: str
     source: str | Markup
@@ -38,10 +38,10 @@ class FigureView:
 
 @dataclass(frozen=True)
 class RunView:
-    """What the page of a run shows beside the run itself.
+    """Content of the page of a run, besides the run itself.
 
-    ``methods`` are those that its figures draw; ``folder`` is the way to its results folder, and
-    ``index`` that to the table of all runs, where there are such.
+    ``methods`` are those drawn in its figures; ``folder`` is the relative path of its results
+    folder, and ``index`` that of the table of all runs, if they exist.
     """
 
     entry: ReportEntry
@@ -72,11 +72,11 @@ def index_page(
     entries
         The runs, in the order of their themes.
     thumbnails
-        Small figures by the names of the runs' pages.
+        Small figures, by the names of the runs' pages.
     pattern
-        Shell pattern that the runs' problems fit.
+        Shell pattern of the runs' problems.
     left_out
-        Folders that cannot be read, and why.
+        Folders that cannot be read, with the reasons.
     """
     return _page(
         "index.html.j2",
@@ -91,7 +91,7 @@ def index_page(
 
 
 def link(folder: Path, start: Path) -> str | None:
-    """The way from one folder to another; None where it would spell out the whole machine."""
+    """The relative path from one folder to another; None if it would reveal the whole machine."""
     folder, start = folder.absolute(), start.absolute()
     if folder.anchor != start.anchor or os.path.commonpath([folder, start]) == folder.anchor:
         return None
@@ -129,5 +129,5 @@ def _environment() -> Environment:
 
 @cache
 def asset(name: str) -> Markup:
-    """A style sheet or a script of the pages."""
+    """The text of a style sheet or script of the pages."""
     return Markup((HERE / "templates" / name).read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The cells of a comparison as points that tell what they are."""
+"""The cells of a comparison as points that show their data when pointed at."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from workbench.errors import ResultError
 from workbench.heavy_types import Axes, Dataset, Figure
 
 LINEAR = 1e-12
-"""Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
+"""Gaps below this are drawn on a linear scale: rounding errors, far below the finest accuracy
+level.
+"""
 MOST_CELLS = 5000
-"""More cells than this are not drawn as points: a page of them would answer slowly."""
+"""Most cells that are drawn as points: with more, the page would respond slowly."""
 TICKS = (-1.0, -1e-4, -1e-8, 0.0, 1e-8, 1e-4, 1.0)
 FALSE = (WRONG, CONTRADICTION)
 """Verdicts on claims that another certificate refutes."""
@@ -29,7 +31,7 @@ FALSE = (WRONG, CONTRADICTION)
 
 @dataclass(frozen=True)
 class CellPoint:
-    """A cell as a point: certified, open or false; its wall time [s], gap, and what it says."""
+    """A cell as a point: certified, open or false; its wall time [s], its gap, and its text."""
 
     method: str
     kind: str
@@ -39,10 +41,10 @@ class CellPoint:
 
 
 def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
-    """Certified gap over wall time of every cell, and what each point says.
+    """Certified gap over wall time of every cell, with a text for each point.
 
     Filled points are certified, hollow ones are not, thin crosses are false claims. Cells without a
-    finite gap stand in a row of their own below the others; cells without a time are left out.
+    finite gap form a row of their own below the others; cells without a time are left out.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""What the look of a run depends on, as one hash: while it stays, nothing is drawn again."""
+"""One hash of everything that the look of a run depends on.
+
+Nothing is redrawn while it is equal.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from workbench.errors import WorkbenchError
 from workbench.solvers import versions
 
 DRAWING = ("matplotlib", "pillow")
-"""Packages that draw, beside those whose versions a run records."""
+"""Packages that draw; runs do not record their versions."""
 
 
 def drawing_code() -> str:
@@ -27,14 +30,14 @@ def drawing_code() -> str:
 
 
 def stamps(runs: Mapping[Path, Run], code: str) -> dict[Path, str]:
-    """A hash for every run: its files, those of all runs that it stands on, its data, the code.
+    """One hash for each run: its files, those of the runs it needs, its data, and the code.
 
     Parameters
     ----------
     runs
-        The runs by their folders; those among them that a run stands on are found by their keys.
+        The runs, by their folders; the runs that a run needs are found among them by key.
     code
-        `drawing_code`.
+        Result of `drawing_code`.
     """
     sealed = {folder: digest((folder / CHECKSUMS).read_bytes()) for folder in runs}
     by_key: dict[str, list[Run]] = {}
@@ -51,7 +54,7 @@ def stamps(runs: Mapping[Path, Run], code: str) -> dict[Path, str]:
 
 
 def _needs(run: Run, by_key: Mapping[str, list[Run]]) -> Iterator[Run]:
-    """The stored runs that a run stands on, and those that they stand on."""
+    """The stored runs that a run needs, directly or through others."""
     waiting, met = [run], {run.path}
     while waiting:
         needs = waiting.pop().info["needs"].values()
@@ -64,10 +67,10 @@ def _needs(run: Run, by_key: Mapping[str, list[Run]]) -> Iterator[Run]:
 
 
 def _data(run: Run) -> dict[str, str]:
-    """Hashes of the data files of a run's problem as they are now."""
+    """Hashes of the present data files of a run's problem."""
     if run.problem not in registry().entries:
         return {}
     try:
         return registry().find(run.problem).data_hashes()
-    except WorkbenchError as error:  # then its figures cannot be drawn, which is told there
+    except WorkbenchError as error:  # its figures cannot be drawn then; the page says so
         return {"error": str(error)}

@@ -6,12 +6,12 @@ import io
 import struct
 
 THUMBNAIL = (240, 180)
-"""Largest width and height [pixels]; shown at half of it, so sharp on fine screens too."""
+"""Largest width and height [pixel]; shown at half that size, so it is sharp on fine screens too."""
 COLOURS = 48
 
 
 def thumbnail(png: bytes) -> bytes:
-    """A small picture of a figure, both as PNG; the same figure gives the same bytes."""
+    """A small picture of a figure, from PNG to PNG; the same figure gives the same bytes."""
     from PIL import Image
 
     with Image.open(io.BytesIO(png)) as figure:
@@ -24,6 +24,6 @@ def thumbnail(png: bytes) -> bytes:
 
 
 def pixels_of(png: bytes) -> tuple[int, int]:
-    """Width and height of a PNG [pixels]: a page keeps the room before it loads the figure."""
+    """Width and height of a PNG [pixel]; a page reserves the space before the figure is loaded."""
     width, height = struct.unpack(">II", png[16:24])
     return width, height

@@ -1,8 +1,8 @@
-"""Figures whose parts belong to methods, as SVG that a page can hold and a script can toggle.
+"""Figures whose parts belong to methods, as SVG in a page where a script shows or hides them.
 
-Whatever a figure draws for a method carries the id ``method:NAME`` (matplotlib's ``gid``). Such a
-figure is kept as SVG; when a page is made, it is rewritten: only drawing remains of it, ids are
-made the figure's own, and the parts of methods are marked with ``data-method``.
+Everything that a figure draws for a method has the id ``method:NAME`` (matplotlib's ``gid``). Such
+a figure is stored as SVG. When a page is made, the SVG is rewritten: only drawing elements remain,
+ids get a prefix of the figure, and the parts of methods are marked with ``data-method``.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _ATTRIBUTES = {"d", "transform", "style", "x", "y", "width", "height", "viewBox"
 _FOREIGN = re.compile(r"url\((?!#)|expression|@import|\\", re.IGNORECASE)
 
 Told = tuple[str, Sequence[str]]
-"""Id of a part of a figure, and a sentence for each of its markers."""
+"""Id of a part of a figure, and one sentence for each of its markers."""
 
 
 @dataclass(frozen=True)
 class Toggled:
-    """A figure to put into a page, and the methods that it draws, in the order of the drawing."""
+    """A figure to put into a page, and the methods that it draws, in drawing order."""
 
     markup: Markup
     methods: tuple[str, ...]
@@ -41,15 +41,15 @@ def has_methods(figure: Figure) -> bool:
 
 
 def telling(source: bytes, told: Sequence[Told]) -> bytes:
-    """A figure as SVG whose markers say something when they are pointed at.
+    """A figure as SVG whose markers show a text when they are pointed at.
 
     Parameters
     ----------
     source
         The figure (`workbench.figures.formats.svg`).
     told
-        What its markers say, part by part in the order of the drawing. A part without an entry
-        says the name of its method.
+        The texts of its markers, part by part in drawing order. A part without an entry shows the
+        name of its method.
     """
     root = ElementTree.fromstring(source)
     _tell(root, told)
@@ -57,7 +57,7 @@ def telling(source: bytes, told: Sequence[Told]) -> bytes:
 
 
 def _tell(root: ElementTree.Element, told: Sequence[Told]) -> None:
-    """Give every marker of the parts its sentence."""
+    """Attach a text to every marker of the parts."""
     waiting = list(told)
     for part in root.iter(f"{_SPACE}g"):
         if not waiting or part.get("id") != waiting[0][0]:
@@ -68,12 +68,12 @@ def _tell(root: ElementTree.Element, told: Sequence[Told]) -> None:
 
 
 def toggled(source: bytes, prefix: str) -> Toggled:
-    """A kept SVG as a page holds it: only drawing, its ids starting with a prefix of its own.
+    """A stored SVG as a page contains it: drawing elements only, ids with the given prefix.
 
     Raises
     ------
     ValueError
-        It is no SVG.
+        The source is not an SVG.
     """
     try:
         root = ElementTree.fromstring(source)
@@ -92,7 +92,10 @@ def toggled(source: bytes, prefix: str) -> Toggled:
 def _drawing(
     node: ElementTree.Element, prefix: str, methods: dict[str, None]
 ) -> ElementTree.Element:
-    """A copy of an element with what draws, and nothing that runs, loads or styles the page."""
+    """A copy of an element with drawing elements only.
+
+    Nothing that runs, loads or styles the page.
+    """
     clean = ElementTree.Element(node.tag.removeprefix(_SPACE))
     name = node.get("id", "")
     if name.startswith(GID):

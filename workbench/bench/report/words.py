@@ -1,4 +1,4 @@
-"""How the report says things: numbers, times, paths and tables as text or markup."""
+"""Formats of the report: numbers, times, paths and tables as text or markup."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from markupsafe import Markup
 
 
 def number(value: Any, digits: int = 6) -> Markup:
-    """A number to read, with the full one behind it.
+    """A rounded number, with the full one behind it.
 
-    The class counts the characters before the point, by which the style sheet aligns points.
+    The class counts the characters before the decimal point; the style sheet aligns points by it.
     """
     value = float(value)
     if math.isfinite(value):
@@ -35,12 +35,12 @@ def number(value: Any, digits: int = 6) -> Markup:
 
 
 def breakable(name: str) -> Markup:
-    """A name whose lines break after underscores, not within its words."""
+    """A name in which lines may break after underscores only."""
     return Markup("_<wbr>").join(name.split("_"))
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them."""
+    """A duration [s] as people say it."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -66,11 +66,13 @@ _PATHS = re.compile(
 )
 _QUOTED = re.compile(r"""(?<=File ")(?:/|[A-Za-z]:\\)[^"\n]*[/\\](?=[^"\n]+")""")
 _KNOWN = {"site-packages": 1, "dist-packages": 1, "workbench": 0, "problems": 0}
-"""Folders from which on a path says the same everywhere, and whether to leave them out."""
+"""Folders from which a path is the same on every machine, and whether to remove the
+folder itself.
+"""
 
 
 def pathless(words: str) -> str:
-    """Words without the machine's folders: a page is sent to others, a trace has paths in it."""
+    """A text without the machine's folders: pages are sent to others, and traces hold paths."""
     return _PATHS.sub(_short, _QUOTED.sub(_short, words))
 
 
@@ -82,12 +84,12 @@ def _short(match: re.Match[str]) -> str:
 
 
 def when(moment: str) -> str:
-    """An ISO time to read."""
+    """An ISO time in readable form."""
     return moment.replace("T", " ").replace("+00:00", " UTC")
 
 
 def listed(need: str | Iterable[str]) -> list[str]:
-    """A need's keys: there is one, or a list."""
+    """A need's keys as a list; it has one, or a list."""
     return [need] if isinstance(need, str) else list(need)
 
 

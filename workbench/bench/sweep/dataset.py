@@ -1,4 +1,4 @@
-"""The dataset of a sweep: its dimensions are the parameters, its variables what every run says."""
+"""The dataset of a sweep: its dimensions are the parameters, its variables the runs' results."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from workbench.solvers import Outcome
 SWEEP = "sweep"
 """The name under which results of sweeps are stored."""
 OWN = ("outcome", "message", "key", "holds", "seconds")
-"""Variables that are no metrics of the runs."""
+"""Variables that are not metrics of the runs."""
 
 
 @dataclass(frozen=True)
 class SweptPoint:
-    """What the run of a point says; one that could not run has an outcome and a reason only."""
+    """The result of one point; a point that could not run has only an outcome and a message."""
 
     outcome: str
     message: str = ""
@@ -34,10 +34,10 @@ class SweptPoint:
 def sweep_dataset(
     axes: Mapping[str, Sequence[Any]], points: Mapping[tuple[int, ...], SweptPoint], problem: str
 ) -> Dataset:
-    """Points by their place on the axes as arrays over these axes.
+    """The points of a sweep as arrays over its axes.
 
-    Metrics of any run are variables of their name, NaN where a run has none; a metric called like
-    one of `OWN` gets a ``metric_`` before it.
+    Every metric of any run is a variable, NaN for runs without it. A metric with a name in `OWN`
+    gets the prefix ``metric_``.
     """
     import xarray as xr
 
@@ -74,6 +74,6 @@ def _axis(values: Sequence[Any]) -> np.ndarray:
 
 
 def proven(data: Dataset) -> np.ndarray:
-    """Points whose outcome is proven: answered, or shown to have no answer."""
+    """Points with a proven outcome: an answer, or the proof that there is none."""
     words = [str(one) for one in Outcome if one.proven]
     return np.asarray(np.isin(data["outcome"].values, words) & (data["holds"].values == 1))

@@ -1,4 +1,4 @@
-"""A sweep as a Study: what its points say, and how many of them hold."""
+"""A sweep as a Study: the results of its points, and how many of them hold."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from workbench.study import Study
 from workbench.tables import markdown
 
 MOST_LINES = 8
-"""More lines than this are a heat map, or share their colours."""
+"""Most lines with different colours; more are drawn as a heat map, or share colours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class ParameterSweep(Study):
 
     @classmethod
     def stored(cls) -> ParameterSweep:
-        """One whose points are known: it shows them, and runs no more."""
+        """A sweep whose points are stored: it can show them, but not run any."""
 
         def unknown(context: Context) -> Dataset:
             raise ResultError("a stored sweep cannot run again; call workbench.sweep")
@@ -70,7 +70,9 @@ class ParameterSweep(Study):
         name = str(answer.attrs.get("headline", ""))
         if name not in answer or not answer[name].notnull().any():
             return {}
-        return {"metric": _drawn(answer[name].where(proven(answer)), str(answer.attrs["problem"]))}
+        return {
+            "metric": _line_plot(answer[name].where(proven(answer)), str(answer.attrs["problem"]))
+        }
 
 
 def _metrics(data: Dataset) -> list[str]:
@@ -81,8 +83,8 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _drawn(values: DataArray, problem: str) -> Figure:
-    """A metric over the first parameter, a line for each value of the others."""
+def _line_plot(values: DataArray, problem: str) -> Figure:
+    """A metric over the first parameter, with one line for each value of the others."""
     from workbench import figures
 
     first, *others = values.dims

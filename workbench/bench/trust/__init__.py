@@ -1,1 +1,1 @@
-"""What is believed of a results folder that somebody else has made, and what is refused."""
+"""Checks on a results folder made by somebody else: what is accepted, and what is refused."""

@@ -1,4 +1,4 @@
-"""Content of run.json: what a results folder says of itself, its types checked."""
+"""The content of run.json, with its types checked."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ class _Information(BaseModel):
 
 
 def run_information(content: Any, folder: str) -> dict[str, Any]:
-    """The content of run.json as it is, once it is what every run has.
+    """The content of run.json, unchanged, once it is checked to have the form of every run.
 
     Raises
     ------
-    ResultError
+    It has another form; or a newer workbench wrote it in another format.
         It is not; or a newer workbench wrote it in another format.
     """
     version = content.get("format") if isinstance(content, dict) else None

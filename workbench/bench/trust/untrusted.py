@@ -1,8 +1,8 @@
-"""What may be read of a results folder that somebody else has made: its own files, within bounds.
+"""Safe reading of a results folder made by somebody else: only its own files, within bounds.
 
-A folder can be made to hurt whoever opens it: a link or a path that leads out of it, two kilobytes
-that unpack to gigabytes, brackets nested a hundred thousand deep. All of that is refused by its
-name before it is read.
+A folder can be made to harm whoever opens it: by a link or a path that leads out of it, by two
+kilobytes that unpack to gigabytes, or by brackets nested a hundred thousand deep. All of these are
+refused by name before they are read.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from typing import Any
 from workbench.errors import ResultError
 
 LARGEST_TEXT = 64 * 2**20
-"""Size [bytes] above which a JSON file or a log is not read."""
+"""Largest size [bytes] of a JSON file or log that is read."""
 DEEPEST = 50
-"""Depth of nested brackets above which JSON is not read."""
+"""Largest depth of nested brackets in JSON that is read."""
 LARGEST_ARRAYS, LARGEST_GROWTH = 256 * 2**20, 100
-"""Size [bytes] of all arrays of a file up to which they are read in any case; above it, only while
-they are no larger than so many times the file."""
+"""Total size [bytes] of a file's arrays that is always read, and the largest ratio of a larger
+total to the size of the file.
+"""
 MOST_ARRAYS = 10_000
-"""Number of arrays of a file above which it is not read."""
+"""Largest number of arrays in a file that is read."""
 
 _PROBLEM = re.compile(r"\w(?:[\w.-]*[\w-])?(?:/\w(?:[\w.-]*[\w-])?)*")
 _KEY = re.compile(r"[0-9a-f]{8}(?:[0-9a-f]{8})?")
@@ -32,46 +33,46 @@ _FILE = re.compile(r"[\w][\w .+-]*")
 
 
 def problem_name(name: Any) -> str:
-    """A stored name of a problem, which makes the path of its folder."""
+    """A stored name of a problem, checked because it becomes a path."""
     if isinstance(name, str) and _PROBLEM.fullmatch(name):
         return name
     raise ResultError(f"{_short(name)} is no name of a problem: words with '/' between are needed")
 
 
 def question_key(key: Any) -> str:
-    """A stored key, which makes the name of its folder."""
+    """A stored key, checked because it becomes the name of a folder."""
     if isinstance(key, str) and _KEY.fullmatch(key):
         return key
     raise ResultError(f"{_short(key)} is no key: eight or sixteen hexadecimal digits are needed")
 
 
 def file_stem(name: str) -> str:
-    """A name of a figure or table, which makes the name of a file in the folder at hand."""
+    """The stored name of a figure or table, checked because it becomes a file name."""
     if _FILE.fullmatch(name):
         return name
     raise ResultError(f"{_short(name)} cannot be the name of a file")
 
 
 def possible_path(path: str | Path) -> Path:
-    """A path as a user names it. Raises ResultError for what no path can be, such as a number."""
+    """A path as a user gives it. Raises ResultError if it cannot be a path, such as a number."""
     if not isinstance(path, str | os.PathLike):
         raise ResultError(f"{_short(repr(path))} cannot be a path: it is no text")
     try:
         os.lstat(path)
-    except ValueError as error:  # a NUL byte, half of a character
+    except ValueError as error:  # a NUL byte, or half of a character
         raise ResultError(f"{_short(str(path))} cannot be a path: {error}") from None
-    except OSError:  # whoever opens it will say more
+    except OSError:  # opening it will give a better message
         pass
     return Path(path)
 
 
 def own_file(file: Path) -> Path:
-    """A file of the folder itself.
+    """A file that lies in the folder itself.
 
     Raises
     ------
     ResultError
-        It is missing, a link, or no regular file.
+        It is missing, a link, or not a regular file.
     """
     try:
         if file.is_symlink():
@@ -79,13 +80,13 @@ def own_file(file: Path) -> Path:
         if file.is_file():
             return file
         what = "no file" if file.exists() else "missing"
-    except (OSError, ValueError) as error:  # a name that no file can have
+    except (OSError, ValueError) as error:  # not a possible name of a file
         raise ResultError(f"{_short(str(file))} cannot be read: {error}") from None
     raise ResultError(f"{file.name} is {what} in {file.parent}")
 
 
 def read_text(file: Path) -> str:
-    """The text of a file of the folder. Raises ResultError where it cannot be read, or is huge."""
+    """The text of a file. Raises ResultError if it cannot be read or is too large."""
     try:
         size = own_file(file).stat().st_size
         if size > LARGEST_TEXT:
@@ -96,14 +97,16 @@ def read_text(file: Path) -> str:
 
 
 def read_json(file: Path) -> Any:
-    """The content of a JSON file of the folder. Raises ResultError as `read_text`, and for no JSON,
-    or too deep."""
+    """The content of a JSON file of the folder.
+
+    Raises ResultError as `read_text`, and if it is not JSON or is nested too deeply.
+    """
     text = read_text(file)
     if _depth(text) > DEEPEST:
         raise ResultError(f"{file.name} is nested more than {DEEPEST} deep, and not read")
     try:
         return json.loads(text)
-    except ValueError as error:  # also for integers of more digits than Python converts
+    except ValueError as error:  # also raised for integers with more digits than Python converts
         raise ResultError(f"{file.name} is no JSON: {error}") from None
 
 
@@ -111,7 +114,7 @@ _MARKS = re.compile(r'\\.|["\[\]{}]', re.DOTALL)
 
 
 def _depth(text: str) -> int:
-    """Largest depth of brackets outside of strings; what is beyond DEEPEST is not counted."""
+    """Largest depth of brackets outside strings; counting stops beyond DEEPEST."""
     depth = deepest = 0
     quoted = False
     for mark in _MARKS.finditer(text):
@@ -126,13 +129,13 @@ def _depth(text: str) -> int:
 
 
 def need_bounded_arrays(file: Path) -> None:
-    """Refuse an HDF5 file that leads elsewhere, or holds far more than its size.
+    """Refuse an HDF5 file that leads to other files, or would unpack to far more than its size.
 
     Raises
     ------
     ResultError
-        It is missing, a link, no HDF5; it has links of its own, data in other files, too many
-        arrays, or arrays too large for its size.
+        It is missing, a link, or not HDF5; it contains links, data in other files, too many arrays,
+        or arrays too large for its size.
     """
     import h5py
 
@@ -155,7 +158,7 @@ def need_bounded_arrays(file: Path) -> None:
 
 
 def _datasets(stored: Any, file: Path) -> Iterator[tuple[str, Any]]:
-    """The datasets of an HDF5 file; as they are written here, all lie in its root."""
+    """The datasets of an HDF5 file; this workbench writes them all in the root group."""
     import h5py
 
     for name in stored:
@@ -168,6 +171,6 @@ def _datasets(stored: Any, file: Path) -> Iterator[tuple[str, Any]]:
 
 
 def _short(value: Any) -> str:
-    """A stored value in an error: what is long or cannot be printed is cut."""
+    """A stored value for a message; long or unprintable text is shortened."""
     text = ascii(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -29,7 +29,7 @@ from workbench.systems.realisation import realisation
 MOST_ALTERNATIONS = 15
 """Largest number of rounds of the two steps."""
 SETTLED_FALL, PATIENCE = 1e-3, 3
-"""The iteration ends when the peak falls by less than this share in this number of rounds."""
+"""The iteration ends when the peak falls by less than this fraction in this many rounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """The bound of one channel at its frequencies (F,), an inequality in the filter's [C D] and t.
+    """The bound of one channel at its frequencies (F,), as an inequality in [C D] and t.
 
     t D_r >= M^H D_l M + j (G M - M^H G^H),    M = M0 + U [C D] V
 
@@ -73,7 +73,8 @@ class Constraint:
     ) -> Constraint:
         """The constraint of a channel, with the multipliers of the loop closed by the filter K.
 
-        Its frequencies are those that resolve that loop, the ends of the band, and `more` [rad/s].
+        Its frequencies are a grid that resolves that loop, the ends of the band, and `more`
+        [rad/s].
         """
         loop = program.loop(K, channel)
         low, high = channel.band
@@ -92,7 +93,7 @@ class Constraint:
 
 @method(FaultEstimation, "basis", optimal=False)
 def _basis(program: FaultEstimation, context: Context) -> Claim:
-    """Least worst bound on the set, over the poles of the start or of "riccati"; convex steps."""
+    """Least worst bound on the set by convex steps, with the poles of the start or of "riccati"."""
     start = program.start
     if start is None:
         found, outcome, said = nominal_filter(program, context, "riccati")
@@ -101,7 +102,7 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
         start = found.K
     basis = Basis(start.A, start.B, start.noutputs)
     best = program.answer(start)
-    assert best is not None  # a start is stable
+    assert best is not None  # the given start is known to be stable
     history = [best.upper]
     beside: list[list[float]] = [[] for _ in program.channels]
     said = ""

@@ -2,9 +2,10 @@
 
     e = d + f - H G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,
 
-with the disturbance d, the fault f and a filter H of the measurement inside the loop. F S maps the
-fault and the disturbance alike to the estimate: what it estimates of one it leaks of the other.
-No H stands before F: d and f are what H lets through of disturbance and fault.
+where d is the disturbance, f the fault, and H a filter of the measurement inside the loop. F S maps
+the fault and the disturbance alike to the estimate: what whatever share of a fault is estimated,
+the same share of a disturbance leaks. F has no filter H before it: d and f are the disturbance and
+the fault after H.
 """
 
 from __future__ import annotations
@@ -35,14 +36,14 @@ BOUNDARY_POINTS = 24
 
 @dataclass(frozen=True, eq=False)
 class EstimationDemands:
-    """Demands on the estimate of a fault: where it must be right, and what may disturb it.
+    """Demands on a fault's estimate: where it must be accurate, and what may disturb it.
 
     Parameters
     ----------
     error_above
-        Frequency [Hz] from which on the relative error of the estimate is limited.
+        Frequency [Hz] above which the relative error of the estimate is limited.
     leakage_below
-        Frequency [Hz] up to which the leakage of the disturbance is limited.
+        Frequency [Hz] below which the leakage of the disturbance is limited.
     gain
         Largest gain from disturbance or fault to the estimate, at any frequency and plant.
     disturbance
@@ -52,12 +53,12 @@ class EstimationDemands:
     noise_band
         Bandwidth of the noise [Hz].
     unit
-        Typical size of a leakage, by which cone programs are scaled.
+        Typical size of a leakage; the cone programs are scaled by it.
 
     Raises
     ------
     InputError
-        Numbers that are not positive and finite.
+        A number is not positive and finite.
 
     Examples
     --------
@@ -90,7 +91,7 @@ class EstimationDemands:
 
 @dataclass(frozen=True, eq=False)
 class FaultLoop:
-    """A loop around all plants of a model; sampled where a delay is given.
+    """A loop with all plants of a model; a sampled loop if a delay is given.
 
     Parameters
     ----------
@@ -105,14 +106,14 @@ class FaultLoop:
     period
         Sampling period [s]; None: the loop is continuous.
     delay
-        Turn-around of the computer [samples], where a period is given: the plant is sampled behind
-        a hold and brought back to continuous time by the bilinear transform; K and the weights
-        stand for their bilinear transforms.
+        Delay of the computer [samples], given together with a period: the plant is sampled behind a
+        hold and mapped back to continuous time by the bilinear transform; K and the weights
+        represent their bilinear transforms.
 
     Raises
     ------
     InputError
-        A period that is not positive, a filter that is not proven stable.
+        The period is not positive, or the filter is not proven stable.
 
     Examples
     --------
@@ -149,7 +150,7 @@ class FaultLoop:
             raise InputError(f"filter of a fault loop: {fault}") from fault
 
     def within(self, share: float) -> FaultLoop:
-        """The loop around the plants whose perturbations are at most a share of the set's.
+        """The loop with only those plants whose perturbations are at most this share of the set's.
 
         Raises InputError for a share that is not positive.
         """
@@ -161,7 +162,7 @@ class FaultLoop:
         return replace(self, model=replace(self.model, **smaller))
 
     def warped(self, frequency: ArrayLike) -> RealArray:
-        """omega [rad/s] at which the continuous systems have the loop's response at `frequency`.
+        """omega [rad/s] at which the continuous systems respond as the loop does at `frequency`.
 
         frequency [Hz] (F,).
         """
@@ -173,7 +174,7 @@ class FaultLoop:
 
     @cached_property
     def G(self) -> StateSpace:
-        """Nominal plant, its measurement's filter and delay included."""
+        """Nominal plant, including the filter of the measurement and the delay."""
         G = self.filter * self.model.systems()["G"]
         if self.period is None:
             return G
@@ -186,16 +187,16 @@ class FaultLoop:
 
     @cached_property
     def removal(self) -> GeneralisedPlant:
-        """(perturbation; d; u_f) -> (perturbation; e; e), the estimate removed from what K sees.
+        """(perturbation; d; u_f) -> (perturbation; e; e), the estimate subtracted before K.
 
-        Closed by F it is the loop while a fault is removed: e = d / (1 + L (1 - F)).
+        Closed by F, it is the loop while a fault estimate is subtracted: e = d / (1 + L (1 - F)).
         """
         sums = {"e": "d - x", "seen": "e - u_f"}
         signals = {"performance": "e", "control": "u_f", "measurement": "e"}
         return self._connected(sums, "seen", exogenous=["d"], **signals)
 
     def _connected(self, sums: dict[str, str], seen: str, **signals: Any) -> GeneralisedPlant:
-        """The loop of K, which sees a signal, around the uncertain plant v -> x."""
+        """The loop of K, which reads the signal `seen`, with the uncertain plant v -> x."""
         systems = self.model.systems()
         kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
         blocks = [(systems[f"W_{kind}"], "m", f"y_{kind}") for kind in kinds]
@@ -226,7 +227,7 @@ class FaultLoop:
         return np.concatenate([1 + cap, 1 - cap, 1 + side, 1 - side], axis=1)
 
     def amplification(self, omega: RealArray) -> RealArray:
-        """Largest |S / S_nominal| (F,) over the set; infinite where the loop may be unstable."""
+        """Largest |S / S_nominal| (F,) over the set; infinite if the loop may be unstable."""
         L = self.open_loop(omega)
         circular, real = self._extents(omega, L / (1 + L))
         along = np.clip(-real.real / np.maximum(np.abs(real) ** 2, np.finfo(float).tiny), -1, 1)
@@ -242,7 +243,7 @@ class FaultLoop:
         return np.abs(self.model.W_c.response(omega) * T), real
 
     def requirements(self, error: float, leakage: float) -> list[Requirement]:
-        """Requirements on a filter: relative error of f, leakage of d, gain at any frequency.
+        """Requirements on a filter: relative error of f, leakage of d, gain at all frequencies.
 
         leakage: in the unit of the fault.
         """

@@ -1,20 +1,21 @@
 """The least leakage of a fault filter for a relative error: convex in the filter.
 
-With T = F S of the nominal loop and p = S_nominal / S over the set, each plant estimates T / p of a
-fault, and lets as much of the disturbance and of the noise through. Over a basis of T, for all p,
+Let T = F S for the nominal loop, and p = S_nominal / S for each plant of the set. The estimate on a
+plant is T / p times the fault, plus T / p times the disturbance and the noise. Over a basis of T,
+for all p, the filter solves
 
     min   E + 3 rms     |p - T| <= r |p|             from demands.error_above on,
                         |T| max|1/p| W_d <= E        up to demands.leakage_below,
                         |T| max|1/p| <= demands.gain everywhere,    ||T max|1/p||| = rms
 
-with the noise white up to demands.noise_band. Where the estimate is to be removed from the error,
-the loop of the plant p meanwhile is 1 + L (1 - F) = p / S (1 - T (1 / S - 1 / p)), and with
+with white noise up to demands.noise_band. If the estimate is to be subtracted from the error, the
+return difference of plant p is then 1 + L (1 - F) = p / S (1 - T (1 / S - 1 / p)), and with
 
     Re(1 - T (1 / S - 1 / p)) >= |S / p| / M
 
-no plant's Nyquist curve encircles -1 and its sensitivity is at most M: a half-plane instead of a
-disc's outside, which is not convex. Second-order cones on a grid of frequencies; a filter's
-requirements are certified elsewhere, at all frequencies.
+no plant's Nyquist curve encircles -1 and its sensitivity is at most M. This half-plane replaces the
+outside of a disc, which is not convex. The program has second-order cones on a grid of frequencies;
+a filter's requirements are certified separately, at all frequencies.
 """
 
 from __future__ import annotations
@@ -74,15 +75,15 @@ class FrontPoint:
 
     @property
     def total(self) -> float:
-        """Leakage and three times the rms of the noise."""
+        """Leakage plus three times the rms of the noise."""
         return self.leakage + 3 * self.noise
 
 
 class FaultFront:
-    """Filters F over a basis, for a loop's set of plants or (`nominal`) for its nominal one.
+    """Filters F over a basis, for a loop's set of plants or (`nominal`) its nominal plant.
 
-    frequency: grid [Hz] (F,), rising. Raises InputError for another one, and where it has no
-    frequency at which the error, or none at which the leakage is limited.
+    frequency: grid [Hz] (F,), rising. Raises InputError for another grid, or one without a
+    frequency at which the error, or the leakage, is limited.
 
     Examples
     --------
@@ -128,7 +129,7 @@ class FaultFront:
         return np.asarray(response(F, self.omega)[:, 0, 0] / self.back)
 
     def of_filter(self, F: StateSpace) -> ComplexArray:
-        """Basis of T (F, n + 1) of the filters with the poles and the input matrix of one."""
+        """Basis of T (F, n + 1) for all filters that share the poles and input matrix of F."""
         n = F.nstates
         states = realisation((F.A, F.B, np.eye(n), np.zeros((n, 1))), 0.0)
         columns = [response(states, self.omega)[:, :, 0], np.ones((len(self.omega), 1))]
@@ -145,14 +146,14 @@ class FaultFront:
 
     @property
     def _shares(self) -> RealArray:
-        """Shares of the noise's power (F,) that the frequencies stand for."""
+        """The share (F,) of the noise's power that each frequency of the grid represents."""
         band = self.loop.demands.noise_band
         inside = np.minimum(self.frequency, band)
         edges = np.concatenate([[0.0], (inside[1:] + inside[:-1]) / 2, [inside[-1]]])
         return np.diff(edges) / band
 
     def removed_peak(self, T: ComplexArray) -> float:
-        """Largest |S| of the loops from whose error the estimate T (F,) is removed, on the grid."""
+        """Largest |S| on the grid, while the estimate with T (F,) is subtracted from the error."""
         back = self.back[:, None] * self.p  # 1 / S of each plant
         return float((1 / np.abs(back - (self.back * T)[:, None] * (back - 1))).max())
 
@@ -163,7 +164,7 @@ class FaultFront:
         leakage: float | None = None,
         peak: float | None = None,
     ) -> FrontPoint:
-        """The filter with the least leakage and noise for a relative error, over T = basis @ x.
+        """The filter with the least leakage and noise for a relative error, with T = basis @ x.
 
         Parameters
         ----------
@@ -172,28 +173,28 @@ class FaultFront:
         error
             Relative error allowed.
         leakage
-            Limit of the leakage alone, in the unit of the fault; None: no limit.
+            Separate limit of the leakage, in the unit of the fault; None: no limit.
         peak
-            Limit M of the sensitivity while the estimate is removed from the error; None: the
-            estimate is not removed.
+            Limit M of the sensitivity while the estimate is subtracted from the error; None: the
+            estimate is not subtracted.
 
         Raises
         ------
         InputError
-            A peak that is not positive.
+            The peak is not positive.
         SolverError
-            Where no filter meets the limits.
+            No filter meets the limits.
         """
         need_positive(peak, "peak", or_none=True)
         self._need_stable_set()
-        if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing through
+        if self._factor_of_nothing(error, peak) <= 1.0:  # T = 0 lets nothing pass
             nothing = np.zeros(len(self.frequency), complex)
             return FrontPoint(np.zeros(basis.shape[1]), *self.judged(nothing))
         scale = np.abs(basis).max(axis=0)
         basis = basis / scale
         demands = self.loop.demands
         power = self.worst / demands.unit * np.sqrt(self._shares) * demands.noise
-        # Of the many rows of a norm only their triangular factor counts.
+        # A norm with many rows depends only on their triangular factor.
         noise = np.linalg.qr(np.vstack([part(_rows(basis, power)) for part in (np.real, np.imag)]))
         program = FrontProgram(noise.R, None if leakage is None else leakage / demands.unit)
         found = exchanged(program.solved, self._limits(basis, error, peak))
@@ -207,13 +208,14 @@ class FaultFront:
     def least_factor(
         self, basis: ComplexArray, error: float, leakage: float, peak: float | None = None
     ) -> float:
-        """The least common factor of the limits at which there is a filter, over T = basis @ x.
+        """Least factor by which all limits must grow so that a filter exists, with T = basis @ x.
 
-        The limits of error, leakage and peak are those of `least`; the gain's is kept. A factor up
-        to 1 says that they can be had. The problem is convex in the coefficients and the factor,
-        and has a solution: T = 0 has an error of 1, no leakage, and leaves the loop alone. Its
-        factor is returned where the solver finds no better one. Raises InputError for limits that
-        are not positive, SolverError where the set has plants on which the loop is not stable.
+        The limits of error, leakage and peak are as in `least`; the limit of the gain does not
+        grow. A factor of at most 1 means that the limits can be met. The problem is convex in the
+        coefficients and the factor. It always has the solution T = 0, with an error of 1, no
+        leakage, and an unchanged loop; the factor of T = 0 is returned if the solver finds no
+        better one. Raises InputError for limits that are not positive, and SolverError if the set
+        has plants on which the loop is not stable.
 
         Examples
         --------
@@ -247,14 +249,14 @@ class FaultFront:
         return nothing if found is None else min(found[1], nothing)
 
     def _factor_of_nothing(self, error: float, peak: float | None) -> float:
-        """The factor of error and peak at which T = 0 meets the limits on the grid."""
+        """The factor of error and peak with which T = 0 meets the limits on the grid."""
         sizes = [1.0 / error]
         if peak is not None:
             sizes.append(float((self.worst / np.abs(self.back)).max()) / peak)
         return max(sizes) / (1 - GRID_MARGIN)
 
     def _need_stable_set(self) -> None:
-        """Raise SolverError where the loop itself is unstable for plants of the set."""
+        """Raise SolverError if the loop itself is unstable for some plants of the set."""
         if not np.isfinite(self.worst).all():
             at = self.frequency[~np.isfinite(self.worst)][0]
             raise SolverError(
@@ -269,10 +271,10 @@ class FaultFront:
         peak: float | None,
         leakage: float | None = None,
     ) -> list[Limits]:
-        """All limits along the grid, on coefficients of a basis.
+        """All limits at the grid's frequencies, on the coefficients of a basis.
 
-        Their E is the leakage, in the demands' unit; where a limit of it is given, E is the common
-        factor of error, leakage and peak.
+        Their E is the leakage in the demands' unit; if a limit of the leakage is given, E is the
+        common factor of error, leakage and peak.
         """
         demands, f, tight = self.loop.demands, self.frequency, 1 - GRID_MARGIN
         kept, growing = (1.0, 0.0) if leakage is None else (0.0, 1.0)
@@ -297,7 +299,7 @@ class FaultFront:
 
 
 def near_poles(loop: FaultLoop, frequency: RealArray, poles: ComplexArray) -> RealArray:
-    """A grid [Hz] (F,) with frequencies about poles [rad/s] added, closer for less damped poles."""
+    """A grid [Hz] (F,) with frequencies added near poles [rad/s], closer for less damping."""
     upper = poles[poles.imag > 0.0]
     near = (upper.imag[:, None] + upper.real[:, None] * np.linspace(-3.0, 3.0, 13)).ravel()
     found = np.interp(near, loop.warped(frequency), frequency)

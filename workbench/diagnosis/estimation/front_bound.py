@@ -1,10 +1,11 @@
 """Lower bound of leakage and noise of every stable fault filter, on the nominal plant.
 
-T = F S may be any stable function, T = sum t_k z^k with z = (a - s) / (a + s). Where |W T - V| <= 1
-at all frequencies, the lower triangular Toeplitz matrix of the first n coefficients of W T - V has
-norm at most 1, whatever the others are; so has every vector that it is applied to, and the noise is
-at least what these coefficients make. Least E + 3 rms over t_0 to t_(n-1) under such vectors is a
-bound; vectors that violate it most are added in turn.
+T = F S may be any stable function, T = sum t_k z^k with z = (a - s) / (a + s). Suppose |W T - V| <=
+1 at all frequencies. Then the lower triangular Toeplitz matrix of the first n coefficients of W T -
+V has norm at most 1, whatever the later coefficients are. So it maps every unit vector to one of
+norm at most 1; and the noise is at least that of the first n coefficients. The least E + 3 rms over
+t_0 to t_(n-1) under finitely many such vector constraints is therefore a bound. The most violated
+vectors are added in turns.
 """
 
 from __future__ import annotations
@@ -24,18 +25,21 @@ from workbench.input_checks import need_positive
 COEFFICIENTS = 64
 """Default number of coefficients t_k that are variables; more of them raise the bound."""
 CIRCLE = 2**14
-"""Points on the unit circle at which the modulus of a weight is given."""
+"""Number of points on the unit circle at which the modulus of a weight is sampled."""
 WEIGHT_FLOOR = 1e-2
-"""Value, in the unit of the demands, of weights that should be zero in a band: outer functions are
-nowhere zero. The amount that it adds to the bound is subtracted again."""
+"""Value, in the unit of the demands, of a weight that should be zero in a band: outer functions
+have no zeros. The amount that this adds to the bound is subtracted again.
+"""
 FIRST_VECTORS = 24
-"""Number of windowed waves, one a frequency, with which each limit is stated at first."""
+"""Number of windowed waves, one for each frequency, that state each limit in the first program."""
 MOST_CUT_ROUNDS = 25
-"""Largest number of programs that are solved, each with the most violated vectors added."""
+"""Largest number of programs that are solved; each adds the most violated vectors."""
 CUTS = 3
-"""Most violated vectors of a limit that are added in a round."""
+"""Most vectors that are added for each limit in a round."""
 LIMIT_EXCESS = 0.02
-"""Relative excess of a limit's norm at which no more vectors are added: the bound holds anyway."""
+"""The rounds end when each limit's norm exceeds its bound by at most this fraction; the lower bound
+is valid at any time.
+"""
 SOLVER_MARGIN = 1e-4
 """Relative amount by which the bound is lowered, for the solver's accuracy."""
 
@@ -52,7 +56,7 @@ class ToeplitzLimit:
 def least_total(
     demands: EstimationDemands, error: float, corner: float, coefficients: int = COEFFICIENTS
 ) -> float:
-    """Lower bound on E + 3 rms of all stable filters with this relative error, nominal plant.
+    """Lower bound on E + 3 rms for all stable filters with this relative error, nominal plant.
 
     It is in the unit of the fault and holds for any plant and controller of a continuous loop.
 
@@ -63,16 +67,16 @@ def least_total(
     error
         Relative error allowed from demands.error_above on.
     corner
-        Corner a [rad/s] of z, about where the demands lie.
+        Corner a [rad/s] of z, near the frequencies of the demands.
     coefficients
         Number of coefficients t_k.
 
     Raises
     ------
     InputError
-        Error or corner not positive.
+        Error or corner is not positive.
     SolverError
-        Where the solver fails.
+        The solver fails.
 
     Examples
     --------
@@ -112,7 +116,7 @@ def least_total(
     t, E, rms = cp.Variable(coefficients), cp.Variable(nonneg=True), cp.Variable(nonneg=True)
     held: list[Any] = [cp.norm(N @ t) <= rms, most * WEIGHT_FLOOR <= E]
     waves = [_wave(angle, coefficients) for angle in np.linspace(0.0, np.pi, FIRST_VECTORS)]
-    held += [_held(limit, v, t, E) for limit in limits for v in waves]
+    held += [_limit_along(limit, v, t, E) for limit in limits for v in waves]
     best = 0.0
     for _ in range(MOST_CUT_ROUNDS):
         problem = cp.Problem(cp.Minimize(E + 3 * rms), held)
@@ -125,10 +129,10 @@ def least_total(
             level = float(E.value) if limit.leaks else 1.0
             _, sizes, right = np.linalg.svd(limit.W @ _lower(t.value) - limit.V)
             worst = max(worst, sizes[0] / level - 1)
-            held += [_held(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
+            held += [_limit_along(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
         if worst < LIMIT_EXCESS:
             break
-    # A filter that leaks less than E may is bounded with E in its leakage's place.
+    # A filter whose leakage is below the least E allowed counts as if it leaked that E.
     return max(best - most * WEIGHT_FLOOR - 3 * lost, 0.0) * demands.unit
 
 
@@ -140,7 +144,7 @@ def _lower(column: Any) -> Any:
 def _outer(modulus: RealArray, count: int) -> RealArray:
     """The first coefficients (count,) of the outer function with a modulus on the circle."""
     log = np.fft.fft(np.log(modulus)) / len(modulus)
-    # The points lie half a step from 1.
+    # The sample points lie half a step beside theta = 0.
     k = np.arange(count)
     d = (log[:count] * np.exp(-1j * np.pi * k / len(modulus))).real * np.where(k, 2.0, 1.0)
     w = np.zeros(count)
@@ -153,7 +157,7 @@ def _outer(modulus: RealArray, count: int) -> RealArray:
 def _noise(
     demands: EstimationDemands, corner: float, count: int, theta: RealArray, f: RealArray
 ) -> tuple[RealArray, float]:
-    """Toeplitz matrix of the noise's weight in the demands' unit, and what its floor adds."""
+    """Toeplitz matrix of the noise's weight in the demands' unit, and the floor's contribution."""
     size = demands.noise / demands.unit
     density = np.pi * size**2 / demands.noise_band * corner / (4 * np.pi) / np.cos(theta / 2) ** 2
     outside = f > demands.noise_band
@@ -169,7 +173,7 @@ def _wave(angle: float, count: int) -> Any:
     return v / np.linalg.norm(v)
 
 
-def _held(limit: ToeplitzLimit, v: Any, t: Any, E: Any) -> Any:
+def _limit_along(limit: ToeplitzLimit, v: Any, t: Any, E: Any) -> Any:
     """||(W T - V) v|| <= 1 or E, T v = Toeplitz(v) t."""
     import cvxpy as cp
 

@@ -1,6 +1,6 @@
 """Fault filters on the front: full order over a Laguerre basis, then few states, certified.
 
-The reduced filter keeps only its poles: what they can do is a convex problem again.
+Only the poles of the reduced filter are kept: the best filter with them solves a convex problem.
 """
 
 from __future__ import annotations
@@ -26,19 +26,21 @@ from workbench.synthesis.implementation.approximation import ReductionMethod
 from workbench.systems.realisation import realisation
 
 PEAK_TOLERANCE = 1e-3
-"""Relative width of the intervals that certify what a filter does."""
+"""Relative width of the intervals that certify a filter's error, leakage and sensitivity."""
 REDUCTIONS: tuple[ReductionMethod, ...] = ("weighted", "balanced", "hankel")
 """Methods of `reduced` whose poles are tried."""
 TIGHTER = (1.0, 0.99, 0.97)
-"""Factors of the limits on the grid: what is met there is exceeded a little between its points."""
+"""Factors on the limits of the grid, since a limit that is met there may be exceeded between grid
+points.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class FrontFilter:
     """A continuous filter F e -> u_f, its point of the front, and its certified answer.
 
-    ``removal``: certified conditions of the loop from whose error the estimate is removed, its
-    sensitivity over the peak that was asked for; None where none was.
+    ``removal``: certified conditions of the loop while the estimate is subtracted from the error,
+    its sensitivity divided by the peak asked for; None if no peak was asked for.
 
     Examples
     --------
@@ -67,9 +69,9 @@ class FrontFilter:
 
     @property
     def meets(self) -> bool:
-        """Whether all requirements are certified, with room for certifying them again.
+        """Whether all requirements are certified, with a margin for certifying them again.
 
-        Intervals of a width of PEAK_TOLERANCE differ by no more than that from run to run.
+        Intervals of relative width PEAK_TOLERANCE differ by no more than that from run to run.
         """
         bounds = [self.answer.upper]
         if self.removal is not None:
@@ -89,11 +91,12 @@ def full_order(
     leakage: float,
     peak: float | None = None,
 ) -> FrontFilter:
-    """The filter of least leakage and noise within limits over a Laguerre basis, certified.
+    """The certified filter with least leakage and noise over a Laguerre basis, within limits.
 
-    frequency: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
-    in the unit of the fault. peak: of the sensitivity while the estimate is removed from the error,
-    None where it never is. Raises SolverError where the set of plants allows no such filter.
+    frequency: grid [Hz] (F,) of the convex problem. count: number of basis functions. leakage:
+    limit in the unit of the fault. peak: limit of the sensitivity while the estimate is subtracted
+    from the error; None: it is never subtracted. Raises SolverError if the set of plants allows no
+    such filter.
 
     Examples
     --------
@@ -128,11 +131,11 @@ def few_states(
     leakage: float,
     peak: float | None = None,
 ) -> FrontFilter:
-    """The best filter with the poles of a reduction of F to at most an order; of F = 0 itself.
+    """The best filter with the poles of a reduction of F, up to an order; F = 0 is kept.
 
     Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
-    which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
-    SolverError where no reduction has poles that meet the relative error, the leakage and the peak.
+    which frequencies about the reduced poles are added. peak: as in `full_order`. Raises
+    SolverError if no reduction has poles that meet the relative error, the leakage and the peak.
 
     Examples
     --------
@@ -169,7 +172,7 @@ def few_states(
     program = estimation(loop, error, leakage)
 
     def tried(poles: StateSpace) -> FrontFilter | None:
-        """The best filter with these poles; None where none meets the error and the leakage."""
+        """The best filter with these poles; None if none meets the error and the leakage."""
         try:
             front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
             functions = front.of_filter(poles)
@@ -194,7 +197,7 @@ def few_states(
 
     ways = [approximations(F, order, method, program.plant) for method in REDUCTIONS]
     found = [one for way in ways for one in [tried(next(way))] if one is not None]
-    if not found:  # none of the direct ones: the first of the others that does
+    if not found:  # no direct reduction works: take the first of the others that does
         others = filter(None, map(tried, chain.from_iterable(ways)))
         found = [one for one in [next(others, None)] if one is not None]
     if not found:
@@ -230,10 +233,10 @@ def certified_filter(
 def removal_conditions(
     loop: FaultLoop, F: StateSpace, peak: float, tolerance: float = PEAK_TOLERANCE
 ) -> Conditions:
-    """Certified conditions of the loop from whose error the estimate of F is removed.
+    """Certified conditions of the loop while the estimate of F is subtracted from the error.
 
-    Its performance is the sensitivity over a peak. tolerance: relative width of the intervals.
-    Raises InputError for a peak that is not positive.
+    Its performance is the sensitivity divided by the peak. tolerance: relative width of the
+    intervals. Raises InputError for a peak that is not positive.
     """
     need_positive(peak, "peak")
     return conditions(loop.removal.weighted([1 / peak]), F, tolerance=tolerance)

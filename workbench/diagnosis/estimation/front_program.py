@@ -1,4 +1,4 @@
-"""The cone programs of the front of fault filters."""
+"""The cone programs whose solutions form the front of fault filters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workbench.solvers import Outcome, conic_solvers, solve_conic
 
 
 class FrontProgram:
-    """The least E + 3 ||noise x|| under some limits, E up to a largest one.
+    """Minimise E + 3 ||noise x|| under some limits, with E up to a largest value.
 
     noise: (M, n); None: the least E. ``said`` is the solver's last message.
     """

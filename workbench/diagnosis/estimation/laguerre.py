@@ -16,9 +16,9 @@ from workbench.systems.realisation import realisation
 
 @dataclass(frozen=True, eq=False)
 class LaguerreBasis:
-    """Functions of T: zero where the loop integrates, then all-pass factors with one pole.
+    """Functions for T: zero at the loop's integrators, then all-pass factors with one pole.
 
-    corner: -pole [rad/s]. Raises InputError for one that is not positive.
+    corner: -pole [rad/s]. Raises InputError unless it is positive.
 
     Examples
     --------
@@ -47,14 +47,14 @@ class LaguerreBasis:
         need_positive(self.corner, "corner")
 
     def response(self, count: int, omega: RealArray) -> ComplexArray:
-        """The first functions at omega [rad/s]: (F, count)."""
+        """Responses (F, count) of the first functions at omega [rad/s]."""
         s = 1j * omega[:, None]
         zero = (s + self.loop.slowest_pole) / (s + self.corner)
         every = zero * ((s - self.corner) / (s + self.corner)) ** np.arange(count)
         return np.asarray(every, complex)
 
     def filter(self, coefficients: RealArray) -> StateSpace:
-        """F = T / S of coefficients (count,), its zero cancelling what integrates in 1 / S."""
+        """F = T / S for coefficients (count,); the zero of T cancels the integrators in 1 / S."""
         corner = self.corner
         root, n = np.sqrt(2 * corner), len(coefficients) - 1
         # z_k = (s - a) / (s + a) z_(k-1) = z_(k-1) - sqrt(2 a) x_k.

@@ -1,8 +1,9 @@
-"""Thousands of limits on a filter of few coefficients, of which few bind: found by exchange.
+"""Thousands of limits on a filter with few coefficients; the few active ones are found by exchange.
 
-A program over some frequencies says where others are violated; the worst of each run of these joins
-it until none is left. A program over fewer limits is a relaxation: what it cannot meet, nothing
-can, and what meets the others too is the optimum over all. Source of the idea: the exchange
+A program with the limits at some frequencies is solved, and the others are checked. Neighbouring
+violated limits form a run; the worst of each run joins the program, until none is violated. A
+program with fewer limits is a relaxation: if it has no solution, neither has the whole; and if its
+solution meets the other limits too, it is optimal for all. Source of the idea: the exchange
 algorithms of semi-infinite programs; R. Hettich and K. O. Kortanek, SIAM Review 35(3), 1993.
 """
 
@@ -16,11 +17,11 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 
 STRIDE = 12
-"""Of so many neighbouring limits one is in the first program."""
+"""The first program takes every 12th of the neighbouring limits."""
 SLACK = 1e-7
-"""Relative violation that counts as none: what a conic solver leaves."""
+"""Relative violation that is ignored: the accuracy of a conic solver."""
 ROUNDS = 60
-"""Most programs over some of the limits; the one after them has all."""
+"""Largest number of programs with some of the limits; the next one takes them all."""
 
 
 class Limits(NamedTuple):
@@ -33,7 +34,7 @@ class Limits(NamedTuple):
     half_plane: bool = False
 
     def excess(self, x: RealArray, E: float) -> RealArray:
-        """Violation (F,) over the size of the limit; negative where it is met."""
+        """Violation (F,) relative to the size of the limit; negative if it is met."""
         rest = self.c - self.A @ x
         size = self.b + (self.d / max(E, 1e-300) if self.half_plane else self.d * E)
         over = size - rest.real if self.half_plane else np.abs(rest) - size
@@ -48,9 +49,9 @@ class Limits(NamedTuple):
 def exchanged(
     solve: Callable[[Sequence[Limits]], tuple[RealArray, float] | None], every: Sequence[Limits]
 ) -> tuple[RealArray, float] | None:
-    """The optimum (x, E) over all limits by programs over some; None where one has no solution.
+    """The optimum (x, E) over all limits, by programs with some of them; None without solution.
 
-    ``solve`` answers the program over the limits that it is given, or says None.
+    ``solve`` solves the program with the limits that it is given, or returns None.
     """
     held = [np.arange(len(one.c)) % STRIDE == 0 for one in every]
     for _ in range(ROUNDS):
@@ -66,7 +67,7 @@ def exchanged(
 
 
 def _worst_of_runs(excess: RealArray) -> RealArray:
-    """Mask of the largest violation of each run of neighbours."""
+    """Mask of the largest violation in each run of neighbours."""
     around = np.concatenate([[-np.inf], excess, [-np.inf]])
     peak = (excess >= around[:-2]) & (excess > around[2:])
     return np.asarray(peak & (excess > SLACK))

@@ -49,7 +49,7 @@ def _conic(program: FaultEstimation, context: Context, solver: ConicSolver) -> C
 
 
 def _certain(program: FaultEstimation) -> str | None:
-    """Why mu synthesis cannot take a program: its plant has no uncertainty. None if it can."""
+    """The reason why mu synthesis cannot take a program without uncertainty; otherwise None."""
     return None if program.plant.structure else "its plant has no uncertainty; take riccati"
 
 

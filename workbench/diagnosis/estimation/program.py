@@ -1,4 +1,4 @@
-"""Fault estimation as a Program: its data, its answer, its check.
+"""Fault estimation as a Program: its data, its answer, its checks.
 
 A filter u_f = K y estimates the faults, z = f - u_f, whatever the disturbances and whichever plant
 of the set it sits on (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003),
@@ -41,12 +41,13 @@ from workbench.systems.realisation import in_words
 from workbench.systems.storage import restored, stored
 
 LEAST_TOLERANCE = 0.02
-"""Distance of a least norm from the one found again, relative: twice that at the lowest accuracy,
-at which levels are told apart to 1e-2."""
+"""Largest relative distance between a claimed least norm and the recomputed one: twice that of the
+lowest accuracy, which distinguishes levels to 1e-2.
+"""
 
 
 class Channel(NamedTuple):
-    """A requirement in the weighted plant: its exogenous inputs, by number, its band [rad/s]."""
+    """A requirement in the weighted plant: indices of its exogenous inputs, its band [rad/s]."""
 
     name: str
     inputs: tuple[int, ...]
@@ -57,9 +58,9 @@ class Channel(NamedTuple):
 class FaultFilter(DrawnController):
     """A filter u_f = K y with certified bounds of its errors on the whole set of plants.
 
-    Bounds are divided by those required: a peak below 1 meets its requirement. ``peaks``
-    (requirements, 2) has the lower and the upper bound of every requirement. ``stacked`` (2,) has
-    those of all requirements together, at all frequencies. ``least`` is the least norm of all
+    Norms are divided by the required bounds, so a peak below 1 meets its requirement. ``peaks``
+    (requirements, 2) has the lower and the upper bound of each requirement's peak. ``stacked`` (2,)
+    has those for all requirements together, at all frequencies. ``least`` is the least norm of all
     requirements together that was found for the nominal plant; NaN if none was looked for.
 
     Examples
@@ -86,7 +87,7 @@ class FaultFilter(DrawnController):
     history: tuple[float, ...] = field(default=())
     """Largest upper bound of each round of an iteration."""
     proven: tuple[Peak | None, ...] = ()
-    """What proves the bounds of each requirement, and of all together."""
+    """The proofs of the bounds: one for each requirement, and one for all together."""
 
     @property
     def lti(self) -> StateSpace:
@@ -118,13 +119,14 @@ class FaultEstimation(Program):
 
     where W_i w_i drives the disturbances or the faults of requirement i. The peak is the largest of
     these norms over its bound, the supremum over frequency of mixed mu where the plant is
-    uncertain. Without uncertainty the least norm of all together, stacked, is a convex problem,
-    which method "riccati" and the conic solvers solve; the others go on from there.
+    uncertain. Without uncertainty the least norm of all requirements together, stacked, is a convex
+    problem, which method "riccati" and the conic solvers solve; the other methods start from its
+    solution.
 
     Parameters
     ----------
     plant
-        The plant that the filter observes, stable, its controller included if it has one. Its
+        The plant that the filter observes; stable, with its controller included if it has one. Its
         inputs are (perturbation, disturbances and faults), its outputs (perturbation,
         measurements); it has no controls and no performance outputs.
     faults
@@ -217,7 +219,7 @@ class FaultEstimation(Program):
     def answer(
         self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
     ) -> FaultFilter | None:
-        """A filter with its certified peaks; None where it is not stable."""
+        """A filter with its certified peaks; None if it is not stable."""
         if not stability_of(K).holds:
             return None
         found = [self.certified(K, channel) for channel in (*self.channels, None)]
@@ -351,5 +353,5 @@ class FaultEstimation(Program):
 
 
 def _of_bounds(found: Peak | None, lower: float, upper: float) -> Peak | None:
-    """A stored peak with the bounds that are claimed, and no complex part."""
+    """A stored peak with the claimed bounds, without its complex part."""
     return found and replace(found, lower=lower, upper=upper, complex_part=0.0)

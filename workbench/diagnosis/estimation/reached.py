@@ -1,9 +1,9 @@
-"""What is reached of a demand on fault filters that cannot be had as it was asked.
+"""How much of a demand on fault filters can be met, if it cannot be met as asked.
 
-A filter's estimate is bounded only on plants on which the loop itself is stable. So the set is made
-smaller first, to the largest share that the loop is proven to bear, whatever the filter; on it the
-limits of error, leakage and sensitivity grow by their least common factor. Both are 1 where the
-demand can be had.
+A filter's estimate is bounded only on plants for which the loop itself is stable. So the set is
+first reduced to the largest share on which the loop is proven stable, whatever the filter. On that
+share the limits of error, leakage and sensitivity are raised by their least common factor. Share
+and factor are both 1 if the demand can be met.
 """
 
 from __future__ import annotations
@@ -20,20 +20,23 @@ from workbench.mu import peak
 Design = TypeVar("Design")
 
 STABILITY_ROOM = 2 * GRID_MARGIN
-"""Relative distance of a share of the set from that on which stability can be proven no more: there
-the loop amplifies without bound. Half of it is what limits on the grid need."""
+"""Relative distance that the share of the set keeps from the share at which stability can no longer
+be proven: there the loop amplifies without bound. The grid's tightening of the limits uses half of
+it.
+"""
 FACTOR_ROOM = 1e-3
-"""Relative amount above the least factor of a front, at which filters are looked for first: there
-the cone program has an interior."""
+"""Filters are first sought at a factor this much above the least factor of a front, relatively:
+there the cone program has an interior.
+"""
 STEP = 0.01
-"""Relative step of larger factors, which filters of few states may need."""
+"""Relative step between larger factors, which filters with few states may need."""
 STEPS = 512
-"""Largest number of steps: limits 163 times those asked."""
+"""Largest number of steps; it raises the limits to 163 times those asked."""
 
 
 @dataclass(frozen=True)
 class Reached:
-    """How much of a demand is reached: the share of the set, and the factor of the limits.
+    """How much of a demand is met: on which share of the set, with limits raised by which factor.
 
     The requirements hold for all perturbations of the set that are at most ``share`` as large, with
     limits ``factor`` times those asked.
@@ -57,7 +60,7 @@ class Reached:
 def stable_share(loop: FaultLoop) -> float:
     """The share of the set, up to 1, on which the loop is proven stable with STABILITY_ROOM.
 
-    Raises InputError where the nominal loop is not stable.
+    Raises InputError if the nominal loop is not stable.
 
     Examples
     --------
@@ -89,26 +92,26 @@ def best_design(
     least_factor: Callable[[Reached], float],
     designed: Callable[[Reached], Design | None],
 ) -> tuple[Reached, Design]:
-    """The design that meets a demand; where none does, the one that comes nearest, and how near.
+    """The design that meets a demand, or the one that comes nearest to it; and how near it comes.
 
     Parameters
     ----------
     loops
-        Loops whose set the design is made for.
+        The loops, with the sets of plants, for which the design is made.
     least_factor
-        A factor of the limits below which there is no design on a share of the set.
+        Returns a factor of the limits below which no design exists on a share of the set.
     designed
-        The design whose requirements are certified for what is to be reached; None where none is
+        Returns a design that is certified to meet the given share and factor; None if none is
         found.
 
     Raises
     ------
     SolverError
-        Where no design is found with limits up to 163 times as large.
+        No design is found, even with limits 163 times as large.
 
     Examples
     --------
-    A stand-in for a design, which needs limits 1.5 times as large:
+    A stand-in for a design that needs limits 1.5 times as large:
 
     >>> import control
     >>> from workbench.diagnosis import EstimationDemands, FaultLoop, best_design

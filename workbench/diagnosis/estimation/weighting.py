@@ -1,4 +1,4 @@
-"""The generalised plant of fault estimation: weighted disturbances and faults, errors, filter."""
+"""Generalised plant of fault estimation: weighted disturbances and faults, errors, filter."""
 
 from __future__ import annotations
 
@@ -24,16 +24,18 @@ from workbench.systems.generalised_plant import (
 EVERYWHERE = (0.0, math.inf)
 """The band [rad/s] of a requirement that holds at all frequencies."""
 TOGETHER = "all together"
-"""Name in results of all requirements taken together."""
+"""Name, in results, of all requirements taken together."""
 UNSEEN_FAULT_SHARE = 1e-9
-"""A fault is not seen if its response is below this share of the largest fault's response."""
+"""A fault counts as invisible if its response is below this fraction of the largest fault's
+response.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """A bound on the error z for some disturbances or faults: ||W w -> z|| < bound.
+    """A bound on the error z caused by some disturbances or faults: ||W w -> z|| < bound.
 
-    The norm is that of the map from w to z, in which W w drives those disturbances or faults.
+    The norm is that of the map from w to z, where W w are those disturbances or faults.
 
     Parameters
     ----------
@@ -42,8 +44,8 @@ class Requirement:
     signals
         Names or numbers of the exogenous inputs that the requirement is about.
     weight
-        W, stable: a system with an output for each signal; or a number or a system with one
-        output, which then weights every signal alike.
+        W, stable: a system with one output for each signal; or a number or a system with one
+        output, which then weights all signals alike.
     bound
         Largest norm of the error, in units of the fault.
     band
@@ -81,16 +83,16 @@ class Requirement:
 def estimation_plant(
     plant: GeneralisedPlant, faults: Signals, requirements: Sequence[Requirement] | None
 ) -> tuple[GeneralisedPlant, Sequence[Requirement], list[int]]:
-    """The weighted plant of a fault estimation, its requirements, and where their inputs w begin.
+    """The weighted plant of a fault estimation, its requirements, and where their inputs begin.
 
-    The plant maps (perturbation, w, u_f) to (perturbation, z, y). The requirement i has the inputs
-    w from the number ends[i] to ends[i + 1].
+    The plant maps (perturbation, w, u_f) to (perturbation, z, y). Requirement i has the inputs w
+    with the numbers ends[i] to ends[i + 1] - 1.
 
     Raises InputError as `FaultEstimation`.
     """
     _need_filtered(plant)
     f = exogenous_names(plant, faults)
-    _shown(plant.channel(None, f), f)
+    _need_visible_faults(plant.channel(None, f), f)
     d = [name for name in exogenous_names(plant, None) if name not in f]
     if requirements is None:
         requirements = [Requirement("faults", f)]
@@ -146,7 +148,7 @@ def estimation_plant(
 
 
 def _need_requirements(requirements: Any) -> None:
-    """Raise InputError unless these are requirements, each with a name of its own."""
+    """Raise InputError unless these are requirements with different names."""
     if not isinstance(requirements, list | tuple):
         raise InputError(f"requirements are {requirements!r}; a list of Requirement is needed")
     for each in requirements:
@@ -160,14 +162,14 @@ def _need_requirements(requirements: Any) -> None:
 
 
 def exogenous_names(plant: GeneralisedPlant, signals: Signals) -> list[str]:
-    """The names of the given exogenous inputs of a plant; of all of them for None."""
+    """The names of the given exogenous inputs of a plant; None: of all of them."""
     chosen = plant.channel(None, signals)
     labels = list(chosen.system.input_labels)
     return labels[len(labels) - chosen.controls - chosen.exogenous : len(labels) - chosen.controls]
 
 
 def _need_filtered(plant: Any) -> None:
-    """Raise InputError for a plant that no filter can observe."""
+    """Raise InputError for a plant that a filter cannot observe."""
     need_plant(plant)
     if plant.controls or plant.performance or not plant.measurements:
         raise InputError(
@@ -188,7 +190,7 @@ def _need_filtered(plant: Any) -> None:
         )
 
 
-def _shown(plant: GeneralisedPlant, faults: list[str]) -> None:
+def _need_visible_faults(plant: GeneralisedPlant, faults: list[str]) -> None:
     """Raise InputError if the measurements do not show a fault, or cannot tell faults apart."""
     system = plant.system
     omega = frequencies_of(system)

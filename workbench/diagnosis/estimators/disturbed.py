@@ -22,10 +22,10 @@ class DisturbedPlant:
     """The model on which an estimator of positions and disturbances is based.
 
     plant     discrete and strictly proper; inputs: the known u and the disturbance; outputs: the
-              measured y, then whatever else is to be estimated;
+              measured y, then the other outputs to be estimated;
     rotation  the disturbance: the sum of the first states of the oscillators;
     colour    discrete, driven by white noise of variance 1, its output added to y; or None;
-    beside    discrete and stable, driven by u alone, for what moves with u and does not show in
+    beside    discrete and stable, driven by u alone, for motions that u causes but do not show in
               y; its outputs are estimated too; or None.
 
     The state is (plant, oscillators, colour, beside). Raises InputError if something does not
@@ -98,7 +98,7 @@ class DisturbedPlant:
 
     @property
     def slices(self) -> tuple[slice, slice, slice, slice]:
-        """The places in the state of plant, oscillators, colour and beside."""
+        """The slices of the state that hold plant, oscillators, colour and beside."""
         sizes = [self.plant.nstates, 2 * len(self.rotation.harmonics)]
         sizes += [0 if one is None else one.nstates for one in (self.colour, self.beside)]
         ends = accumulate(sizes, initial=0)
@@ -107,7 +107,7 @@ class DisturbedPlant:
 
     @property
     def seen(self) -> int:
-        """Number of states that the measurement shows; they are the first ones."""
+        """Number of states that the measurement shows; they come first."""
         return self.slices[2].stop
 
     @cached_property
@@ -152,7 +152,7 @@ class DisturbedPlant:
 
     @cached_property
     def disturbance(self) -> RealArray:
-        """The row (n,) that gives the disturbance, the sum of the oscillators' first states."""
+        """The row (n,) that gives the disturbance: the sum of the oscillators' first states."""
         row = np.zeros(sum(part.stop - part.start for part in self.slices))
         row[self.slices[1]][::2] = 1.0
         return row

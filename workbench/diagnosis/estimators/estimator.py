@@ -3,8 +3,9 @@
     corrected:   x^ + w M (y - C x^)          w: quality of the measurement, 0 to 1
     predicted:   A x^ + B u
 
-At quality 0 the estimator runs in open loop: the oscillators go on turning and the plant's model
-follows u. (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players, 2003, section 7.2.2.)
+At quality 0 the estimator runs in open loop: the oscillators continue to rotate and the plant's
+model follows u. (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players, 2003, section
+7.2.2.)
 """
 
 from __future__ import annotations
@@ -187,7 +188,7 @@ def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
 def estimate(
     controller: Controller, measurement: ArrayLike, known: ArrayLike, quality: ArrayLike
 ) -> Estimate:
-    """The estimates of a streaming estimator over a record of y, u and quality, each (N,).
+    """The estimates of a streaming estimator for a record of y, u and quality, each (N,).
 
     Raises InputError for lengths that differ, values that are not finite, or a quality outside 0
     to 1.

@@ -8,9 +8,9 @@ prediction x^,
 
     S = C P C' + R(w),   M = P C' / S,   P := A (P - M C P) A' + Q        (Kalman, 1960)
 
-is computed at every sample, because the gain must grow while no measurement is used and fall again
-afterwards. It is computed no longer once the gain has settled; a sample of nine states then takes a
-third of the time.
+is updated at every sample, because the gain must grow while no measurement is used and fall again
+afterwards. The update stops once the gain has settled; with nine states a sample then takes a third
+of the time.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from workbench.input_checks import need_numbers
 from workbench.simulation import Controller
 
 SETTLED_GAIN_CHANGE = 1e-9
-"""The covariance is kept once the gain changes by less than this share in a sample."""
+"""The covariance stays fixed once the gain changes by less than this fraction in a sample."""
 MOST_DOUBLINGS = 60
 """Largest number of doublings of the horizon; a stationary covariance needs far fewer."""
 COVARIANCE_RESIDUAL = 1e-6
@@ -132,7 +132,7 @@ class KalmanEstimator:
         Q = self.Q / np.outer(scale, scale)
         size = max(float(np.linalg.norm(Q, 2)), np.finfo(float).tiny)
         try:
-            P = size * _doubled(A, np.outer(C, C) * size, Q / size)
+            P = size * _riccati_by_doubling(A, np.outer(C, C) * size, Q / size)
         except np.linalg.LinAlgError as fault:
             raise SolverError(f"no stationary Kalman filter: {fault}") from fault
         M = P @ C / (C @ P @ C + 1.0)
@@ -145,7 +145,7 @@ class KalmanEstimator:
 
     @cached_property
     def settled(self) -> Estimator:
-        """The estimator of constant gain that this one becomes on a long record of quality 1."""
+        """The estimator of constant gain that this one approaches on a long record of quality 1."""
         C, P = self.model.C[: self.model.seen], self.stationary
         return Estimator(self.model, P @ C / (C @ P @ C + self.noise.measurement**2))
 
@@ -158,7 +158,8 @@ class KalmanEstimator:
         model, m, n = self.model, self.model.seen, len(self.model.A)
         gain = np.zeros(n)
         gain[:m] = self.settled.gain
-        # state: x^, room for the next x^, frequency; gain; rests; P; room for A P.
+        # state: x^, work space for the next x^, frequency; gain; whether it has settled; P; work
+        # space for A P.
         state = np.zeros(3 * n + 2 + 2 * m * m)
         state[2 * n] = model.rotation.frequency
         state[2 * n + 1 : 3 * n + 1] = gain
@@ -175,7 +176,7 @@ class KalmanEstimator:
         return Controller(_step, state, np.concatenate(parameters), outputs, 3, model.period)
 
 
-def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
+def _riccati_by_doubling(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
     """The stabilising solution of P = A P (I + G P)^-1 A^T + Q, by structure-preserving doubling.
 
     Each step doubles the horizon. A method that sorts the equation's eigenvalues by Schur's form
@@ -195,7 +196,7 @@ def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
 
 
 def _entries(A: RealArray) -> RealArray:
-    """For each row of A (m, m), the count and the columns of its nonzero entries: (m (m + 1),)."""
+    """For each row of A (m, m), the number and the columns of its nonzero entries: (m (m + 1),)."""
     rows = np.zeros((len(A), len(A) + 1))
     for row, entries in zip(rows, A, strict=True):
         columns = np.flatnonzero(entries)
@@ -205,8 +206,8 @@ def _entries(A: RealArray) -> RealArray:
 
 
 @inlined
-def _own(p: RealArray) -> int:
-    """The place where this filter's own parameters start: r^2, d^2, Q, entries of A."""
+def _own_parameters_start(p: RealArray) -> int:
+    """Index at which this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
     return HEADER + h + (3 + z) * n + n * n
 
@@ -219,21 +220,21 @@ def _step(
     gain = state[2 * n + 1 : 3 * n + 1]
     moving = quality != 1.0 or state[3 * n + 1] == 0.0
     if moving:
-        change = _weigh(state, parameters, quality, gain)
+        change = _set_gain(state, parameters, quality, gain)
         state[3 * n + 1] = 1.0 if quality == 1.0 and change < SETTLED_GAIN_CHANGE else 0.0
     error = surprise(state, parameters, measurement[0])
     correct(state, parameters, error, gain)
     tell(state, parameters, quality, output)
     predict(state, parameters, measurement[1])
     if moving:
-        _spread(state, parameters, gain)
+        _advance_covariance(state, parameters, gain)
 
 
 @inlined
-def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
+def _set_gain(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
     """Set the gain M for a quality, and return its largest relative change."""
     n, h, m = int(p[0]), int(p[3]), int(p[4])
-    at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own(p)
+    at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own_parameters_start(p)
     shown = state[at_p + m * m : at_p + m * m + m]
     total = 0.0
     for i in range(m):
@@ -254,10 +255,10 @@ def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> f
 
 
 @inlined
-def _spread(state: RealArray, p: RealArray, gain: RealArray) -> None:
-    """Set P := A (P - M C P) A' + Q for the states that are seen; `_weigh` has left C P."""
+def _advance_covariance(state: RealArray, p: RealArray, gain: RealArray) -> None:
+    """Set P := A (P - M C P) A' + Q for the states that are seen; `_set_gain` has left C P."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])
-    at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own(p) + 2, 3 * n + 2
+    at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own_parameters_start(p) + 2, 3 * n + 2
     A = p[at_a : at_a + n * n].reshape(n, n)
     Q = p[at_q : at_q + m * m].reshape(m, m)
     entries = p[at_q + m * m : at_q + m * (2 * m + 1)].reshape(m, m + 1)

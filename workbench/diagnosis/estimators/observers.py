@@ -49,7 +49,7 @@ def observer_gain(
     seen = c * scale
     size = abs(seen).max(axis=1, keepdims=True)
     check_observable(scaled, seen, period)
-    # With fast sampling all poles crowd about 1: shift and stretch them before placing.
+    # With fast sampling all poles lie close to 1: shift and scale them before the placement.
     shift, stretch = (0.0, 1.0) if period is None else (1.0, period)
     shifted = (scaled - shift * np.eye(len(a))) / stretch
     gain = _place(shifted, seen / size, (wanted - shift) / stretch) * stretch / size.T
@@ -80,7 +80,7 @@ def balanced_matrix(A: ArrayLike) -> tuple[RealArray, RealArray]:
 
 
 def check_observable(A: RealArray, C: RealArray, period: float | None = None) -> None:
-    """Raise InputError if y = C x does not show a mode (Popov, Belevitch, Hautus); it is named.
+    """Raise InputError, naming the mode, if y = C x does not show it (Popov, Belevitch, Hautus).
 
     A must be balanced: the distance to the nearest such system is compared with the sizes of A and
     C.
@@ -109,10 +109,12 @@ def _place(a: RealArray, c: RealArray, poles: ComplexArray) -> RealArray:
     from slycot.exceptions import SlycotError
 
     real, upper = poles[poles.imag == 0.0], poles[poles.imag > 0.0]
-    pairs = np.column_stack([upper, upper.conj()]).ravel()  # SB01BD wants a pair side by side
+    # SB01BD needs the two poles of a pair side by side
+    pairs = np.column_stack([upper, upper.conj()]).ravel()
     try:
         with warnings.catch_warnings():
-            # Large gains are what a fast observer of slow modes needs; the residual judges them.
+            # SB01BD warns of large gains; a fast observer of slow modes needs them, and the
+            # residual judges them.
             warnings.simplefilter("ignore")
             gain: RealArray = np.asarray(control.place_varga(a.T, c.T, np.append(real, pairs))).T
     except SlycotError as fault:

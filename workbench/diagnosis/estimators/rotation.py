@@ -1,4 +1,4 @@
-"""Periodic disturbances of a rotation, modelled by oscillators whose frequency is followed.
+"""Periodic disturbances of a rotation, modelled by oscillators that follow its frequency.
 
     p, q at the next sample = p cos(h w T) - q sin(h w T),  p sin(h w T) + q cos(h w T)
 
@@ -23,7 +23,7 @@ from workbench.input_checks import is_real, need_numbers
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation frequency [Hz] and the harmonics of it that disturb.
+    """A rotation frequency [Hz] and the harmonics of it that disturb the plant.
 
     adaptation  rate of the frequency loop [1/s]; 0: the frequency stays;
     range       lowest and highest frequency that may be followed [Hz]; None: half of `frequency`

@@ -1,6 +1,6 @@
-"""The compiled steps of a streaming estimator at each sample: surprise, correct, tell, predict.
+"""The compiled steps of a streaming estimator in each sample: surprise, correct, tell, predict.
 
-The state is (x^, room for the next x^, rotation frequency [Hz]); a filter may append more to it.
+The state is (x^, work space for the next x^, rotation frequency [Hz]); a filter may append more.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from workbench.compiled import inlined
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
 
 HEADER = 10
-"""Length of the header of a step's parameters, which stands before the harmonics and the matrices.
-It has the numbers of states, outputs, plant states, oscillators and seen states, the period, and
-of the frequency loop the rate, the lowest and the highest frequency and the floor."""
+"""Length of the header of a step's parameters, which precedes the harmonics and the matrices. It
+holds the numbers of states, outputs, plant states, oscillators and seen states, the period, and the
+frequency loop's rate, lowest and highest frequency, and floor.
+"""
 
 
 def layout(model: DisturbedPlant, gain: RealArray) -> RealArray:
@@ -77,7 +78,8 @@ def predict(state: RealArray, p: RealArray, known: float) -> None:
     at_b, at_a = HEADER + h + n, HEADER + h + (3 + z) * n
     disturbance = _disturbance(state, q, h)
     for i in range(q):
-        # Every oscillator enters the plant in the same way, so the column of the first serves all.
+        # Every oscillator enters the plant in the same way, so the first one's column serves for
+        # all.
         state[n + i] = p[at_b + i] * known + p[at_a + i * n + q] * disturbance
         for j in range(q):
             state[n + i] += p[at_a + i * n + j] * state[j]

@@ -1,1 +1,1 @@
-"""From residuals to decisions: sizes, thresholds, change detection, isolation, scores."""
+"""From residuals to decisions: residual sizes, thresholds, change detection, isolation, scores."""

@@ -45,10 +45,10 @@ class Clusters:
     def fit(cls, features: ArrayLike, labels: ArrayLike, names: Sequence[str]) -> Clusters:
         """The clusters with the mean and the covariance of the features (N, n) of each kind.
 
-        The label of a sample (N,) is the place of its kind among the names. Raises InputError for
+        The label of a sample (N,) is the index of its kind in the names. Raises InputError for
         shapes that do not match, features that are not finite, and labels without a name; and for a
         kind with a singular covariance: it has too few samples, or a feature does not vary or is a
-        combination of others.
+        linear combination of others.
         """
         if not isinstance(names, Sequence):
             raise InputError(f"names are {names!r}; a list of names is needed")
@@ -90,7 +90,7 @@ class Clusters:
 
 
 def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
-    """The confusion matrix (K, K + 1): how many of a true kind (row) were taken for which (column).
+    """Confusion matrix (K, K + 1): how many samples of a true kind (row) got which kind (column).
 
     The last column counts negative numbers, which stand for none of the kinds. Raises InputError
     for different lengths and for numbers of kinds that do not exist.

@@ -1,4 +1,4 @@
-"""Events: stretches in which a signal is large, and which of them belongs to which fault."""
+"""Events: stretches in which a signal is large, and the fault that each event belongs to."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Int
 def matched_events(
     found: Sequence[Interval], faults: Sequence[Interval], tail: int = 0
 ) -> list[int]:
-    """Number of the first event that touches each fault (F,); -1 where none does.
+    """Number of the first event that overlaps each fault (F,); -1 if there is none.
 
-    tail: samples behind a fault's end in which an event still belongs to it. Raises InputError for
-    a negative tail.
+    tail: number of samples after a fault's end in which an event still belongs to it. Raises
+    InputError for a negative tail.
 
     Examples
     --------

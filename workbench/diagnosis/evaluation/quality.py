@@ -1,10 +1,10 @@
-"""Credibility of two signals that keep their sum: a quality between 0 and 1, and a binary alarm.
+"""Credibility of two signals with a constant sum: a quality from 0 to 1, and a binary alarm.
 
 Two sensors share a quantity, as two photo diodes share the light of a beam or two flow meters that
-of a branching pipe: whatever the measurand does, a + b = level. In the plane of a / level and
-b / level the sound points lie on a line; their distance from it says how little the measurement
-(a - b) / (a + b) can be believed (E. Vidal Sanchez, Robust and Fault Tolerant Control of
-CD-players (2003), eq. 7.13 and 7.14).
+of a branching pipe: whatever the measured value is, a + b = level. In the plane of a / level and b
+/ level all fault-free points lie on a line; the distance from it says how little the measurement (a
+- b) / (a + b) can be believed (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003), eq. 7.13 and 7.14).
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ QUALITY_OUTPUTS = ("quality", "dist", "ratio")
 FARTHEST = 1.0 / math.sqrt(2.0)
 """Distance of a = b = 0, no signal at all, from the line a + b = level; relative to the level."""
 EXTINCT = 0.02
-"""Default share of the level below which (a - b) / (a + b) would divide noise by noise."""
+"""Default fraction of the level; if a + b is below it, (a - b) / (a + b) would divide noise by
+noise.
+"""
 
 
 def clean_level(record: ArrayLike) -> float:
-    """Level of a signal that faults disturb for less than half of the time: its median.
+    """Level of a signal that faults disturb for less than half of the time: the median.
 
     record (N,). Raises InputError for a record that is empty or not finite, and for a median that
     is not positive.
@@ -77,9 +79,9 @@ def quality_signal(
     dist_min, dist_max
         Distances, relative to the level: full credibility below the first, none from the second on.
     alpha
-        Exponent of the fall between them.
+        Exponent of the decrease from 1 to 0 between the two distances.
     noise
-        Rms of the distance without fault, checked against dist_min where it is given.
+        Rms of the distance without fault; if it is given, dist_min must be above it.
     signals
         Numbers of a and b among the measurements.
     extinct

@@ -1,4 +1,4 @@
-"""Thresholds of residuals: from fault-free records, from bounds on its causes, and adaptive ones.
+"""Thresholds of residuals: from fault-free records, from bounds on disturbances, and adaptive.
 
 M. Basseville and I. V. Nikiforov, Detection of Abrupt Changes (1993); J. Chen and R. J. Patton,
 Robust Model-Based Fault Diagnosis for Dynamic Systems (1999), chapter 2.
@@ -49,7 +49,7 @@ class Threshold:
 def quantile_threshold(
     clean: ArrayLike, false_alarm_rate: float, confidence: float = 0.95, block: int = 1
 ) -> Threshold:
-    """The least of the fault-free values (N,) that a new value exceeds at most at the given rate.
+    """The least fault-free value (N,) that new values exceed at most at the given rate.
 
     The share of new values above the k-th smallest of n is distributed as Beta(n + 1 - k, k),
     whatever their own (continuous) distribution, if the values are independent. Neighbouring
@@ -75,7 +75,8 @@ def quantile_threshold(
             "need rates between 0 and 1 and a block of 1 or more"
         )
     n = len(values) // block
-    # Without the 1e-9, rounding would ask for the hundredth of 99 values at a rate of 1/100.
+    # Without the 1e-9, rounding would require one value more, for instance 100 instead of 99 at a
+    # rate of 1/100.
     k = math.ceil((n + 1) * (1.0 - false_alarm_rate) - 1e-9)
     if n < 1 or k > n:
         raise InputError(
@@ -89,7 +90,7 @@ def quantile_threshold(
 
 
 def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -> float:
-    """The level that no fault-free residual exceeds: the sum over disturbances of gain times bound.
+    """The level that no fault-free residual exceeds: the sum of gain times bound.
 
     gains   (M,), from each disturbance to the residual, the largest over the whole uncertainty set;
             H-infinity norms for signals measured by their 2-norm, 1-norms of the impulse responses

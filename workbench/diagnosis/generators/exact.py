@@ -43,11 +43,15 @@ FAULT_EFFECT_ROUNDING = 1e-10
 LARGEST_LEAK = 1e-6
 """Largest gain from a decoupled input to a residual, relative to the largest from a fault."""
 RANDOM_COMBINATIONS = 400
-"""Random combinations of rows that are tried for the largest least sensitivity to a fault."""
+"""Number of random combinations of rows among which the one with the largest least sensitivity to
+the faults is chosen.
+"""
 SENSITIVITY_GRID = np.geomspace(1e-2, 1e2, 33)
 """Frequencies at which sensitivities are compared, in units of the model's fastest pole."""
 LEAK_FREQUENCIES = np.array([0.0173, 0.061, 0.23, 0.71])
-"""Frequencies at which leaks are measured, in units of the fastest pole, sampled of pi / dt."""
+"""Frequencies at which leaks are measured, in units of the fastest pole; for sampled models in
+units of pi / dt.
+"""
 
 
 def fault_detection(
@@ -68,8 +72,8 @@ def fault_detection(
     Returns
     -------
     ResidualGenerator
-        Scaled so that the largest gain from a fault is 1 at the first of `omega`; if that is None,
-        at the peak.
+        Scaled so that the largest gain from a fault is 1 at the first frequency of `omega`; if
+        `omega` is None, at the peak.
 
     Raises
     ------
@@ -129,7 +133,7 @@ def fault_isolation(
     at = None if omega is None else frequencies(model, omega)
     if at is not None and not at.size:
         raise InputError("omega is empty; give a frequency [rad/s], or None for a generic effect")
-    denominator(poles, 0, model.dt)  # poles that are wrong at every order are refused at once
+    denominator(poles, 0, model.dt)  # poles that no order can use are refused at once
     return stacked([_residual(model, i, row, poles, at) for i, row in enumerate(rows)])
 
 
@@ -159,7 +163,7 @@ def _residual(
     """The generator of the residual with one row of a structure."""
     hidden = unattainable(model, row, omega)
     if hidden:
-        raise InputError(_why(model, number, row, hidden, omega))
+        raise InputError(_explanation(model, number, row, hidden, omega))
     shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
     parity = Parity(model, (*model.disturbances, *zeros))
@@ -179,7 +183,7 @@ def _residual(
 def _combination(
     parity: Parity, order: int, shown: Sequence[str], poles: Poles, omega: Array | None
 ) -> Array | None:
-    """The row of an order with the largest least sensitivity, relative to what is possible.
+    """The row of an order whose least relative sensitivity to the shown faults is largest.
 
     None if the rows of that order do not show every fault.
     """
@@ -197,7 +201,7 @@ def _combination(
     points = parity.points_at(at)
     before = parity.effects(order, shown, points)
     after = rows @ before  # (points, rows, faults)
-    if omega is None:  # the sum over the grid counts
+    if omega is None:  # sensitivities are summed over the grid
         seen = np.linalg.norm(after, axis=(0, 1)) > FAULT_EFFECT_ROUNDING * np.linalg.norm(
             before, axis=(0, 1)
         )
@@ -231,7 +235,7 @@ def _normalised(
     k, j = np.unravel_index(int(np.abs(gains).argmax()), gains.shape)
     gain = abs(gains[k, j]) * (1.0 if gains[k, j].real >= 0.0 else -1.0)
 
-    return replace(found, Q=_over(found.Q, gain), R=_over(found.R, gain))
+    return replace(found, Q=_divided_outputs(found.Q, gain), R=_divided_outputs(found.R, gain))
 
 
 def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[str]) -> None:
@@ -250,7 +254,7 @@ def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[st
         )
 
 
-def _over(system: StateSpace, gain: float) -> StateSpace:
+def _divided_outputs(system: StateSpace, gain: float) -> StateSpace:
     """A system with its outputs divided by a gain."""
     return realisation(
         (system.A, system.B, system.C / gain, system.D / gain),
@@ -260,14 +264,14 @@ def _over(system: StateSpace, gain: float) -> StateSpace:
     )
 
 
-def _why(
+def _explanation(
     model: FaultModel,
     number: int,
     row: NDArray[np.bool_],
     hidden: Sequence[str],
     omega: Array | None,
 ) -> str:
-    """A message that says which faults of a row no residual shows, and why."""
+    """A message that says which faults of a row cannot be shown by a residual, and why."""
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
     test = detectability(model, 0.0 if omega is None else omega, decoupled=zeros)
     reasons = []

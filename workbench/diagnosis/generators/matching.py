@@ -231,7 +231,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
         raise InputError(
             f"the reference has {M_r.ninputs} inputs; the model has {len(model.faults)} faults"
         )
-    # a static system may have any sampling time
+    # a static system fits any sampling time
     if M_r.nstates and float(M_r.dt or 0.0) != model.dt:
         raise InputError(
             f"the reference has the sampling time {M_r.dt}, the model {model.dt} (0: continuous)"

@@ -31,7 +31,7 @@ from workbench.systems.bilinear import to_continuous
 from workbench.systems.range_hints import warn_far_frequencies
 
 NUMBERS = ("lower", "upper", "omega")
-"""Numbers of each residual in a `PerformanceIndex`."""
+"""Names of the numbers of each residual in a `PerformanceIndex`."""
 SAMPLED_FREQUENCIES = 500
 """Frequencies at which a check tries an index."""
 FIRST_FREQUENCIES = 60
@@ -137,7 +137,7 @@ def index_checker(
     faults: Sequence[str] | None = None,
     tolerance: float = 1e-3,
 ) -> IndexChecker:
-    """What certifies the answer of `performance_index` to the same question.
+    """The checker that certifies the answer of `performance_index` to the same question.
 
     Parameters
     ----------
@@ -239,13 +239,15 @@ def _peak(
     best, at = float(values.max()), float(omega[values.argmax()])
     if best < NEGLIGIBLE_INDEX:
         return 0.0, NEGLIGIBLE_INDEX, at
-    vanish = _axis_zeros(_joined(Q, model, residual, faults), np.ones(len(faults)), model.dt)
+    vanish = _axis_zeros(
+        _residual_system(Q, model, residual, faults), np.ones(len(faults)), model.dt
+    )
     vanish = vanish[(vanish >= low) & (vanish <= high)]
     if vanish.size:
         least = fault_gain(vanish)
         if least.min() < VANISHED_GAIN_SHARE * fault_gain(omega).max():
             return np.inf, np.inf, float(vanish[least.argmin()])
-    system = _joined(Q, model, residual, (*faults, *disturbances))
+    system = _residual_system(Q, model, residual, (*faults, *disturbances))
     for _ in range(MOST_LEVELS):
         level = (1.0 + tolerance) * best
         # divided by level^2 the spectrum has a pencil with entries of one size
@@ -258,14 +260,14 @@ def _peak(
         tried = np.unique(np.concatenate([np.sqrt(edges[1:] * edges[:-1]), inside]))
         values = ratio(tried)
         if values.max() <= best:
-            # Near a narrow peak, zeros beside the axis were counted as well. Every true zero is
-            # among them, and no point between them exceeds the level.
+            # Near a narrow peak, zeros beside the axis may be included too. All true zeros are
+            # among them, and between neighbouring ones the index does not exceed the level.
             return best, level, at
         best, at = float(values.max()), float(tried[values.argmax()])
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
 
 
-def _joined(
+def _residual_system(
     Q: StateSpace, model: FaultModel, residual: int, names: Sequence[str]
 ) -> tuple[Array, ...]:
     """A, B, C, D from inputs of the model to one residual, without modes that cancel."""

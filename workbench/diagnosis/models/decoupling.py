@@ -156,7 +156,7 @@ class Parity:
         return np.vstack(blocks)
 
     def toeplitz(self, order: int, B: Array, D: Array) -> Array:
-        """The Toeplitz matrix T of k inputs with B and D, ((order + 1) p, (order + 1) k)."""
+        """The Toeplitz matrix ((order + 1) p, (order + 1) k) of k inputs with B and D."""
         p, k = D.shape
         markov = [D, *np.split(self.observability(order) @ B, order + 1)[:order]]
         T = np.zeros(((order + 1) * p, (order + 1) * k))
@@ -179,8 +179,8 @@ class Parity:
     def complete(self) -> int:
         """The least order at which the rows contain a whole basis.
 
-        From there on each further order adds as many rows as a basis has, which must come about
-        within n orders. Raises SolverError where rounding hides it.
+        From that order on each further order adds as many rows as a basis has; this must happen
+        within n orders. Raises SolverError if rounding hides it.
         """
         before = 0
         for order in range(len(self.A) + 1):

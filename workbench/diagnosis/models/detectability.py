@@ -105,11 +105,11 @@ def detectability(
     if not faults:
         raise InputError("every fault is decoupled; one to be detected is needed")
     parity = Parity(model, (*model.disturbances, *decoupled))
-    remaining = _remaining(parity, faults)
+    remaining = _share_outside_span(parity, faults)
     weak = remaining > GENERIC_RANK_SHARE
     strong = np.zeros((len(faults), at.size), dtype=bool)
     if weak.any() and at.size:
-        strong = weak[:, None] & _left(parity, faults, at)
+        strong = weak[:, None] & _basis_shows(parity, faults, at)
     masks = tuple(
         () if seen else masking(model, name, parity.decoupled)
         for name, seen in zip(faults, weak, strict=True)
@@ -118,7 +118,7 @@ def detectability(
 
 
 def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
-    """A least set of the inputs `among` that hides a fault: none of them can be left out.
+    """A smallest subset of the inputs `among` that hides a fault: none of them can be left out.
 
     It is empty if the fault moves no output at all. Raises InputError if the inputs do not hide
     the fault.
@@ -133,11 +133,11 @@ def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, .
     """
     need_faults(model)
     kept = list(among)
-    if _remaining(Parity(model, tuple(kept)), [fault])[0] > GENERIC_RANK_SHARE:
+    if _share_outside_span(Parity(model, tuple(kept)), [fault])[0] > GENERIC_RANK_SHARE:
         raise InputError(f"{', '.join(among) or 'nothing'} does not hide the fault {fault!r}")
     for name in among:
         fewer = [other for other in kept if other != name]
-        if _remaining(Parity(model, tuple(fewer)), [fault])[0] <= GENERIC_RANK_SHARE:
+        if _share_outside_span(Parity(model, tuple(fewer)), [fault])[0] <= GENERIC_RANK_SHARE:
             kept = fewer
     return tuple(kept)
 
@@ -165,10 +165,10 @@ def isolability(model: FaultModel) -> NDArray[np.bool_]:
     found = np.zeros((len(faults), len(faults)), dtype=bool)
     for k, other in enumerate(faults):
         parity = Parity(model, (*model.disturbances, other))
-        found[:, k] = _remaining(parity, faults) > GENERIC_RANK_SHARE
+        found[:, k] = _share_outside_span(parity, faults) > GENERIC_RANK_SHARE
         rest = tuple(name for name in faults if name != other)
         alone = Parity(model, (*model.disturbances, *rest))
-        found[k, k] = _remaining(alone, [other])[0] > GENERIC_RANK_SHARE
+        found[k, k] = _share_outside_span(alone, [other])[0] > GENERIC_RANK_SHARE
     return found
 
 
@@ -236,9 +236,9 @@ def unattainable(
     zeros = tuple(name for name, one in zip(model.faults, chosen, strict=True) if not one)
     ones = [name for name, one in zip(model.faults, chosen, strict=True) if one]
     parity = Parity(model, (*model.disturbances, *zeros))
-    seen: NDArray[np.bool_] = np.asarray(_remaining(parity, ones) > GENERIC_RANK_SHARE)
+    seen: NDArray[np.bool_] = np.asarray(_share_outside_span(parity, ones) > GENERIC_RANK_SHARE)
     if omega is not None and seen.all():
-        seen = np.all(_left(parity, ones, frequencies(model, omega)), axis=1)
+        seen = np.all(_basis_shows(parity, ones, frequencies(model, omega)), axis=1)
     return tuple(name for name, shown in zip(ones, seen, strict=True) if not shown)
 
 
@@ -264,7 +264,7 @@ def need_faults(model: FaultModel) -> None:
         raise InputError("the model has no fault; name one of its inputs, or add one")
 
 
-def _remaining(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
+def _share_outside_span(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
     """The share (k,) of the faults' responses outside the span of the decoupled inputs."""
     G_f = scaled_response(parity, faults)
     if parity.decoupled:
@@ -274,14 +274,15 @@ def _remaining(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
     return np.linalg.norm(G_f, axis=1).max(axis=0)
 
 
-def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray[np.bool_]:
+def _basis_shows(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether the rows of a whole basis show the faults at `omega` [rad/s]: (k, F)."""
     shown = np.zeros((len(faults), omega.size), dtype=bool)
     if not parity.count:
         return shown
     for place, point in enumerate(parity.points_at(omega)):
         direct = parity.left_at(faults, point)
-        if direct is None:  # a zero of the disturbances: rows of a polynomial basis lose no rank
+        # at a zero of the disturbances; the rows of a polynomial basis keep full rank there
+        if direct is None:
             order = parity.complete
             there = parity.effects(order, faults, np.array([point]))[0]
             direct = parity.rows(order) @ there, np.linalg.norm(there, axis=0)

@@ -1,4 +1,4 @@
-"""Parameters that change: how they enter a model, and the model as a function of them."""
+"""Parameters that change: how they enter a model, and the model as an LFT of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The change of a model's matrices by a parameter, as a product of full rank."""
+"""The change of a model's matrices with a parameter, as a product of full-rank factors."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The best model of a record for each use, among all kinds of models."""
+"""Choice of the best model of a record, among all kinds of models, for each use."""

@@ -1,7 +1,7 @@
-"""Averages of models: one model whose predictions, or whose simulations, are the mean of several.
+"""Averages of models: one model that gives the mean of several models' predictions or simulations.
 
-The choice of one model among many that validate alike is to a good part chance. Their mean has the
-mean of their biases and less variance. Source: L. Breiman, "Stacked regressions", Machine Learning
+If many models validate alike, the choice of one is largely chance. The mean of their outputs has
+their mean bias, and less variance. Source: L. Breiman, "Stacked regressions", Machine Learning
 24(1), 1996. The weights are equal: weights fitted to validation errors judge worse.
 """
 
@@ -25,12 +25,13 @@ def averaged_predictor(
     largest_radius: float = 1.0,
     holds: Callable[[InnovationsModel], bool] = lambda _: True,
 ) -> InnovationsModel:
-    """The model whose one-step predictions are the mean of those of several, best first.
+    """The model whose one-step predictions are the mean of several models' predictions.
 
-    Such a model may have poles beyond the largest radius though none of the several has; then the
-    last ones are left out until it has none. So they are until it ``holds`` what is known.
+    ``models`` come best first. The average may have a pole beyond the largest radius although no
+    member has one. Then members are dropped from the end until it has none, and until it ``holds``
+    the prior knowledge.
 
-    Raises InputError where there is no model, or their delays differ.
+    Raises InputError if there is no model, or if the delays differ.
     """
     _refuse(models)
     for count in range(len(models), 1, -1):
@@ -46,10 +47,11 @@ def averaged_simulator(
     direct: bool = True,
     largest_radius: float = 1.0,
 ) -> InnovationsModel:
-    """The model whose simulations are the mean of those of several, best first.
+    """The model whose simulations are the mean of several models' simulations.
 
-    It is not made to predict: its gain is zero where its poles are stable. It is the best one alone
-    where no gain gives a stable predictor. Raises as `averaged_predictor`.
+    ``models`` come best first. The average is not made for prediction: its gain is zero if its
+    poles are stable. If no gain gives a stable predictor, the best model alone is returned. Raises
+    as `averaged_predictor`.
     """
     _refuse(models)
     mean = _mean([replace(model, K=np.zeros_like(model.K)) for model in models])
@@ -69,7 +71,7 @@ def _refuse(models: Sequence[InnovationsModel]) -> None:
 def _mean(models: Sequence[InnovationsModel]) -> InnovationsModel:
     """The innovations model whose predictor is the mean of the models' predictors.
 
-    Predictors x+ = F x + G u + K y + f, yhat = C x + D u + h stand beside each other.
+    The predictors x+ = F x + G u + K y + f, yhat = C x + D u + h run in parallel.
     """
     share = 1 / len(models)
     F = block_diag(*[m.A - m.K @ m.C for m in models])

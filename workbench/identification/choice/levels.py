@@ -1,9 +1,9 @@
-"""Predictors that follow the level of their errors, slowly.
+"""Predictors that slowly follow a constant error.
 
-An operating point that moves leaves a constant error that no white noise explains, and no part of
-the record on which a model is validated need show it. A level that is learnt from past errors over
-some fifty samples removes it. Where errors are white it costs little: half the rate of their
-variance. Source: G. Box, G. Jenkins, Time Series Analysis, 1970, section 5.3 (the exponentially
+When the operating point moves, predictions get a constant error. White noise does not explain it,
+and the validation part of a record need not show it. A level estimated from the past fifty or so
+errors removes it. If the errors are white this costs little: it raises their variance by half the
+rate. Source: G. Box, G. Jenkins, Time Series Analysis, 1970, section 5.3 (the exponentially
 weighted mean as the predictor of integrated noise).
 """
 
@@ -19,24 +19,26 @@ from workbench.arrays import RealArray
 from workbench.identification.innovations.model import InnovationsModel
 
 LEVEL_RATE = 0.02
-"""Share of an error that goes into the level: a step is followed within some fifty samples."""
+"""Fraction of each error that is added to the level: a step is followed within some
+fifty samples.
+"""
 LEVEL_POLE = 1 - 0.01 * LEVEL_RATE
-"""Pole of the level, inside the circle: a hundredth of a step is never followed."""
+"""Pole of the level, inside the unit circle: a hundredth of a step is never followed."""
 
 
 def level_following(model: InnovationsModel) -> InnovationsModel:
-    """The model whose predictions have the level of its past errors added.
+    """The model with predictions to which the level of past errors is added.
 
-    Predictions of the model are left as they are, and an output's level d is added to them:
+    The model's own predictions are unchanged, and the level d of each output is added:
 
         d(t+1) = LEVEL_POLE d + LEVEL_RATE (y - yhat - d)
 
-    It has a state more for each output, which starts at zero; responses stay the same.
+    There is one more state for each output, which starts at zero; responses stay the same.
     """
     ny = len(model.C)
     one = np.eye(ny)
     A = block_diag(model.A, LEVEL_POLE * one)
-    # The predictor of the model is driven by its own error, which is the new one and the level.
+    # The model's predictor is driven by its own error: the new error plus the level.
     A[: model.order, model.order :] = model.K
     return replace(
         model,
@@ -49,6 +51,6 @@ def level_following(model: InnovationsModel) -> InnovationsModel:
 
 
 def errors_beside_level(errors: RealArray) -> RealArray:
-    """Errors (N, ny) of predictions that have the level of their past errors added, from zero."""
+    """Errors (N, ny) of predictions to which the level of past errors is added, from zero."""
     found = lfilter([1.0, -LEVEL_POLE], [1.0, LEVEL_RATE - LEVEL_POLE], errors, axis=0)
     return np.asarray(found)

@@ -1,7 +1,7 @@
-"""Methods "best" and "averaged": every kind and order is validated, for each use of a model.
+"""Methods "best" and "averaged": models of all kinds and orders are validated for each use.
 
-The choice sees the estimation part alone, whose folds are held back in turn; the samples held out
-judge it once. How much of a difference is chance is estimated from blocks of the errors.
+The choice sees the estimation part only, and holds back each of its folds in turn; the held-out
+samples judge the result once. Blocks of the errors show how much of a difference is chance.
 """
 
 from __future__ import annotations
@@ -49,19 +49,19 @@ from workbench.solvers import Outcome
 
 NO_MODEL = "no kind of model gives one whose errors are finite"
 MOST_TRIED = 100_000
-"""Most samples, from the first one on, that are divided into folds to compare the candidates.
+"""Most samples, counted from the first, that are divided into folds to compare the candidates.
 
-There are ten times as many as of one method, of up to ten times as many states.
+There are ten times as many candidates as in a single method, with up to ten times as many states.
 """
 LONG_ORDERS = (12, 20, 30)
-"""Further orders of ARX models, which are cheap and whitest where they are long."""
+"""Further orders of ARX models; long ones are cheap, and their errors are the whitest."""
 SPARSE_LAGS = (4, 8, 12, 20, 30)
-"""Longest lags of ARX models of few terms."""
+"""Longest lags of sparse ARX models."""
 
 
 @method(StateSpaceFit, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: StateSpaceFit, context: Context) -> Claim:
-    """All kinds of models and orders in validation, and the best one for each use."""
+    """Validate all kinds of models and orders, and return the best one for each use."""
     trial = _Trial(program, context)
     if trial.candidates is None:
         return None, Outcome.FAILED, NO_MODEL
@@ -70,9 +70,9 @@ def _best(program: StateSpaceFit, context: Context) -> Claim:
 
 @method(StateSpaceFit, "averaged", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _averaged(program: StateSpaceFit, context: Context) -> Claim:
-    """The average of the models that validate best, of all kinds and orders, for each use.
+    """The average of the models of all kinds and orders that validate best, for each use.
 
-    Which one is best is to a good part chance; their average errs less than most of them. Its
+    Which single model is best is largely chance; the average errs less than most of them. Its
     predictions follow the level of their errors.
     """
     trial = _Trial(program, context)
@@ -92,7 +92,7 @@ def _averaged(program: StateSpaceFit, context: Context) -> Claim:
 
 
 class _Trial:
-    """The candidates of a program, each validated once."""
+    """The candidates of a program; each is validated once."""
 
     def __init__(self, program: StateSpaceFit, context: Context) -> None:
         self._program = program
@@ -111,9 +111,9 @@ class _Trial:
         self.candidates = made if np.isfinite(made.fits).any(axis=1).all() else None
 
     def _validated(self, fit: Fitter, used: Experiments, left: Experiments) -> RealArray:
-        """Errors (uses, N, ny) of a fitting function in validation, infinite without a model.
+        """Validation errors (uses, N, ny) of a fitting function; infinite if it gives no model.
 
-        Without folds they have the size that Akaike's final prediction error expects.
+        Without folds, the errors have the size that Akaike's final prediction error expects.
         """
         program = self._program
         model = fit(used)
@@ -131,10 +131,10 @@ class _Trial:
         return errors
 
     def members(self, use: int) -> list[InnovationsModel]:
-        """Models of the whole estimation part that are averaged, best first.
+        """Models of the whole estimation part to be averaged, best first.
 
-        A candidate that validated well may fail on the whole part: models that fit their own part
-        far worse than the others do are left out.
+        A candidate that validated well may fail on the whole part: a model that fits its own part
+        far worse than the others do is dropped.
         """
         found = self.kept(use, len(self.candidates.members(use)) if self.candidates else 0)
         with np.errstate(all="ignore"):  # simulations may overflow
@@ -144,7 +144,7 @@ class _Trial:
         return [model for model, fit in zip(found, fits, strict=True) if fit >= least]
 
     def kept(self, use: int, number: int) -> list[InnovationsModel]:
-        """Models of the whole estimation part by the fitting functions that validated best."""
+        """Models of the whole estimation part, by the fitting functions that validated best."""
         found: list[InnovationsModel] = []
         if self.candidates is None:
             return found
@@ -158,13 +158,13 @@ class _Trial:
         return found
 
     def _model(self, place: int) -> InnovationsModel | None:
-        """The model of the whole estimation part by a candidate, computed once."""
+        """A candidate's model of the whole estimation part; it is computed once."""
         if place not in self._models:
             self._models[place] = list(self._ways.values())[place](self._program.used)
         return self._models[place]
 
     def fit_of_average(self, use: int) -> float:
-        """Mean fit over outputs and folds [%] of the average of the best candidates."""
+        """Fit [%] of the average of the best candidates, as a mean over outputs and folds."""
         members = self.candidates.members(use) if self.candidates else []
         relative = []
         for fold, spread in enumerate(self._spreads):
@@ -174,7 +174,7 @@ class _Trial:
         return float(100 * (1 - np.sqrt(relative).mean()))
 
     def claim(self, chosen: list[list[InnovationsModel]], candidates: Candidates) -> Claim:
-        """The answer of the first of the models that were chosen for each use."""
+        """The answer: the first of the models chosen for each use."""
         if not all(chosen):
             return None, Outcome.FAILED, NO_MODEL
         predictor, simulator = (models[0] for models in chosen)
@@ -217,7 +217,8 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
             yield f"ARX {order}", arx_fits(program)(order)
             if several and program.known is None:
                 yield f"ARX of each output {order}", arx_fits(program, apart=True)(order)
-    if program.known is not None:  # sparse and long regularised responses are not held to it
+    # sparse models and long regularised responses do not keep prior knowledge
+    if program.known is not None:
         return
     for lags in SPARSE_LAGS:
         yield f"sparse ARX {lags}", sparse_arx_fits(program)(lags)
@@ -228,7 +229,7 @@ def kinds_and_orders(program: StateSpaceFit) -> Iterator[tuple[str, Fitter]]:
 
 
 def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
-    """Fitting function of a model from physics; None for a model that violates what is known."""
+    """Fitting function of a model from physics; it returns None if prior knowledge is violated."""
 
     def fit(record: Experiments) -> InnovationsModel | None:
         found = physical.fitted(
@@ -243,7 +244,7 @@ def _physical_fits(program: StateSpaceFit, physical: PhysicalModel) -> Fitter:
 
 
 def _by_order(program: StateSpaceFit, candidates: Candidates) -> RealArray:
-    """Fits (uses, orders, ny) [%] of the best kind of each order, the same for all outputs."""
+    """Fits (uses, orders, ny) [%] of the best kind for each order, one kind for all outputs."""
     orders, outputs = tuple(program.orders or ()), program.record.y.shape[1]
     found = np.full((2, len(orders), outputs), -np.inf)
     for k, label in enumerate(candidates.labels):

@@ -1,1 +1,1 @@
-"""Models of plants whose records come from a closed loop, with what each method assumes of it."""
+"""Models of plants from closed-loop records; each method states its assumptions."""

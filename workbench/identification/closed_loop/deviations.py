@@ -1,17 +1,18 @@
 """Standard deviations of models of closed loops, for noise of any spectrum.
 
-The record is cut into parts. What each part adds to the equations that a method solves scatters as
-the noise does, over many samples too, and tells how the estimate scatters, whether or not a model
-of the noise is right. With a periodic excitation the parts are groups of its periods, and the
-equations those at its lines (`of_lines`).
+The record is cut into parts. Each part adds a term to the equations that a method solves. These
+terms scatter as the noise does, correlation over many samples included; so they show how the
+estimate scatters, whether or not a model of the noise is right. With a periodic excitation the
+parts are groups of its periods, and the equations are those at its lines (`of_lines`).
 
-What the excitation explains of the input is an estimate too. Its error, through the plant, and the
-closed loop's noise of the output together are the plant's own noise: y less what the model makes of
-the *measured* input. So that is what is summed, not the errors that two-stage methods make small.
+The part of the input that the excitation explains is an estimate too. Its error, passed through the
+plant, and the loop's noise at the output add up to the plant's own noise: y minus the model's
+response to the *measured* input. So the terms use that noise, and not the errors that two-stage
+methods minimise.
 
-Sources: L. Ljung, System Identification, 2nd ed., 1999, section 9.2 (the covariance where the model
-of the noise is wrong); B. Efron, C. Stein, "The jackknife estimate of variance", Annals of
-Statistics 9(3), 1981 (instruments: each part is left out).
+Sources: L. Ljung, System Identification, 2nd ed., 1999, section 9.2 (the covariance if the model of
+the noise is wrong); B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics
+9(3), 1981 (instruments: each part is left out).
 """
 
 from __future__ import annotations
@@ -38,28 +39,30 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.uncertainty import response_along, root_of_inverse
 
 PARTS, FEWEST = 30, 8
-"""Number of parts of a record, and fewest periods of an excitation whose groups are the parts."""
+"""Number of parts of a record without period; fewest periods of an excitation whose groups are the
+parts.
+"""
 INPUTS: dict[str, CleanInput | None] = {
     "direct": None,
     "two-stage": explained_input,
     "instrumental-variables": explained_input,
     "indirect": rebuilt_input,
 }
-"""The input that a method takes; None: the measured one, with a model of the noise."""
+"""The input that each method uses; None: the measured one, with a model of the noise."""
 
 
 def closed_loop_deviations(
     program: ClosedLoopFit, method: str, model: InnovationsModel, frequency: ArrayLike
 ) -> RealArray:
-    """Standard deviations (F, ny, nu) of |G - mean of G| for the model of a method.
+    """Standard deviations (F, ny, nu) of |G - mean of G| for a method's model.
 
-    They are those of the estimate's scatter from record to record, for noise of any spectrum that
-    is forgotten within a part: a thirtieth of the record or, with a period, one period or more.
-    They are of first order: where a criterion has several minima, estimates scatter more. A bias of
-    the model is not in them: the order must be that of the plant and, for the direct method, of the
-    noise. Thirty parts tell a deviation to about 13 percent.
+    They describe the estimate's scatter from record to record. The noise may have any spectrum, if
+    its correlation ends within a part: a thirtieth of the record or, with a period, one period or
+    more. They are of first order: if a criterion has several minima, estimates scatter more. They
+    do not contain a bias of the model: the order must be that of the plant and, for the direct
+    method, of the noise. With thirty parts a deviation is accurate to about 13 percent.
 
-    They are far too large where the model has a mode that the excitation hardly reaches.
+    They are far too large if the model has a mode that is hardly excited.
 
     Parameters
     ----------
@@ -68,7 +71,7 @@ def closed_loop_deviations(
     method
         "direct", "two-stage", "instrumental-variables" or "indirect".
     model
-        The answer's predictor for "direct", its simulator for the others.
+        The answer's predictor for "direct", its simulator for the other methods.
     frequency
         Frequencies (F,) [cycles/sample].
 
@@ -102,10 +105,10 @@ def closed_loop_deviations(
 def closed_loop_covariance(
     program: ClosedLoopFit, method: str, model: InnovationsModel, frequency: ArrayLike
 ) -> RealArray:
-    """Covariances (F, ny, nu, 2, 2) of real and imaginary part of the response of a model.
+    """Covariances (F, ny, nu, 2, 2) of the real and imaginary part of a model's response.
 
-    Arguments, meaning and errors are those of `closed_loop_deviations`, whose square is their
-    trace. The response at frequency 0 is the static gain.
+    Arguments, meaning and errors are as in `closed_loop_deviations`; its squares are the traces of
+    these covariances. The response at frequency 0 is the static gain.
 
     Examples
     --------
@@ -159,7 +162,7 @@ def _of_instruments(
     parts: IntegerArray,
     frequency: ArrayLike,
 ) -> ComplexArray:
-    """Responses (parts, F, ny, nu) where the equations of one part are left out."""
+    """Responses (parts, F, ny, nu); each leaves out the equations of one part."""
     clean = _explained(program, record)
     filtered = filtered_by_poles(model, program.period, record, clean)
     order = model.order // record.y.shape[1]
@@ -178,7 +181,7 @@ def _of_errors(
     parts: IntegerArray,
     frequency: ArrayLike,
 ) -> ComplexArray:
-    """Changes of the response (parts, F, ny, nu) where a part is left out, to first order."""
+    """Changes of the response (parts, F, ny, nu) when one part is left out, to first order."""
     errors, entries = None, None
     if clean_input is not None:
         model = replace(model, K=np.zeros_like(model.K))

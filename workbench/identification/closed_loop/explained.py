@@ -1,4 +1,4 @@
-"""What an excitation from outside explains of the signals of a loop: they without the noise.
+"""The part of a loop's signals that an external excitation explains: the signals without noise.
 
 Source: P. Van den Hof, R. Schrama, "An indirect method for transfer function estimation from
 closed loop data", Automatica 29(6), 1993 (the first of two stages).
@@ -19,46 +19,46 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.validation import nrmse_fit
 
 SILENT = 1e-6
-"""Amplitude of a line, relative to the largest one, below which it is not excited."""
+"""A line whose amplitude, relative to the largest one, is below this counts as not excited."""
 REPEATS = 1e-6
-"""Largest difference between periods of an excitation, relative to its spread."""
+"""Largest difference between periods of an excitation, relative to its range, that is allowed."""
 
 
 def explained_part(record: Experiments, period: int | None) -> Experiments | None:
-    """The record with u and y as its excitation explains them; None where it is too short.
+    """The record with only the excitation's part of u and y; None if it is too short.
 
-    With a period it is their mean over the periods, at the lines of the excitation: no model is
-    needed, and no noise is left but that at these lines. Without one it is what impulse responses
-    of the excitation make, at most 70 samples long.
+    With a period, this is the mean over the periods at the lines of the excitation: no model is
+    needed, and no noise remains except at these lines. Without a period, it is the response of
+    estimated impulse responses, at most 70 samples long, to the excitation.
     """
     if period is not None:
         return mean_period(record, period)
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
     model = impulse_model(Experiments(r, joint))
-    return None if model is None else _with(record, model.free_run(r, joint, model.order))
+    return None if model is None else _with_signals(record, model.free_run(r, joint, model.order))
 
 
 def mean_period(record: Experiments, period: int) -> Experiments:
-    """The record with u and y by the mean of their whole periods, at the lines of r alone."""
+    """The record with u and y replaced by their mean over whole periods, at the lines of r only."""
     r, joint = excitation_of(record), np.hstack([record.u, record.y])
-    return _with(record, _mean_period(r, joint, period))
+    return _with_signals(record, _mean_period(r, joint, period))
 
 
-def _with(record: Experiments, signals: RealArray) -> Experiments:
-    """The record with other signals, inputs beside outputs (N, nu + ny)."""
+def _with_signals(record: Experiments, signals: RealArray) -> Experiments:
+    """The record with other signals (N, nu + ny): inputs, then outputs."""
     nu = record.u.shape[1]
     return replace(record, u=signals[:, :nu], y=signals[:, nu:], starts=(0,))
 
 
 def excitation_of(record: Experiments) -> RealArray:
-    """The excitation (N, nr) of a record; raises InputError where it was not recorded."""
+    """The excitation (N, nr) of a record; raises InputError if it was not recorded."""
     if record.excitation is None:
         raise InputError("the record has no excitation; make it by ClosedLoopFit")
     return record.excitation
 
 
 def refuse_other_period(r: RealArray, period: int) -> None:
-    """Raise InputError unless an excitation (N, nr) repeats itself with a period."""
+    """Raise InputError unless an excitation (N, nr) is periodic with this period."""
     if not 2 <= period <= len(r) // 2:
         raise InputError(
             f"period is {period}; it must be 2 or more, and {len(r)} samples must hold it twice"
@@ -72,7 +72,7 @@ def refuse_other_period(r: RealArray, period: int) -> None:
 
 
 def _mean_period(r: RealArray, signals: RealArray, period: int) -> RealArray:
-    """Signals (N, channels) by the mean of their whole periods, at the lines of r alone."""
+    """Mean over whole periods of signals (N, channels), at the lines of r only."""
     count = len(r) // period
     if count == 0:
         raise InputError(
@@ -84,23 +84,23 @@ def _mean_period(r: RealArray, signals: RealArray, period: int) -> RealArray:
     )
     size = np.abs(driven).max(axis=1)
     silent = size <= SILENT * size[1:].max()
-    silent[0] = False  # the levels of u and y
+    silent[0] = False  # keep the levels of u and y
     lines[silent] = 0.0
     mean = np.fft.irfft(lines, period, axis=0)
     return np.tile(mean, (count + 1, 1))[: len(r)]
 
 
 def steady_fit(model: InnovationsModel, clean: Experiments, period: int) -> RealArray:
-    """Fit [%] of each output (ny,) in the steady state, on signals that repeat themselves.
+    """Fit [%] of each output (ny,) in steady state, for periodic signals.
 
-    So slow modes, whose initial state a few samples do not tell, do not count.
+    So slow modes do not count, whose initial state cannot be determined from a few samples.
     """
     made = steady_response(model.response, clean.u[:period])
     return nrmse_fit(clean.y[:period] - clean.y[:period].mean(axis=0), made)
 
 
 def steady_response(response: Callable[[RealArray], ComplexArray], inputs: RealArray) -> RealArray:
-    """Outputs (N, ny), of mean zero, to one period of inputs (N, nu) that repeat themselves.
+    """Outputs (N, ny) with mean zero in response to periodic inputs (N, nu), one period.
 
     ``response`` gives responses (F, ny, nu) at frequencies (F,) [cycles/sample].
     """

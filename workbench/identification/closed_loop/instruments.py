@@ -1,4 +1,4 @@
-"""Models of loops by instruments: what the excitation explains of the signals.
+"""Models of plants in loops by instrumental variables: the signals that the excitation explains.
 
 Sources: L. Ljung, System Identification, 2nd ed., 1999, section 7.6; P. Young, Recursive Estimation
 and Time-Series Analysis, 2nd ed., 2011, chapter 7 (refined instruments).
@@ -19,19 +19,20 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.polynomials.regressions import arx_from_lags
 
 SETTLED, SLOWEST = 1e-3, 0.9999
-"""Share of a filter's first state that is left when it has settled; radius of a pole from which it
-is not waited for any longer."""
+"""Fraction of a filter's initial state at which it counts as settled; a pole beyond the radius is
+not waited for.
+"""
 REFINEMENTS = 8
-"""Times that instruments are filtered by the poles of the model before."""
+"""Number of times that the signals are filtered by the poles of the previous model."""
 
 
 def refined_arx(
     record: Experiments, clean: Experiments, order: int, direct: bool, period: int | None
 ) -> Iterator[InnovationsModel]:
-    """ARX models by instruments, each after the first by signals filtered by the poles before.
+    """ARX models by instruments; each after the first uses signals filtered by the last poles.
 
-    The equation errors of the first are the noise times the denominator. Where samples are dense
-    the denominator is small but at the highest frequencies, and they would count alone.
+    The equation errors of the first model are the noise times the denominator. With fast sampling
+    the denominator is small except at the highest frequencies, which then dominate.
     """
     model = instrumental_arx(record, clean, order, direct)
     yield model
@@ -45,10 +46,10 @@ def refined_arx(
 def filtered_by_poles(
     model: InnovationsModel, period: int | None, record: Experiments, clean: Experiments
 ) -> tuple[Experiments, Experiments]:
-    """A record and what explains it, without means, filtered by the poles of a model made stable.
+    """A record and its explained part, without means, filtered by a model's stabilised poles.
 
-    Where the excitation repeats itself, the filter has run over periods of it before: from rest, it
-    would take slow modes long to settle.
+    If the excitation is periodic, the filter starts in its periodic steady state: from rest, slow
+    modes would take long to settle.
     """
     poles = np.linalg.eigvals(model.A)
     outside = np.abs(poles) >= 1
@@ -77,7 +78,7 @@ def instrumental_arx(
     direct: bool,
     kept: BoolArray | None = None,
 ) -> InnovationsModel:
-    """ARX model of a record by instruments: the record without its noise.
+    """ARX model of a record, with the noise-free record as instruments.
 
     ``kept`` (N,) marks the samples of y whose equations count; None: all.
     """

@@ -39,24 +39,25 @@ from workbench.program import Claim, method
 from workbench.systems.sampling import respond
 
 NOISE_SHARES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
-"""Power of the noise at the inputs, over theirs, among which that of the predictor is chosen."""
+"""Ratios of the noise's power to the input's from which the best predictor's is chosen."""
 TRIED, CONVERGED = 2, 0.01
-"""Starts of the direct method's search, and gain in log likelihood below which it ends.
+"""Number of starts for the direct method's search, and gain in log likelihood below which it ends.
 
-Where no model follows the noise, one search of eight ends in a local minimum, and steps that gain 1
-are far from the end of it: estimates would scatter by where each search stopped.
+Without a model that follows the noise, one search in eight ends in a local minimum, and a step that
+gains only 1 is still far from the minimum: estimates would scatter with the points where searches
+stopped.
 """
 
 
 @method(ClosedLoopFit, "direct", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _direct(program: ClosedLoopFit, context: Context) -> Claim:
-    """Prediction errors of u and y; assumes that the model of the noise is rich enough."""
+    """Prediction errors of u and y; assumes a model of the noise that is rich enough."""
     way = refined_fits(program, _LoopStarts(program), 0.0, TRIED, CONVERGED)
     return claim(identify(program, way, way, context))
 
 
 class _LoopStarts(SubspaceStarts):
-    """Subspace models, and that by instruments: it stands where lines are few and samples dense."""
+    """Starting models by subspaces, and one by instruments, for few lines and fast sampling."""
 
     def __init__(self, program: ClosedLoopFit) -> None:
         super().__init__(program)
@@ -94,7 +95,7 @@ def _needs_free_runs(program: ClosedLoopFit) -> str | None:
     accuracy=ANY_ACCURACY_ALIKE,
 )
 def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
-    """What r explains of u, then its output error; assumes a linear loop and a stable plant."""
+    """Output error for the part of u that r explains; assumes a linear loop, a stable plant."""
     way = _simulators(program, explained_input)
     return claim(identify(program, way, way, context))
 
@@ -107,7 +108,7 @@ def _two_stage(program: ClosedLoopFit, context: Context) -> Claim:
     accuracy=ANY_ACCURACY_ALIKE,
 )
 def _instrumental_variables(program: ClosedLoopFit, context: Context) -> Claim:
-    """ARX with what r explains of u and y as instruments; assumes a linear loop, no noise model."""
+    """ARX; the instruments are the parts of u and y that r explains; assumes a linear loop."""
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
@@ -131,29 +132,32 @@ def _no_controller(program: ClosedLoopFit) -> str | None:
 
 @method(ClosedLoopFit, "indirect", optimal=False, unfit=_no_controller, accuracy=ANY_ACCURACY_ALIKE)
 def _indirect(program: ClosedLoopFit, context: Context) -> Claim:
-    """What r explains of y, and u by the controller; assumes that known, and a stable plant."""
+    """Uses the part of y that r explains, and u by the controller; assumes a known controller."""
     way = _simulators(program, rebuilt_input)
     return claim(identify(program, way, way, context))
 
 
 CleanInput = Callable[[ClosedLoopFit, Experiments, Experiments], RealArray]
-"""Input (N, nu) that no noise has entered, of a program, a record and what explains that."""
+"""Function that returns a noise-free input (N, nu), from a program, a record and its explained
+part.
+"""
 
 
 def explained_input(program: ClosedLoopFit, record: Experiments, clean: Experiments) -> RealArray:
-    """What the excitation explains of u."""
+    """The part of u that the excitation explains."""
     return clean.u
 
 
 def rebuilt_input(program: ClosedLoopFit, record: Experiments, clean: Experiments) -> RealArray:
-    """The excitation less what the controller makes of what the excitation explains of y."""
+    """The excitation minus the controller's response to the explained part of y."""
     fed = _fed_back(program, clean.y - clean.y.mean(axis=0))
     u = excitation_of(record) - fed
-    return np.asarray(u - u.mean(axis=0) + clean.u.mean(axis=0))  # integrators tell no level
+    # integrators do not determine a level
+    return np.asarray(u - u.mean(axis=0) + clean.u.mean(axis=0))
 
 
 def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
-    """Outputs (N, nu) of the controller for y (N, ny); from rest where y does not repeat itself."""
+    """Output (N, nu) of the controller for y (N, ny); it starts at rest unless y is periodic."""
     controller, period = program.controller, program.period
     if controller is None:
         raise InputError("the controller is missing; give it, or take method two-stage")
@@ -169,7 +173,7 @@ def _fed_back(program: ClosedLoopFit, y: RealArray) -> RealArray:
 
 
 def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrder:
-    """Fitting functions of free-run errors, for an input that no noise has entered."""
+    """Fitting functions that minimise free-run errors for a noise-free input."""
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
@@ -177,8 +181,8 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
             if clean is None:
                 return None
             clean = replace(clean, u=clean_input(program, record, clean))
-            # Of a periodic excitation the noise between the lines tells nothing, but would move the
-            # modes that no line excites.
+            # With a periodic excitation, the noise between the lines carries no information, but it
+            # would change the modes that no line excites.
             y = record.y if program.period is None else clean.y
             model = _simulator(program, clean, order, replace(record, u=clean.u, y=y, starts=(0,)))
             return model and _with_gain(program, model, record)
@@ -191,10 +195,10 @@ def _simulators(program: ClosedLoopFit, clean_input: CleanInput) -> FitterOfOrde
 def _simulator(
     program: ClosedLoopFit, clean: Experiments, order: int, record: Experiments
 ) -> InnovationsModel | None:
-    """State-space model whose free run has the least errors, without a model of the noise.
+    """State-space model with the least free-run errors, without a model of the noise.
 
-    The search starts where the clean record leads: noise that is larger than what the input does
-    would hide it.
+    The search starts from the result for the explained record: in the measured record the noise may
+    be larger than the input's effect.
     """
     largest = min(program.largest_radius, 1.0)
     models = [
@@ -212,7 +216,7 @@ def _simulator(
 
 
 def all_but_gain(model: InnovationsModel) -> BoolArray:
-    """Marks of the entries of A, B, C and D among those of A, B, C, D and K."""
+    """Mask of the entries of A, B, C, D among the entries of A, B, C, D, K."""
     sizes = [getattr(model, name).size for name in "ABCDK"]
     return np.arange(sum(sizes)) < sum(sizes[:4])
 
@@ -220,7 +224,7 @@ def all_but_gain(model: InnovationsModel) -> BoolArray:
 def _allowed_instruments(
     program: ClosedLoopFit, record: Experiments, clean: Experiments, order: int, largest: float
 ) -> list[InnovationsModel | None]:
-    """Models by refined instruments with poles within the largest radius."""
+    """Models by refined instruments whose poles lie within the largest radius."""
     models = refined_arx(record, clean, order, program.direct, program.period)
     return [allowed(model, clean, program.direct, largest) for model in models]
 
@@ -228,7 +232,7 @@ def _allowed_instruments(
 def _with_gain(
     program: ClosedLoopFit, model: InnovationsModel, record: Experiments
 ) -> InnovationsModel:
-    """The model with the gain K that predicts best, of those for noise at inputs and outputs."""
+    """The model with the gain K that predicts best, among gains for noise at inputs and outputs."""
     inputs = model.B @ np.diag(record.u.var(axis=0)) @ model.B.T
     outputs = np.diag(np.nanvar(record.y, axis=0))
     gains = [

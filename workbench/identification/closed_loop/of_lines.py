@@ -1,10 +1,10 @@
-"""How a model scatters that is fitted to the mean period of a loop's signals.
+"""Scatter of a model that is fitted to the mean period of a loop's signals.
 
-At the lines of the excitation the means over the periods have errors E = Y - G U, and each group of
-periods tells one draw of them. The methods that fit G to these means differ in how they search, and
-in the input that they take; to first order all of them solve sum Re(P' W E) = 0, with P the
-derivatives of G U by the parameters and W the weight of the outputs. So a sandwich of P' W P and of
-the scatter of P' W E over the groups is the covariance of each.
+At the lines of the excitation, the means over the periods have errors E = Y - G U, and each group
+of periods gives one sample of these errors. The methods that fit G to the means differ in their
+search and in the input that they use. To first order they all solve sum Re(P' W E) = 0, where P
+holds the derivatives of G U with respect to the parameters and W the weights of the outputs. So the
+covariance of each is a sandwich formula with P' W P and the scatter of P' W E over the groups.
 
 Sources: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
 2012 (the sample covariance of periods in place of a model of the noise); P. Welch, "The use of fast
@@ -36,9 +36,9 @@ def moves_of_lines(
     groups: int,
     frequency: ArrayLike,
 ) -> ComplexArray:
-    """Changes of the response (parts, F, ny, nu) where a group of periods is left out.
+    """Changes of the response (parts, F, ny, nu) when a group of periods is left out.
 
-    They are of first order. There are about so many ``groups``, of whole periods.
+    The changes are of first order. There are about ``groups`` groups, each of whole periods.
     """
     direct, period = program.direct, int(program.period or 0)
     lines = np.arange(1, (period + 1) // 2)
@@ -47,7 +47,7 @@ def moves_of_lines(
     record = replace(record, y=np.where(np.isnan(record.y), mean.y, record.y))
 
     def input_and_error(part: Experiments) -> tuple[ComplexArray, ComplexArray]:
-        """Lines (L, channels) of the input, and of y less what the model makes of it."""
+        """Lines (L, channels) of the input, and of y minus the model's response to it."""
         signals = clean_input(program, part, part), part.y
         u, y = (np.fft.rfft(one[:period], axis=0)[lines] for one in signals)
         return u, y - np.einsum("lou,lu->lo", response, u)
@@ -62,17 +62,18 @@ def moves_of_lines(
     size = max(1, pairs // groups)
     moves = []
     for first in range(0, pairs - size + 1, size):
-        faded = _faded(record.part(first * period, (first + size + 1) * period), period)
+        faded = _faded_mean_period(record.part(first * period, (first + size + 1) * period), period)
         gradient = np.einsum("lqp,lq->p", weighted, input_and_error(faded)[1]).real
         moves.append(along @ (root.T @ gradient))
     overlap = np.sqrt(size / (size - 1 / 4))  # a squared fade has 3/8 of the power, not 1/2
     return np.array(moves) * overlap / (len(moves) - 1)
 
 
-def _faded(part: Experiments, period: int) -> Experiments:
-    """The mean period of a part, its last period faded into its first.
+def _faded_mean_period(part: Experiments, period: int) -> Experiments:
+    """The mean period of a part, with its last period faded into its first.
 
-    So it repeats itself without a jump: what u moved before the part is no error of the plant.
+    So it is periodic without a jump: what u did before the part does not appear as an error of the
+    plant.
     """
     rise = np.sin(np.pi * np.arange(period) / (2 * period)) ** 2
     count = len(part) // period - 1

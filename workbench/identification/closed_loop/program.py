@@ -1,4 +1,4 @@
-"""A plant in a closed loop, of which an excitation from outside was recorded too."""
+"""Models of a plant in a closed loop whose external excitation was recorded too."""
 
 from __future__ import annotations
 
@@ -32,10 +32,9 @@ SAME_TIME = 1e-6
 class ClosedLoopFit(StateSpaceFit):
     """Models of a plant in a loop u = r - C y, from a record of r, u and y.
 
-    Feedback carries the noise of y into u, so that methods for open loops are biased. Those of this
-    Program are not, each under an assumption of its own, which its help says. Orders are chosen,
-    and free runs judged, by what the excitation explains of u and y: from the measured u to the
-    measured y the least errors are those of a model that is pulled towards -1/C.
+    Feedback carries the noise of y into u, so that methods for open loops are biased. The signal
+    added to the plant's input from outside, or any signal that depends only on it: an array with as
+    many samples as u and y. It must not depend on the noise.
 
     Parameters
     ----------
@@ -45,18 +44,19 @@ class ClosedLoopFit(StateSpaceFit):
     controller
         The controller C from y to -u, sampled as the record; method "indirect" needs it.
     period
-        Samples of a period of the excitation, where it repeats itself throughout the record. What
-        it explains is then found without a model, line by line. Without a period it is found by
-        impulse responses of at most 70 samples: sample no faster than they can follow the loop.
+        Period of the excitation [samples], if it is periodic throughout the record. Then its
+        explained part is found without a model, line by line. Without a period it is found from
+        impulse responses of at most 70 samples: do not sample so fast that the loop takes longer to
+        respond.
 
-    The others are those of `StateSpaceFit`.
+    The other parameters are those of `StateSpaceFit`.
 
     Raises
     ------
     InputError
-        As for `StateSpaceFit`, of the excitation too; several experiments; a controller in
-        continuous time, or with other channels than the record; an excitation that does not repeat
-        itself with the period.
+        As for `StateSpaceFit`, for the excitation too; several experiments; a controller in
+        continuous time, or with other channels than the record; an excitation that is not periodic
+        with the given period.
 
     Examples
     --------
@@ -108,7 +108,7 @@ class ClosedLoopFit(StateSpaceFit):
 
     @staticmethod
     def _in_states(controller: Any) -> StateSpace:
-        """A system of python-control in states; raises `InputError` for what is none."""
+        """A system of python-control as a StateSpace; raises `InputError` for anything else."""
         import control
 
         if not isinstance(controller, control.StateSpace | control.TransferFunction):
@@ -140,8 +140,9 @@ class ClosedLoopFit(StateSpaceFit):
         return {}
 
     def explained(self, record: Experiments) -> Experiments | None:
-        """A part of the record as its excitation explains it; None where the part is too short."""
-        if id(record) not in self._explained:  # the part is kept, so that its id stays its own
+        """The explained part of a piece of the record; None if the piece is too short."""
+        # the piece is stored, so that no other object gets its id
+        if id(record) not in self._explained:
             self._explained[id(record)] = record, explained_part(record, self.period)
         return self._explained[id(record)][1]
 
@@ -156,7 +157,7 @@ class ClosedLoopFit(StateSpaceFit):
         )
 
     def _run_fit(self, model: InnovationsModel, clean: Experiments) -> RealArray:
-        """Fits (ny,) [%] of a free run to what an excitation explains of u and y."""
+        """Fits (ny,) [%] of a free run to the explained parts of u and y."""
         if self.period is None:
             return scored_fit(model.free_run, clean, self.washed)
         return steady_fit(model, clean, self.period)
@@ -166,12 +167,12 @@ class ClosedLoopFit(StateSpaceFit):
         return [*facts_of(self, answer, self.tasks), where]
 
     def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> None:
-        """None: they depend on the method; see `closed_loop_deviations`."""
+        """None, because they depend on the method; see `closed_loop_deviations`."""
 
     def misfit(self, model: InnovationsModel, clean: Experiments) -> float:
-        """Relative error of a free run on what an excitation explains, by which starts are chosen.
+        """Relative error of a free run on the explained record; it ranks the starts of a search.
 
-        Infinite for one that overflows.
+        Infinite if the run overflows.
         """
         found = float(100 * len(clean.y.T) - self._run_fit(model, clean).sum())
         return found if np.isfinite(found) else np.inf

@@ -1,1 +1,1 @@
-"""Excitation, records, and whether they are fit for identification."""
+"""Excitation signals and records, and checks whether they are fit for identification."""

@@ -1,4 +1,4 @@
-"""Records of several files in the same units."""
+"""Records from several files, converted to the same units."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from workbench.identification.experiments.records import read_record
 from workbench.identification.files.units import converted
 
 UNKNOWN = "1"
-"""The unit of a channel whose unit nothing tells."""
+"""Unit of a channel for which no unit is stated."""
 
 
 def read_alike(
     paths: Sequence[Path], input: str, output: str, sample_rate: float | None, time: str | None
 ) -> tuple[list[Dataset], list[str]]:
-    """Records of one input and one output, in the units of the first file that tells them.
+    """Records of one input and one output, in the units of the first file that states them.
 
     Returns
     -------
     records, said
-        As `read_record` returns them; and what was converted or taken as known.
+        As `read_record` returns them; and sentences on conversions and assumptions.
 
     Raises
     ------
-    InputError
+    As `read_record`; or two files have units that cannot be converted; both are named.
         As `read_record`; or two files have units that cannot be converted; it names both.
     """
     records = [read_record(path, [input], [output], sample_rate, time) for path in paths]

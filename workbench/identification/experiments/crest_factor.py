@@ -17,7 +17,9 @@ from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Program
 
 CHECK_INSTANTS = 64
-"""Instants per period of the highest line in the check; the peak's bound is 0.12 % above theirs."""
+"""Instants per period of the highest line in the check; the bound on the peak is 0.12 % above the
+largest value there.
+"""
 FFT_INSTANTS = 50
 """Instants per period of the highest line in the second opinion."""
 DRAWN_INSTANTS = 16
@@ -28,7 +30,7 @@ MAX_NUMBERS_IN_MEMORY = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class CrestFactor(Program):
-    """Phases of a multisine of given amplitudes that give the lowest ratio of peak to rms value.
+    """Phases of a multisine with given amplitudes that minimise the ratio of peak to rms value.
 
     The answer is the phases [rad], shape (K,). The problem has many local minima, so no method
     claims to find the best ones. The peak is taken over all time, not only at the samples: with
@@ -192,7 +194,7 @@ class CrestFactor(Program):
         return phases
 
     def _sum(self, phases: np.ndarray, points: int) -> np.ndarray:
-        """One period at equidistant instants, summed term by term (the methods use the FFT)."""
+        """One period at equidistant instants, summed term by term; the methods use the FFT."""
         rows = max(1, MAX_NUMBERS_IN_MEMORY // len(self.lines))
         parts = []
         for start in range(0, points, rows):
@@ -204,7 +206,7 @@ class CrestFactor(Program):
 
 
 def schroeder_phases(lines: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
-    """Phases [rad] of Schroeder's multisine, whose frequency sweeps through the lines in a period.
+    """Phases [rad] of Schroeder's multisine, which sweeps through its lines within a period.
 
     The sweep stays at each line for a time proportional to its power. Schroeder, IEEE Trans. Inf.
     Theory 16(1), 1970, equation 11, extended to lines with gaps:

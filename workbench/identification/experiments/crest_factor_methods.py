@@ -26,7 +26,7 @@ def _schroeder(program: CrestFactor, context: Context) -> Claim:
 
 @method(CrestFactor, "clipping", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _clipping(program: CrestFactor, context: Context) -> Claim:
-    """Clipping in time and restoring the amplitudes in frequency, in turn, with less clipping each.
+    """Alternate clipping in time with restoring the amplitudes; clip less each time.
 
     Van der Ouderaa, Schoukens and Renneboog, IEEE Trans. Instrum. Meas. 37(1), 1988.
     """
@@ -50,7 +50,7 @@ def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
 
 @method(CrestFactor, "ipopt", optimal=False)
 def _ipopt(program: CrestFactor, context: Context) -> Claim:
-    """Nonlinear programs: least p-norm for doubled powers p in turn, from the clipped phases.
+    """Nonlinear programs: least p-norm for p doubled each time, from the clipped phases.
 
     Guillaume, Schoukens, Pintelon and Kollar, IEEE Trans. Instrum. Meas. 40(6), 1991. The minimax
     program itself has a constraint for every instant, and takes a hundred times as long.

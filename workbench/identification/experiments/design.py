@@ -1,6 +1,6 @@
-"""The spectrum of an input that shrinks the errors that cost most, as a Program.
+"""Design of an input's spectrum that reduces the most costly errors, as a Program.
 
-The information of a record about parameters theta is linear in the powers p_k of the lines,
+A record's information about the parameters theta is linear in the powers p_k of the lines,
 
     M(p) = sum_k p_k M_k,    M_k = 2 Re(conj(g_k) g_k') / v_k,
 
@@ -33,16 +33,18 @@ from workbench.input_checks import as_array
 from workbench.program import Program
 
 LIMIT_ROUNDING = 1e-9
-"""Share by which rounding may lift a sum of powers above its limit."""
+"""Relative excess over a limit that rounding of a sum of powers can cause."""
 COST_ROUNDING = 1e-8
-"""Relative difference of the worst cost, computed in two ways, that is rounding."""
+"""Relative difference between two computations of the worst cost that rounding can cause."""
 LEAST_INFORMATION = 1e-12
-"""Least eigenvalue of the information that counts as one, beside that of equal powers."""
+"""Least eigenvalue of an information matrix that counts as regular, relative to that of equal
+powers.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignedSpectrum(ProgramAnswer):
-    """Powers (K,) of the lines, and the worst cost that they leave.
+    """Powers (K,) of the lines, and the worst cost that results.
 
     Examples
     --------
@@ -62,7 +64,7 @@ class DesignedSpectrum(ProgramAnswer):
 
 @dataclass(frozen=True, eq=False)
 class ExperimentDesign(Program):
-    """The powers of lines that make the worst weighted variance of a response least.
+    """The powers of lines that minimise the worst weighted variance of a response.
 
     Parameters
     ----------
@@ -75,13 +77,13 @@ class ExperimentDesign(Program):
     cost
         Cost (W,) of a unit of variance there, positive, such as |K S|^2 of a loop.
     uses
-        Shares (R, K) of R limits that a unit of power of each line uses, none negative: the powers
-        obey uses p <= 1, and every line uses a part of some limit. None: the total power is 1.
+        Fractions (R, K) of R limits that a unit of power at each line uses, not negative: the
+        powers obey uses p <= 1, and every line uses some limit. None: the total power is 1.
 
     Raises
     ------
     InputError
-        Shapes that do not fit, numbers out of range, or lines that do not tell all parameters.
+        Shapes that do not fit, numbers out of range, or lines that do not determine all parameters.
 
     Examples
     --------
@@ -138,7 +140,7 @@ class ExperimentDesign(Program):
             strict=True,
         ):
             object.__setattr__(self, name, part)
-        _ = self.frame  # tells whether the lines tell all parameters
+        _ = self.frame  # raises if the lines do not determine all parameters
 
     @cached_property
     def even(self) -> RealArray:
@@ -148,7 +150,7 @@ class ExperimentDesign(Program):
 
     @cached_property
     def frame(self) -> RealArray:
-        """F (P, P) with parameters theta = F z in whose units equal powers inform evenly."""
+        """Matrix F (P, P) with theta = F z, where equal powers inform about all z equally."""
         scaled = self.slopes * np.sqrt(2.0 * self.even / self.variance)[:, None]
         rows = np.concatenate([scaled.real, scaled.imag])
         size = np.linalg.norm(rows, axis=0)
@@ -177,14 +179,14 @@ class ExperimentDesign(Program):
         return np.stack([rows.real, rows.imag], axis=-1)
 
     def _informed(self, power: RealArray) -> RealArray | None:
-        """M of powers; None where they are not one for each line, or M is singular."""
+        """M for given powers; None if there is not one power for each line, or M is singular."""
         if np.shape(power) != (len(self.slopes),) or not np.isfinite(power).all():
             return None
         M: RealArray = np.tensordot(power, self.information, 1)
         return M if np.linalg.eigvalsh(M)[0] > LEAST_INFORMATION else None
 
     def costs(self, power: RealArray) -> RealArray:
-        """Costs (W,) that powers (K,) leave; infinite where they do not tell all parameters."""
+        """Costs (W,) for powers (K,); infinite if the powers do not determine all parameters."""
         M = self._informed(power)
         if M is None:
             return np.full(len(self.planes), np.inf)
@@ -192,7 +194,7 @@ class ExperimentDesign(Program):
         return np.asarray(np.linalg.eigvalsh(inner)[:, -1])
 
     def spectrum(self, power: RealArray) -> DesignedSpectrum:
-        """An answer with powers that methods found, raised to the limits, none negative."""
+        """The answer for a method's powers, scaled up to the limits and clipped at zero."""
         power = np.maximum(np.nan_to_num(power), 0.0)
         used = float((self.uses @ power).max())
         power = power / used if used > 0 else self.even
@@ -233,7 +235,7 @@ class ExperimentDesign(Program):
         return found
 
     def second_opinion(self, answer: DesignedSpectrum) -> Sequence[Check]:
-        """The errors themselves: least squares from the lines, without any information matrix."""
+        """The errors themselves: least squares on the lines, without an information matrix."""
         weight = np.sqrt(2.0 * answer.power / self.variance)[:, None]
         rows = np.concatenate([weight * self.slopes.real, weight * self.slopes.imag])
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
@@ -256,7 +258,10 @@ class ExperimentDesign(Program):
         return statement, excess(answer.worst, bound)
 
     def dual_bound(self, power: RealArray) -> float:
-        """A lower bound of the worst cost of any powers, found at these; 0 where none is found."""
+        """Lower bound of the worst cost of any powers, computed at these powers.
+
+        0 if none is found.
+        """
         M = self._informed(power)
         return 0.0 if M is None else least_cost_bound(M, self.information, self.planes, self.uses)
 

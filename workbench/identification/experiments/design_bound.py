@@ -7,29 +7,29 @@ import numpy as np
 from workbench.arrays import RealArray
 
 DIRECTIONS = 12
-"""Directions of the plane of each watched frequency."""
+"""Number of directions in the plane of each watched frequency."""
 
 
 def least_cost_bound(
     M: RealArray, information: RealArray, planes: RealArray, uses: RealArray
 ) -> float:
-    """A lower bound of the worst cost of any powers q >= 0 with uses q <= 1; 0: none is found.
+    """Lower bound of the worst cost of any powers q >= 0 with uses q <= 1; 0 if none is found.
 
-    For V = sum_j w_j h_j h_j' with weights w of sum 1 over directions h of watched planes, and
-    N = M^-1 V M^-1 at some powers, every q within the limits has a worst cost of at least
-    tr(V M(q)^-1) >= tr(V M^-1)^2 / tr(M(q) N) (Cauchy and Schwarz). A linear program chooses the
-    weights; the bound is tight where the powers are the best ones.
+    For V = sum_j w_j h_j h_j' with weights w of sum 1 over directions h of watched planes, and N =
+    M^-1 V M^-1 at some powers, every q within the limits has a worst cost of at least tr(V M(q)^-1)
+    >= tr(V M^-1)^2 / tr(M(q) N) (Cauchy and Schwarz). A linear program chooses the weights; the
+    bound is tight at the optimal powers.
 
     Parameters
     ----------
     M
-        Information (P, P) of some powers, regular.
+        Information (P, P) of some powers; it must be regular.
     information
         M_k (K, P, P) of unit powers.
     planes
         root(c) [Re g, Im g] (W, P, 2) of the watched frequencies.
     uses
-        Shares (R, K) of the limits.
+        Fractions (R, K) of the limits that a unit of power uses.
     """
     from scipy.optimize import linprog
 
@@ -43,8 +43,8 @@ def least_cost_bound(
     unit = size.max()
     gains = np.einsum("ji,kil,jl->kj", moved, information, moved) / unit
     size = size / unit
-    # Of tr(V M^-1) = 1 in units of the largest size, the product of sum(w) and sum(y),
-    # uses' y >= gains w, is to be least; near the best powers each of them is 1.
+    # Scale the weights so that tr(V M^-1) = 1 in units of the largest size. The product of sum(w)
+    # and sum(y), with uses' y >= gains w, is minimised; near the optimal powers both sums are 1.
     limits, lines = uses.shape
     found = linprog(
         np.ones(limits + len(h)),
@@ -59,6 +59,6 @@ def least_cost_bound(
     used = uses.T @ y
     if not (w.any() and (used > 0).all()):
         return 0.0
-    # Whatever the solver did: y raised until it holds every line.
+    # Whatever the solver returned: raise y until every line's inequality holds.
     largest = float(y.sum() * np.max(gains @ w / used))
     return float(unit * (size @ w) ** 2 / (largest * w.sum()))

@@ -1,4 +1,4 @@
-"""Spectra for experiments: a semidefinite program for every solver, and a nonlinear program."""
+"""Methods for spectra: a semidefinite program for every conic solver, and a nonlinear program."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from workbench.program import Claim, conic_method, method
 from workbench.solvers import ConicSolver, ipopt, ipopt_outcome, solve_conic
 
 FINEST_ACCURACY = 1e-8
-"""Finest accuracy asked of the solvers."""
+"""Finest tolerance that the solvers are given."""
 DESIGN_ACCURACY = AccuracyRange(finest=FINEST_ACCURACY)
 START_SHARE = 1e-6
-"""Least power of a line for IPOPT, relative to equal powers: the information stays regular."""
+"""Least power of a line for IPOPT, relative to equal powers; it keeps the information regular."""
 
 
 @conic_method(ExperimentDesign, optimal=False, accuracy=DESIGN_ACCURACY)
 def _conic(program: ExperimentDesign, context: Context, solver: ConicSolver) -> Claim:
-    """The semidefinite program [M root(c) Psi; . t I] >= 0 of every watched frequency."""
+    """The semidefinite program [M root(c) Psi; . t I] >= 0 for every watched frequency."""
     import cvxpy as cp
 
     unit = float(program.costs(program.even).max())
@@ -42,7 +42,7 @@ def _conic(program: ExperimentDesign, context: Context, solver: ConicSolver) -> 
 
 @method(ExperimentDesign, "ipopt", optimal=False, accuracy=DESIGN_ACCURACY)
 def _ipopt(program: ExperimentDesign, context: Context) -> Claim:
-    """IPOPT on the powers, with the eigenvalues of each plane by trace and determinant."""
+    """IPOPT on the powers; the eigenvalues of each plane come from trace and determinant."""
     import casadi
 
     lines, unit = len(program.slopes), float(program.costs(program.even).max())

@@ -56,8 +56,8 @@ class LineDistortion:
     odd_p, even_p
         p-values of the hypothesis that these lines contain only noise.
     odd_square, even_square
-        Mean squares at these lines without the noise's share: unbiased, so that noise alone makes
-        them negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
+        Mean squares at these lines minus the noise's share. They are unbiased, so with noise alone
+        they are negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
 
     Examples
     --------
@@ -81,7 +81,7 @@ class LineDistortion:
     even_square: float
 
     def detected(self, level: float = 0.01) -> bool:
-        """Whether distortion is significant at this level, shared between odd and even lines."""
+        """Whether distortion is significant at this level, which odd and even lines share."""
         return min(self.odd_p, self.even_p) < level / 2
 
 
@@ -126,16 +126,16 @@ def line_distortion(
         if not np.any(silent % 2 == remainder):
             raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
     odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
-    parts = [_evaluated(one, transients, 2) for one in (periods[:, lines], odd, even)]
+    parts = [_without_transients(one, transients, 2) for one in (periods[:, lines], odd, even)]
     noises = [one.var(axis=0, ddof=1) / len(one) for one in parts[1:]]
     return distortion_of_lines([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
 
 
 def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
-    """Odd and even distortion from the harmonics of sines at F frequencies, taken together.
+    """Odd and even distortion from the harmonics of sines at F frequencies, pooled.
 
-    A single period hardly resolves a harmonic from its neighbours, so that the scatter of the
-    periods tells the variance of their mean only in white noise. The noise is taken from the two
+    A single period hardly separates a harmonic from its neighbours. So the scatter of the periods
+    gives the variance of their mean only for white noise. The noise is taken instead from the two
     lines nearest to each harmonic that all M periods together resolve, at f (1 +- 1 / M).
 
     Parameters
@@ -162,7 +162,7 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
             f"amplitudes have shape {every.shape}; (frequencies, periods, harmonics) is needed, "
             "with three harmonics or more"
         )
-    periods = _evaluated(np.moveaxis(every, 1, 0), transients, 3)
+    periods = _without_transients(np.moveaxis(every, 1, 0), transients, 3)
     lines = np.fft.fft(periods, axis=0) / len(periods)
     noise = np.mean(np.abs(lines[[1, -1]]) ** 2, axis=0)
     kinds = slice(2, None, 2), slice(1, None, 2)
@@ -171,8 +171,8 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
     return distortion_of_lines([one.ravel() for one in means], noises, 4)
 
 
-def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
-    """The periods behind the transients, or an `InputError` if there are too few."""
+def _without_transients(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
+    """The periods after the transients; raises `InputError` if there are too few."""
     kept = periods[transients:]
     if len(kept) < least:
         raise InputError(
@@ -185,9 +185,10 @@ def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArr
 def distortion_of_lines(
     means: Sequence[ComplexArray], noises: Sequence[RealArray], degrees: int
 ) -> LineDistortion:
-    """Distortion from mean amplitudes at excited, odd and even lines, and variances of the latter.
+    """Distortion from mean amplitudes at excited, odd and even lines, and their variances.
 
-    The variances have so many degrees of freedom at each line.
+    The variances are those of odd and even lines; they have ``degrees`` degrees of freedom per
+    line.
     """
     found = []
     for mean, noise in zip(means[1:], noises, strict=True):

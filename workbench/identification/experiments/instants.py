@@ -1,4 +1,4 @@
-"""Instants that labels of samples tell: those of pandas and of labelled arrays."""
+"""Time instants given by labels of samples: those of pandas and of labelled arrays."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from workbench.identification.files.names import split_name
 from workbench.identification.files.units import converted, plain_unit
 
 UNEVEN = 0.1
-"""Largest deviation of a sampling interval from their mean, relative: instants are rounded."""
+"""Largest relative deviation of a sampling interval from the mean interval, since instants are
+rounded.
+"""
 UNEVEN_START = 0.5
-"""Largest distance of the first instants of u and y, in sampling intervals."""
+"""Largest distance between the first instants of u and y, in sampling intervals."""
 
 ROWS = "numbers of rows"
-"""The kind of labels that tell an order but no time."""
+"""The kind of labels that give an order but no time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instants:
-    """Instants [s] of samples; those of dates count from the first.
+    """Instants [s] of samples; dates are counted from the first one.
 
-    ``origin`` is what the first stands for: a date, a text, or None where seconds are numbers.
-    ``kind`` says in words what the labels are; those of one kind can be compared.
+    ``origin`` is the meaning of the first instant: a date, a text, or None if the seconds are plain
+    numbers. ``kind`` describes the labels; instants of the same kind can be compared.
     """
 
     seconds: RealArray
@@ -37,12 +39,12 @@ class Instants:
 
 
 def of_index(index: Any, name: str) -> Instants | None:
-    """The instants that an index of pandas tells, or numbers of rows.
+    """The instants given by a pandas index, or row numbers.
 
     Raises
     ------
     InputError
-        It has labels that are no instants; the message says what to do.
+        Its labels are not instants; the message says what to do.
     """
     kind = type(index).__name__
     if len(index) < 2:
@@ -59,7 +61,8 @@ def of_index(index: Any, name: str) -> Instants | None:
     if index.dtype == object and hasattr(index[0], "isoformat"):
         import pandas
 
-        with suppress(ValueError, TypeError):  # zones that differ stay objects and are refused
+        # different time zones remain objects, which are refused
+        with suppress(ValueError, TypeError):
             index = pandas.DatetimeIndex(index)
     if getattr(index, "tz", None) is not None:
         labels = index.tz_convert("UTC").tz_localize(None).to_numpy()
@@ -69,7 +72,7 @@ def of_index(index: Any, name: str) -> Instants | None:
 
 
 def of_labels(labels: np.ndarray, unit: str, name: str) -> Instants | None:
-    """The instants of an array of labels; numbers are in a unit of time.
+    """The instants given by an array of labels; numbers are in a unit of time.
 
     Raises InputError as `of_index`.
     """
@@ -94,13 +97,13 @@ def of_labels(labels: np.ndarray, unit: str, name: str) -> Instants | None:
 
 
 def _dates(labels: np.ndarray, kind: str) -> Instants:
-    """Dates, counted from the first."""
+    """Instants from dates, counted from the first."""
     seconds = (labels - labels[0]) / np.timedelta64(1, "ns") * 1e-9
     return Instants(np.asarray(seconds, dtype=float), kind, labels[0])
 
 
 def _texts(labels: list[str], name: str) -> Instants:
-    """Stamps written as text, counted from the first."""
+    """Instants from dates written as text, counted from the first."""
     try:
         found = as_seconds(labels)
     except InputError as error:
@@ -127,7 +130,7 @@ def step_of(instants: Instants, name: str) -> float:
 
 
 def need_same_start(u: Instants, y: Instants, step: float) -> None:
-    """Raise `InputError` where y begins at another instant, or another row, than u."""
+    """Raise `InputError` if y begins at another instant, or another row, than u."""
     if u.kind != y.kind:
         if ROWS in (u.kind, y.kind):
             return

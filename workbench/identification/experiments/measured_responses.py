@@ -1,4 +1,4 @@
-"""Reading of measured frequency responses: complex, by parts, or by magnitude and phase."""
+"""Reading of measured frequency responses: complex numbers, two parts, or magnitude and phase."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from workbench.identification.files.variables import File, read_table
 PART = re.compile(r"(?i)(?<![a-z])(re|real|im|imag\w*)(?![a-z])")
 MAGNITUDE = re.compile(r"(?i)mag|gain|abs|ampl|modulus|betrag|\|.*\|")
 PHASE = re.compile(r"(?i)(?<![a-z])(ph|arg)(?![a-z])|phas|angle|∠")
-"""Words in names of real and imaginary parts, magnitudes and phases."""
+"""Patterns for names of phases, magnitudes, real and imaginary parts."""
 Kind = Literal["magnitude", "phase", "part"]
 ROLES: tuple[Literal["magnitude", "phase"], ...] = ("magnitude", "phase")
 DECIBELS = ("db", "decibel", "decibels")
@@ -33,23 +33,26 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     file
         A file that `read_variables` reads; Touchstone has the variables ``f``, ``S11``, ``S21``.
     frequency
-        Name of the variable with the frequencies, in the unit that the file tells (``f_kHz``,
-        ``w [rad/s]``, a row of units), else in Hz; one that is called omega, w or ω in rad/s.
+        Name of the variable with the frequencies. The unit is the one stated in the file
+        (``f_kHz``, ``w [rad/s]``, a row of units); otherwise Hz, or rad/s for a variable called
+        omega, w or ω.
     response
-        Name of a complex variable, (F,) or (F, outputs, inputs), also of texts such as ``1+2i``; or
-        names of its real and its imaginary part; or of its magnitude and its phase, which are told
-        by their names (``Magnitude (dB)``, ``gain``, ``phase [deg]``) or units.
+        Name of a complex variable, (F,) or (F, outputs, inputs), which may hold texts such as
+        ``1+2i``; or names of its real and its imaginary part; or of its magnitude and its phase,
+        which are recognised by their names (``Magnitude (dB)``, ``gain``, ``phase [deg]``) or
+        units.
 
     Returns
     -------
     Dataset
-        ``response`` (frequency, output, input); the attribute ``read`` says what was found out.
+        ``response`` (frequency, output, input); its attribute ``read`` says how the file was
+        interpreted.
 
     Raises
     ------
     InputError
-        As `read_record`; or a phase has no unit, or two names are neither two parts nor magnitude
-        and phase.
+        As `read_record`; or a phase without unit; or two names that are neither two parts nor
+        magnitude and phase.
 
     Examples
     --------
@@ -78,7 +81,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
         parts = {name: column(table, name) for name in names}
     found, _ = picked(table, {frequency: hertz} | parts)
     frequencies = found[frequency].ravel()
-    values, formed = _formed(table, names, [found[name] for name in names])
+    values, formed = _response_of_parts(table, names, [found[name] for name in names])
     if values.size == len(frequencies):
         values = values.reshape(-1, 1, 1)
     if values.ndim != 3 or len(values) != len(frequencies):
@@ -95,7 +98,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
 
 
 def _complex_column(table: Columns, name: str) -> np.ndarray:
-    """A variable that may hold complex numbers, or texts of them; InputError for a magnitude."""
+    """A variable that may hold complex numbers, or texts of such; InputError for a magnitude."""
     own = table.own_name(name)
     values = table.complex_numbers(own) if own in table.texts else column(table, name)
     if not np.iscomplexobj(values) and (kind := _kind(table, name)) != "part":
@@ -106,7 +109,7 @@ def _complex_column(table: Columns, name: str) -> np.ndarray:
 
 
 def _kind(table: Columns, name: str) -> Kind:
-    """What a column of real numbers is, by its unit and its name."""
+    """The kind of a column of real numbers, by its unit and its name."""
     own = {role: table.own_name(name, role) for role in ROLES}
     if PART.search(name):
         return "part"
@@ -119,10 +122,10 @@ def _kind(table: Columns, name: str) -> Kind:
     return next((role for role in ROLES if words[role].search(own[role])), "part")
 
 
-def _formed(
+def _response_of_parts(
     table: Columns, names: Sequence[str], parts: Sequence[np.ndarray]
 ) -> tuple[ComplexArray, str]:
-    """A complex response from its parts, and how it was formed of them."""
+    """A complex response from its two parts, with a sentence on how it was formed."""
     if len(parts) == 1:
         return np.asarray(parts[0], dtype=complex), ""
     one, two = parts
@@ -142,7 +145,7 @@ def _formed(
 def _polar(
     table: Columns, names: Sequence[str], parts: Sequence[np.ndarray]
 ) -> tuple[ComplexArray, str]:
-    """A response by its magnitude, in decibels or not, and its phase."""
+    """A response from its magnitude, in decibels or not, and its phase."""
     magnitude, phase = parts
     own = table.own_name(names[0], "magnitude"), table.own_name(names[1], "phase")
     unit = table.unit(own[0], "magnitude")

@@ -30,7 +30,7 @@ def line_amplitudes(signal: ArrayLike, samples: int) -> np.ndarray:
     Raises
     ------
     InputError
-        The length of the record is no whole number of periods.
+        The record's length is not a whole number of periods.
 
     Examples
     --------
@@ -128,11 +128,11 @@ def random_multisine(
 def odd_lines(
     first: int, last: int, group: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Odd lines to excite, and odd lines left silent to detect nonlinear distortion.
+    """Odd lines to excite, and odd lines that stay silent to reveal nonlinear distortion.
 
-    In every group of ``group`` consecutive odd lines from ``first`` to ``last`` a random one is
-    silent; all even lines are silent too (Pintelon and Schoukens, System Identification, 2nd ed.,
-    section 5.2).
+    In every group of ``group`` consecutive odd lines from ``first`` to ``last`` one, chosen at
+    random, is silent; all even lines are silent too (Pintelon and Schoukens, System Identification,
+    2nd ed., section 5.2).
 
     Returns
     -------

@@ -10,7 +10,7 @@ from workbench.identification.record_tests.clipping import held_share
 
 
 class IdentificationWarning(UserWarning):
-    """Data are usable but need attention; the message says what to do.
+    """The data can be used but need attention; the message says what to do.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> np.ndarray:
-    """Share of saturated samples of every channel: those at an end of the converter's range.
+    """Share of saturated samples in each channel: those at an end of the converter's range.
 
     With ``limits`` every sample at or beyond a limit counts. Without them the range is estimated
     from the record: an extreme value is a limit if the signal stays there for two samples or more

@@ -1,4 +1,4 @@
-"""Reading of records from files of every format into labelled datasets.
+"""Reading of records from files of all formats into labelled datasets.
 
 Every error names the file and the line or the variable.
 """
@@ -33,29 +33,29 @@ def read_record(
     file
         A file that `read_variables` reads.
     inputs, outputs
-        Names of variables, with or without the units that the names contain, as in ``torque [Nm]``,
+        Names of variables, with or without the units that they contain, as in ``torque [Nm]``,
         ``torque/Nm`` and ``speed_rpm``. A variable with several columns gives several channels;
-        ``"y[0]"`` is the first of them. Other columns do not count, whatever they hold.
+        ``"y[0]"`` is the first of them. Other columns are ignored.
     sample_rate
         Sampling frequency [Hz].
     time
-        Name of a variable with equidistant instants, instead of ``sample_rate``: numbers in the
-        unit that the file tells (``t_ms``, ``Time [h]``, a row of units; else seconds), dates, or
-        clocks such as ``23:59:59.5``, which go on past midnight.
+        Name of a variable with equidistant instants, instead of ``sample_rate``. It may hold
+        numbers in the unit stated by the file (``t_ms``, ``Time [h]``, a row of units; otherwise
+        seconds), dates, or clock times such as ``23:59:59.5``, which may run past midnight.
 
     Returns
     -------
     Dataset
-        ``u`` (input, time) and ``y`` (output, time); the attribute ``read`` says what was found
-        out to read the file, ``assumed`` which units are not known. Rows in which every variable
-        asked for is blank are left out.
+        ``u`` (input, time) and ``y`` (output, time). The attribute ``read`` says how the file was
+        interpreted, ``assumed`` which units are unknown. Rows in which all these variables are
+        blank are left out.
 
     Raises
     ------
     InputError
         The file cannot be read; a variable is missing, contains NaN or differs in length; the
-        instants are not equidistant, or leave open what they mean; a unit is not known or does not
-        fit. The message names the file, the line or the variable, and what to do.
+        instants are not equidistant or are ambiguous; a unit is unknown or does not fit. The
+        message names the file, the line or the variable, and what to do.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def read_record(
 def _need_even(
     table: Columns, name: str, instants: RealArray, count: int, rows: Sequence[int]
 ) -> None:
-    """Raise InputError unless there are so many instants, rising by equal steps."""
+    """Raise InputError unless there are ``count`` instants that rise by equal steps."""
     steps = np.diff(instants)
     if len(instants) != count or count < 2:
         raise InputError(f"{table.path}: variable {name!r} needs {count} rising instants")
@@ -134,7 +134,7 @@ COLUMN = re.compile(r"(.+)\[(\d+)\]")
 
 
 def asked_names(names: str | Sequence[str], called: str) -> list[str]:
-    """Names of variables, at least one; raises InputError for what are none."""
+    """A list of names of variables, at least one; raises InputError for anything else."""
     found = [names] if isinstance(names, str) else as_list(names, called)
     if not found or not all(isinstance(name, str) for name in found):
         raise InputError(f"{called} is {names!r}; names of variables are needed")
@@ -142,7 +142,7 @@ def asked_names(names: str | Sequence[str], called: str) -> list[str]:
 
 
 def uneven(table: Columns, rows: Sequence[int], instants: RealArray) -> str:
-    """Where instants (N,) step least like the others, N rows of a table; in words."""
+    """Text with the most irregular step of instants (N,), given their N rows of a table."""
     steps = np.diff(instants)
     usual = np.median(steps)
     worst = int(np.argmax(np.abs(steps - usual)))
@@ -155,7 +155,7 @@ def uneven(table: Columns, rows: Sequence[int], instants: RealArray) -> str:
 def _signals(
     table: Columns, names: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], dict[str, str], list[str]]:
-    """Columns by name, in the unit that the name asks for, if any; their units; what is unknown."""
+    """Columns by name, converted to the unit in the name, if any; their units; assumptions."""
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     told = []
@@ -173,9 +173,9 @@ def _signals(
 def picked(
     table: Columns, columns: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, np.ndarray], Sequence[int]]:
-    """Columns without the rows in which all are blank, and the rows of the table left.
+    """The columns without rows in which all are blank, and the numbers of the remaining rows.
 
-    All are finite, or it raises `InputError`.
+    Raises `InputError` unless all entries are finite.
     """
     found = dict(columns)
     shapes = {values.shape for values in found.values()}
@@ -198,7 +198,7 @@ def picked(
 
 
 def column(table: Columns, name: str) -> np.ndarray:
-    """A variable of a table as numbers, or a column of it, such as ``y[0]``."""
+    """A variable of a table as numbers, or one of its columns, such as ``y[0]``."""
     own, part = table.own_name(name), COLUMN.fullmatch(name)
     if own not in table.variables and part and part[1] in table.variables:
         matrix = np.atleast_2d(table.variables[part[1]])
@@ -212,14 +212,14 @@ def column(table: Columns, name: str) -> np.ndarray:
 def _channels(
     file: File, variables: Mapping[str, np.ndarray], names: Sequence[str], kind: str
 ) -> tuple[list[str], np.ndarray]:
-    """Labels and samples (channels, N) of the channels in the variables of given names."""
+    """Labels and samples (channels, N) of all channels of the named variables."""
     labels: list[str] = []
     rows: list[np.ndarray] = []
     for name in names:
         values = variables[name]
         if values.ndim > 2 or values.ndim == 0 or np.iscomplexobj(values):
             raise InputError(f"{file}: variable {name!r} is no {kind}: it has shape {values.shape}")
-        # Take the longer side as the samples, whether the file has rows or columns.
+        # The longer side holds the samples, whether the file has rows or columns.
         table = np.atleast_2d(
             values.T if values.ndim == 2 and len(values) > values.shape[1] else values
         )

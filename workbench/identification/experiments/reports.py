@@ -1,4 +1,4 @@
-"""The report of a record: what is assumed of it, what the tests gave, and what was found."""
+"""The report of a record: its assumptions, results of their tests, and findings."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def record_report(
     direct: bool = True,
     order: int | None = None,
 ) -> RecordReport:
-    """Report of a record: which assumptions hold, which could not be tested, and what to do.
+    """Report of a record: which assumptions hold, which are untested, and what to do.
 
-    Every function that estimates something from a record makes this report first and refuses what
-    a finding forbids. Assumed are, among others: an open loop (the input does not depend on the
-    noise of the output), an input that excites what is asked for, and samples as the sensor gave
-    them, at even instants.
+    Every function that estimates something from a record first makes this report, and refuses the
+    record if a finding forbids its use. Assumptions are, among others: an open loop (the input does
+    not depend on the noise of the output), an input that excites enough, and samples taken at even
+    instants without later processing.
 
     Parameters
     ----------
@@ -33,26 +33,26 @@ def record_report(
         Inputs and outputs, as `as_experiments` takes them: arrays (N,) or (N, channels), labelled
         arrays, tables, or lists with one of them for each experiment; or a Dataset as u, y None.
     r
-        What drove a closed loop from outside, such as a set-point, (N,) or (N, channels); None: not
-        recorded. With it a loop may be closed, and methods that use it are right.
+        The external signal that drove a closed loop, such as a set-point, (N,) or (N, channels);
+        None: not recorded. With it the loop may be closed, and methods that use it are valid.
     dt
         Sampling time [s]; None: that of the labels, or 1.
     direct
-        Whether y may answer to u within the same sample. False where the plant, or its converters,
-        delay by a sample at least.
+        Whether y may respond to u within the same sample. False if the plant, or its converters,
+        delay by at least a sample.
     order
-        Order of the model that is asked of the record; None: not known yet.
+        Order of the model to be estimated; None: not known yet.
 
     Returns
     -------
     RecordReport
-        Its ``findings`` say what, where, how strong, what to do, and whether they forbid the use of
-        the record; its ``sentences`` what was tested.
+        Its ``findings`` say what was found, where, how strong it is, what to do, and whether it
+        forbids the use of the record; its ``sentences`` say what was tested.
 
     Raises
     ------
     InputError
-        As `as_experiments`; or the excitation r is none.
+        As `as_experiments`; or the excitation r is not valid.
 
     Examples
     --------
@@ -80,10 +80,10 @@ def report_of_arrays(
     r: RealArray | None = None,
     name: str = "the record",
 ) -> RecordReport:
-    """Report of finite arrays u (N, nu), y (N, ny), r (N, nr) of a record that is called so.
+    """Report of a named record of finite arrays u (N, nu), y (N, ny), r (N, nr).
 
-    ``assume`` names assumptions that the user vouches for. Raises `InputError` where a finding
-    forbids to use the record.
+    ``assume`` names assumptions that the user vouches for. Raises `InputError` if a finding forbids
+    the use of the record.
     """
     report = Experiments(u, y, sample_time=dt, excitation=r).report.assuming(assume)
     report.need_usable(name=name)

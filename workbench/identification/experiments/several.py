@@ -1,7 +1,7 @@
-"""One or several records of one plant, with what a model of it must know: time, names, units.
+"""One or several records of one plant, with sampling time, names and units.
 
-Arrays, lists of arrays, labelled arrays and tables are recognised; a sample that is missing in an
-output stays missing, one that is missing in an input ends an experiment there.
+Arrays, lists of arrays, labelled arrays and tables are accepted. A missing sample of an output
+stays missing; a missing sample of an input ends an experiment there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MISSING_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Experiments:
-    """Inputs u (N, nu) and outputs y (N, ny) of one or several experiments, one after the other.
+    """External signal that drove a closed loop (N, nr), if it was recorded.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ class Experiments:
     excitation
         What drove a closed loop from outside (N, nr), where that was recorded.
     assumed
-        Assumptions that the user vouches for, whatever the report of the record says of them.
+        Assumptions that the user vouches for, whatever the record's report says.
     times
-        Instants (N,) [s] that were stamped on the samples, for the report; None: none were.
+        Time stamps (N,) [s] of the samples, for the report; None: there are none.
 
     Examples
     --------
@@ -72,25 +72,25 @@ class Experiments:
 
     @property
     def labels(self) -> dict[str, Any]:
-        """Sampling time, names and units, as they belong to a model of the record too."""
+        """Sampling time, names and units, which a model of the record has too."""
         names = ("sample_time", "inputs", "outputs", "input_units", "output_units")
         return {name: getattr(self, name) for name in names}
 
     @property
     def missing(self) -> int:
-        """Number of samples that are missing in the outputs."""
+        """Number of missing samples in the outputs."""
         return int(np.isnan(self.y).sum())
 
     @cached_property
     def report(self) -> RecordReport:
-        """What was tested of the record and what was found, made once, for no order in particular.
+        """Tests and findings of the record, for no particular order; made once.
 
         Inputs may act within the same sample.
         """
         return self.reported()
 
     def reported(self, *, direct: bool = True, order: int | None = None) -> RecordReport:
-        """Report for a model of an order (None: not known), with or without a direct term."""
+        """Report for a model of an order (None: unknown), with or without a direct term."""
         inputs = self.inputs or tuple(f"u{k + 1}" for k in range(self.u.shape[1]))
         outputs = self.outputs or tuple(f"y{k + 1}" for k in range(self.y.shape[1]))
         record = RecordData(
@@ -100,7 +100,7 @@ class Experiments:
         return reported(record).assuming(self.assumed)
 
     def driven_by(self, excitation: Any, *, samples: SamplesAlong | None = None) -> Experiments:
-        """The record with what drove the loop from outside, as many samples as u and y have.
+        """The record with the external signal that drove the loop, as long as u and y.
 
         Raises `InputError` for an excitation of another length, with gaps, or that never changes.
         """
@@ -127,7 +127,7 @@ class Experiments:
             yield self.u[first:end], self.y[first:end]
 
     def part(self, first: int, end: int) -> Experiments:
-        """The samples from ``first`` to before ``end``; an experiment may be cut there."""
+        """The samples from ``first`` to before ``end``; experiments are cut there."""
         inside = tuple(start - first for start in self.starts if first < start < end)
         driven = None if self.excitation is None else self.excitation[first:end]
         return replace(
@@ -140,9 +140,9 @@ class Experiments:
         )
 
     def delayed(self, delays: Sequence[int]) -> Experiments:
-        """The experiments with each input later by so many samples.
+        """The experiments with each input delayed by its number of samples.
 
-        The first samples, whose inputs were before the experiment, are left out, and so is the
+        The first samples, which depend on inputs before the experiment, are left out, and so is the
         excitation.
         """
         longest = max(delays, default=0)
@@ -169,9 +169,9 @@ class Experiments:
         )
 
     def from_rest(self, samples: int) -> Experiments:
-        """The experiments, each after so many samples at rest: inputs of zero, y as at its first.
+        """The experiments, each preceded by samples at rest: zero inputs, y as at its first sample.
 
-        Where inputs never move, only the step from rest at the first sample tells what they do.
+        If the inputs never move, only the step from rest at the first sample shows their effect.
         """
         us, ys = [], []
         for u, y in self.pieces():
@@ -183,7 +183,7 @@ class Experiments:
         return replace(self, u=np.vstack(us), y=np.vstack(ys), starts=rows, times=None)
 
     def still_inputs(self) -> list[int]:
-        """Inputs that never change within any experiment."""
+        """Mask of the inputs that never change within any experiment."""
         moved = np.zeros(self.u.shape[1], dtype=bool)
         for u, _ in self.pieces():
             moved |= np.ptp(u, axis=0) > 0
@@ -203,22 +203,22 @@ def as_experiments(
     Parameters
     ----------
     u, y
-        Inputs and outputs: arrays (N,), (N, channels) or (channels, N), DataArrays with a
-        dimension "time", tables of pandas whose columns are channels; or lists with one of them
-        for each experiment. A Dataset with variables u and y, as `read_record` returns it, is
-        given as u alone, and so is a list of them.
+        Inputs and outputs: arrays (N,), (N, channels) or (channels, N), DataArrays with a dimension
+        "time", pandas tables whose columns are channels; or lists with one of these for each
+        experiment. A Dataset with variables u and y, as `read_record` returns it, or a list of
+        such, is given as u alone.
     sample_time
         Sampling time [s]. None: that of the labels, or 1.
     samples
-        Where samples lie in plain arrays: "rows" (N, channels) or "columns". None: along the axis
-        that u and y share.
+        Axis of the samples in plain arrays: "rows" for (N, channels) or "columns" for (channels,
+        N). None: the axis whose length u and y share.
     assume
-        Assumptions that you vouch for against the `report`, such as "open loop".
+        Assumptions that you vouch for although the `report` rejects them, such as "open loop".
 
     Raises
     ------
     InputError
-        What was given is no record, or is broken: the message names the channel and the sample.
+        The data are not a record, or are faulty: the message names the channel and the sample.
 
     Examples
     --------
@@ -265,7 +265,7 @@ def as_experiments(
 
 
 def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
-    """Inputs and outputs of each experiment, as they were given."""
+    """Inputs and outputs of each experiment, in their original form."""
     if isinstance(u, Experiments):
         raise InputError("the experiments are already one object; give its u and y")
     several = [isinstance(each, list | tuple) and _holds_arrays(each) for each in (u, y)]
@@ -285,7 +285,7 @@ def _pairs(u: Any, y: Any) -> list[tuple[Any, Any]]:
 
 
 def _holds_arrays(values: Any) -> bool:
-    """Whether a list holds experiments rather than numbers or rows of numbers."""
+    """Whether a list holds experiments, rather than numbers or rows of numbers."""
     return len(values) == 0 or any(
         hasattr(each, "data_vars") or (hasattr(each, "shape") and np.ndim(each)) for each in values
     )
@@ -309,16 +309,16 @@ def _refuse_other_channels(first: Signals, other: Signals, number: int) -> None:
 
 
 def _known_inputs(u: RealArray) -> list[slice]:
-    """Stretches of an experiment in which every input is known."""
+    """Stretches of an experiment in which all inputs are known."""
     known = np.isfinite(u).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _refuse_dead_inputs(found: Experiments) -> None:
-    """Raise `InputError` for an input that tells nothing: zero throughout, or still beside others.
+    """Raise `InputError` for an input without information: always zero, or constant beside others.
 
-    Where no input moves at all, each stands for a step at the first sample.
+    If no input moves at all, each stands for a step at the first sample.
     """
     still = found.still_inputs()
     for j in still:
@@ -330,7 +330,7 @@ def _refuse_dead_inputs(found: Experiments) -> None:
 
 
 def _refuse_dead_outputs(found: Experiments) -> None:
-    """Raise `InputError` for an output that never changes or is mostly missing."""
+    """Raise `InputError` for an output that never changes, or is mostly missing."""
     for i, (name, column) in enumerate(zip(found.outputs, found.y.T, strict=True)):
         measured = column[np.isfinite(column)]
         if len(measured) < (1 - MISSING_SHARE) * len(column):

@@ -1,4 +1,4 @@
-"""Inputs and outputs of one experiment, recognised from what users have at hand."""
+"""Inputs and outputs of one experiment, extracted from arrays, tables and datasets."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from workbench.identification.experiments.instants import (
 class Signals:
     """Inputs (N, nu) and outputs (N, ny) of an experiment, with names, units and sampling time.
 
-    ``sample_time`` [s] and ``times`` (N,) [s] are None where nothing tells them.
+    ``sample_time`` [s] and ``times`` (N,) [s] are None if they are not given.
     """
 
     u: RealArray
@@ -39,9 +39,9 @@ class Signals:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """An array with the names and units of its channels, and its instants, where known.
+    """An array with the names and units of its channels, and its instants, if known.
 
-    ``oriented`` says that the samples are known to be the rows.
+    ``oriented`` says whether the samples are known to be the rows.
     """
 
     values: Any
@@ -52,18 +52,18 @@ class _Table:
 
 
 def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
-    """The signals of one experiment; see `as_experiments` for what is recognised.
+    """The signals of one experiment; `as_experiments` lists the accepted forms.
 
     Raises
     ------
     InputError
-        What was given is no record; the message names the channel and the sample.
+        The data are not a record; the message names the channel and the sample.
     """
     if y is None:
         u, y = _of_dataset(u)
     tables = {"u": _table(u, "u"), "y": _table(y, "y")}
     arrays = {name: _numbers(table, name) for name, table in tables.items()}
-    turned = _turned(arrays, tables, samples)
+    turned = _with_samples_in_rows(arrays, tables, samples)
     if len(turned["u"]) != len(turned["y"]):
         raise InputError(
             f"u has {len(turned['u'])} samples and y {len(turned['y'])}; they must be equal"
@@ -95,7 +95,7 @@ def as_signals(u: Any, y: Any, samples: str | None, experiment: int) -> Signals:
 
 
 def _of_dataset(given: Any) -> tuple[Any, Any]:
-    """The variables u and y of a dataset of xarray."""
+    """The variables u and y of an xarray dataset."""
     names = getattr(given, "data_vars", None)
     if names is None:
         raise InputError(
@@ -110,7 +110,7 @@ def _of_dataset(given: Any) -> tuple[Any, Any]:
 
 
 def _table(given: Any, name: str) -> _Table:
-    """An array with what its labels say."""
+    """An array with the information in its labels."""
     if hasattr(given, "dims") and hasattr(given, "coords"):
         return _labelled(given, name)
     if hasattr(given, "columns") and hasattr(given, "to_numpy"):
@@ -121,7 +121,7 @@ def _table(given: Any, name: str) -> _Table:
 
 
 def _labelled(given: Any, name: str) -> _Table:
-    """A DataArray with a dimension "time" and at most one other."""
+    """A DataArray with the dimension "time" and at most one other."""
     if "time" not in given.dims or given.ndim > 2:
         raise InputError(
             f"{name} has the dimensions {', '.join(map(str, given.dims)) or 'none'}; "
@@ -144,18 +144,18 @@ def _labelled(given: Any, name: str) -> _Table:
 
 
 def _of_pandas(given: Any, names: tuple[str, ...] | None, name: str) -> _Table:
-    """A frame or a series; an index that only counts rows tells no instants."""
+    """A frame or a series; an index of mere row numbers gives no instants."""
     return _Table(given.to_numpy(), names, None, of_index(given.index, name), True)
 
 
 def _numbers(table: _Table, name: str) -> RealArray:
-    """The values as floats with one or two axes."""
+    """The values as floats, with one or two axes."""
     try:
         values = table.values
         if np.ma.isMaskedArray(values):
             values = np.ma.filled(values.astype(float), np.nan)
         values = np.asarray(values)
-        if values.dtype == object:  # tables may hold numbers as objects, with None where missing
+        if values.dtype == object:  # tables may hold numbers as objects, with None for missing ones
             values = values.astype(float)
     except (TypeError, ValueError):
         raise InputError(
@@ -171,7 +171,7 @@ def _numbers(table: _Table, name: str) -> RealArray:
     return values.astype(float)
 
 
-def _turned(
+def _with_samples_in_rows(
     arrays: dict[str, RealArray], tables: dict[str, _Table], samples: str | None
 ) -> dict[str, RealArray]:
     """Arrays with samples along the rows."""

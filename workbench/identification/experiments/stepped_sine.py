@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record
 
 COUNT_ROUNDING = 1e-9
-"""Largest difference between a number of samples or periods and an integer that is rounding."""
+"""Largest distance of a number of samples or periods from an integer that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class SteppedSine:
     [(10.0, 200), (20.0, 100)]
     """
 
-    frequencies: Any  # arrays after construction
+    frequencies: Any  # arrays, after construction
     periods: Any
     amplitude: Any
     sample_rate: float

@@ -1,1 +1,1 @@
-"""From a file, as people have it, to columns of numbers with names and units."""
+"""Reading of users' files: columns of numbers with names and units."""

@@ -1,4 +1,4 @@
-"""Columns of the formats that hold arrays rather than text."""
+"""Columns from file formats that hold arrays rather than text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def columns_of_arrays(
     refused: Mapping[str, str],
     said: str,
 ) -> Columns:
-    """Variables that are numbers; columns of the only matrix are named by number too."""
+    """Numeric variables; if there is only one matrix, its columns are named by number too."""
     numbers = {name: v for name, v in found.items() if v.dtype.kind in "biufc" and v.size}
     others = {
         name: "is empty" if not v.size else f"has no numbers: it holds {v.dtype}"

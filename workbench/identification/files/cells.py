@@ -1,4 +1,4 @@
-"""Cells that are no plain numbers, read as numbers when their column is asked for."""
+"""Cells that are not plain numbers; they are read as numbers when their column is used."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from workbench.identification.files.units import is_unit
 
 BLANK = frozenset(("", "-", "--", "---", "#n/a", "n/a", "na", "n.a.", "nan", "null", "none", "nil"))
-"""Cells, in small letters, that stand for nothing."""
+"""Contents of blank cells, in lower case."""
 SWITCHES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0}
 FORTRAN = str.maketrans("Dd", "Ee")
-"""The mark of powers of ten in double precision, and the usual one."""
+"""Replaces the exponent letter D of double precision in Fortran by E."""
 QUANTITY = re.compile(r"([-+]?[\d.,][\d.,]*(?:[eEdD][-+]?\d+)?)\s*([^\W\d_][^\s;,]*|[°%][^\s;,]*)?")
-"""A number, and perhaps its unit."""
+"""A number, perhaps followed by its unit."""
 UNIT_FIRST = re.compile(r"[ij]\*?(?=[\d.])")
 """The imaginary unit before its number."""
 BETWEEN_GROUPS = re.compile(r"(?<=\d)[' ](?=\d{3}(?!\d))|^'")
-"""Apostrophes and blanks between thousands; the apostrophe by which Excel keeps a text."""
+"""Apostrophes and blanks between thousands, and the apostrophe with which Excel marks a text."""
 GROUPS = {
     ".": re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"),
     ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+(,\d*)?"),
 }
-"""Numbers whose thousands are set apart, by their decimal mark."""
+"""Numbers with separated thousands, by their decimal mark."""
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -39,21 +39,21 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def is_quantity(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with its unit behind it."""
+    """Whether a cell is a number followed by its unit."""
     found = QUANTITY.fullmatch(cell)
     return bool(found and found[2] and is_number(found[1], decimal) and is_unit(found[2]))
 
 
 def mostly_numbers(cells: Sequence[str], decimal: str) -> bool:
-    """Whether half of the cells that are not blank, or more, are numbers."""
+    """Whether at least half of the cells that are not blank are numbers."""
     told = [cell for cell in cells if cell.lower() not in BLANK]
     return bool(told) and 2 * sum(is_number(cell, decimal) for cell in told) >= len(told)
 
 
 def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | int:
-    """The numbers of a column and the unit that all its cells name ("" for none).
+    """The numbers of a column, and the unit that all its cells name ("" if none).
 
-    It is the place of the first cell that is none, if there is one.
+    If some cell is not a number, the index of the first such cell is returned instead.
     """
     first = next((k for k, cell in enumerate(cells) if cell.lower() not in BLANK), None)
     if first is not None and not _may_be_number(cells[first]):
@@ -84,13 +84,13 @@ def as_numbers(cells: Sequence[str], decimal: str) -> tuple[np.ndarray, str] | i
 
 
 def _may_be_number(cell: str) -> bool:
-    """Whether a cell looks like a number or a switch; dates and words do not."""
+    """Whether a cell looks like a number or a switch state; dates and words do not."""
     plain = BETWEEN_GROUPS.sub("", cell.strip())
     return plain.lower() in SWITCHES or bool(QUANTITY.fullmatch(plain)) or is_number(plain, ".")
 
 
 def as_complex(cells: Sequence[str], decimal: str) -> np.ndarray | int:
-    """The complex numbers of a column, or the place of the first cell that is none."""
+    """The complex numbers of a column, or the index of the first cell that is none."""
     values = np.full(len(cells), np.nan, dtype=complex)
     for place, cell in enumerate(cells):
         text = re.sub(r"\s+", "", cell).strip("()").lower().replace(decimal, ".")

@@ -1,4 +1,4 @@
-"""Dates and clocks as seconds from the first."""
+"""Dates and clock times, converted to seconds from the first."""
 
 from __future__ import annotations
 
@@ -16,30 +16,33 @@ STAMP = re.compile(
     r"(?:(?P<a>\d+):(?P<b>\d\d?)(?::(?P<c>\d\d?))?(?:[.,](?P<f>\d+))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[-+]\d\d:?\d\d|[-+]\d\d)?"
 )
-"""Days, a date, a clock (hours, minutes, seconds, fraction), a half of the day and a zone; each may
-be absent."""
+"""Days, a date, a clock time (hours, minutes, seconds, fraction), AM or PM, and a time zone; each
+may be absent.
+"""
 ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")
 ORDERS = {
     "year first": ("%Y{0}%m{0}%d", "%Y%m%d"),
     "day before month": ("%d{0}%m{0}%Y", "%d{0}%m{0}%y", "%d{0}%b{0}%Y"),
     "month before day": ("%m{0}%d{0}%Y", "%m{0}%d{0}%y"),
 }
-"""Orders of the parts of a date, with their formats; {0} is the mark between them."""
+"""Orders of year, month and day in a date, with their formats; {0} is the separator."""
 DAY = 86400.0
 EVEN = 1e-3
-"""Largest relative difference of steps that speaks for an order of day and month."""
+"""Largest relative difference of steps at which an order of day and month counts as
+evenly sampled.
+"""
 
 
 def as_seconds(cells: Sequence[str]) -> tuple[RealArray, str] | int:
-    """Seconds of a column of stamps from its first, and what was found out of them.
+    """Seconds from the first stamp of a column, and how the stamps were interpreted.
 
-    Clocks without a date go on past midnight. It is the place of the first cell that is no stamp,
-    if there is one.
+    Clock times without a date may run past midnight. If some cell is not a stamp, the index of the
+    first such cell is returned instead.
 
     Raises
     ------
     InputError
-        The stamps leave open what they mean; the message says what to write.
+        The stamps are ambiguous; the message says what to write.
     """
     if (dates := _iso_dates(cells)) is not None:
         return dates, "dates"
@@ -67,11 +70,11 @@ def as_seconds(cells: Sequence[str]) -> tuple[RealArray, str] | int:
         days = _days(written, order)
         if days is not None:
             readings[order] = (days - days[0]) * DAY + (clock - clock[0])
-    return _only(readings, written[0])
+    return _only_possible_reading(readings, written[0])
 
 
 def _iso_dates(cells: Sequence[str]) -> RealArray | None:
-    """Seconds of dates of ISO 8601 from the first, by pandas, which is fast; None for others."""
+    """Seconds of ISO 8601 dates from the first, by pandas, which is fast; None for others."""
     if not cells or not ISO_DATE.match(cells[0]):
         return None
     import pandas
@@ -84,7 +87,7 @@ def _iso_dates(cells: Sequence[str]) -> RealArray | None:
 
 
 def _clock(stamp: re.Match[str]) -> float:
-    """Seconds of a stamp from the midnight of its date, in UTC where it names a zone."""
+    """Seconds of a stamp since midnight of its date, in UTC if it names a zone."""
     if stamp["a"] is None:
         return 0.0
     first, second = float(stamp["a"]), float(stamp["b"])
@@ -104,7 +107,7 @@ def _clock(stamp: re.Match[str]) -> float:
 
 
 def _days(written: Sequence[str], order: str) -> RealArray | None:
-    """Numbers of days, or None where a date has not this order."""
+    """Day numbers of dates; None if a date does not have this order."""
     known: dict[str, int] = {}
     for one in set(written):
         mark = next((letter for letter in one if letter in "-./"), "")
@@ -119,8 +122,8 @@ def _days(written: Sequence[str], order: str) -> RealArray | None:
     return np.array([known[one] for one in written], dtype=float)
 
 
-def _only(readings: dict[str, RealArray], first: str) -> tuple[RealArray, str]:
-    """The reading of dates that is possible; of several the one with even steps."""
+def _only_possible_reading(readings: dict[str, RealArray], first: str) -> tuple[RealArray, str]:
+    """The only possible reading of dates; of several readings the one with even steps."""
     if not readings:
         raise InputError(f"{first!r} is no date that is known: write it as 2024-01-31")
     seconds = list(readings.values())

@@ -1,4 +1,4 @@
-"""What a file holds: columns that are read as numbers when they are asked for."""
+"""Contents of a file: columns that are read as numbers when they are used."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from workbench.identification.files.names import A_COLUMN, Role, split_name
 from workbench.identification.files.units import converted, plain_unit
 
 LATEST_SECOND = 1e11
-"""Seconds since 1970 in the year 5138: larger instants are counted in another unit."""
+"""Largest number of seconds since 1970 (year 5138); larger instants must be in another unit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """What a file holds.
+    """Contents of a file.
 
-    ``variables`` are its numbers by name, a blank cell is NaN; ``texts`` are the cells of other
-    columns, NaN where blank, until they are read as numbers; ``refused`` says why further ones
-    cannot be read. ``units`` are known for some, by a row of units or an attribute. ``said`` is
-    what was found out. ``lines`` are the numbers of the rows' lines, from 0, in a file of text;
-    ``named`` is false where no line names its columns.
+    ``variables`` are the numeric columns by name, with NaN for blank cells; ``texts`` are the cells
+    of other columns, NaN if blank, until they are read as numbers; ``refused`` says why further
+    columns cannot be read. ``units`` are those stated by a row of units or an attribute. ``said``
+    describes how the file was interpreted. ``lines`` are the line numbers of the rows, from 0, in a
+    text file; ``named`` is false if no line names the columns.
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Columns:
     decimal: str = "."
 
     def place(self, row: int) -> str:
-        """Where a row is: its line of a text, else its index."""
+        """Place of a row: its line in a text file, otherwise its index."""
         return f"line {self.lines[row] + 1}" if self.lines else f"index {row}"
 
     @property
@@ -50,9 +50,9 @@ class Columns:
         return [*self.variables, *self.texts, *self.refused]
 
     def own_name(self, name: str, role: Role = "signal") -> str:
-        """The name of a column as the file has it: with its unit, where a name contains one.
+        """The name of a column as in the file, which may contain its unit.
 
-        Raises InputError where several columns have the name.
+        Raises InputError if several columns have the name.
         """
         if name in self.names:
             return name
@@ -67,13 +67,14 @@ class Columns:
         return found[0] if found else name
 
     def unit(self, name: str, role: Role = "signal") -> str | None:
-        """The unit of a column, by a row of units or its name; None where nothing tells it."""
+        """The unit of a column, from a row of units or its name; None if neither states it."""
         return self.units.get(name) or split_name(name, role)[1]
 
     def numbers(self, name: str) -> np.ndarray:
         """A column as numbers.
 
-        Raises InputError where there is no such column or a cell is none; the message names it.
+        Raises InputError if there is no such column or a cell is not a number; the message names
+        it.
         """
         if name in self.variables:
             return self.variables[name]
@@ -94,7 +95,7 @@ class Columns:
         return values
 
     def is_mostly_numbers(self, name: str) -> bool:
-        """Whether at least half of the cells of a column of text are numbers, blank ones aside."""
+        """Whether at least half of a text column's cells that are not blank are numbers."""
         return mostly_numbers(self._cells(name), self.decimal)
 
     def complex_numbers(self, name: str) -> np.ndarray:
@@ -107,9 +108,10 @@ class Columns:
         return found
 
     def seconds(self, name: str) -> tuple[RealArray, str]:
-        """A column as instants [s], and how they were told.
+        """A column as instants [s], and how they were interpreted.
 
-        Raises InputError as `numbers`, and where the unit is no time or is unknown and not seconds.
+        Raises InputError as `numbers`; if the unit is not one of time; and if it is unknown and
+        cannot be seconds.
         """
         if name in self.texts:
             cells = self._cells(name)
@@ -128,9 +130,10 @@ class Columns:
         return values, f"unit of {name!r} unknown, taken as s"
 
     def _stamps(self, name: str, cells: Sequence[str], no_number: int) -> tuple[RealArray, str]:
-        """Dates and clocks of a column of text [s]; a blank cell is NaN.
+        """Dates and clock times of a text column [s]; NaN for a blank cell.
 
-        Where there are none, the first cell that is ``no_number`` is told, if it stands later.
+        If the column does not hold dates, the error names the first cell that is neither a number
+        nor a date.
         """
         rows = [row for row, cell in enumerate(cells) if cell]
         try:
@@ -145,7 +148,7 @@ class Columns:
         return seconds, f"{name!r} holds {found[1]}"
 
     def hertz(self, name: str) -> tuple[RealArray, str]:
-        """A column as frequencies [Hz], and how they were told; raises InputError as `seconds`."""
+        """A column as frequencies [Hz], and how they were read; raises InputError as `seconds`."""
         values = self.real_numbers(name)
         unit = self.unit(name, "frequency")
         if unit is not None:
@@ -156,14 +159,14 @@ class Columns:
         return values, f"unit of {name!r} unknown, taken as Hz"
 
     def converted(self, values: np.ndarray, name: str, unit: str, to: str) -> RealArray:
-        """Values of a column in another unit; raises InputError where that cannot be."""
+        """A column's values in another unit; raises InputError if they cannot be converted."""
         try:
             return converted(values, plain_unit(unit), to)
         except InputError as error:
             raise InputError(f"{self.path}: {name!r} is in {unit!r}: {error}") from None
 
     def _cells(self, name: str) -> Sequence[str]:
-        """The cells of a column of text; InputError where there is none."""
+        """The cells of a text column; InputError if there is none."""
         if name in self.texts:
             return ["" if cell != cell else str(cell).strip() for cell in self.texts[name]]
         if name in self.refused:

@@ -1,4 +1,4 @@
-"""The text of a file, whatever encodes it."""
+"""The text of a file in any usual encoding."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MARKS = {
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-"""Encodings by the mark that they begin with; that of UTF-32 begins with that of UTF-16."""
+"""Encodings by their byte-order marks; the mark of UTF-32 begins with that of UTF-16."""
 OTHER_FORMATS = {
     b"\x1f\x8b": "is compressed: unpack it",
     b"PK\x03\x04": "is an archive: unpack it, or name it .xlsx if it is a workbook",
@@ -25,17 +25,18 @@ OTHER_FORMATS = {
     b"MATLAB 7": "is a MAT file: name it .mat",
     b"%PDF": "is a PDF: save its table as text",
 }
-"""First bytes of files that are no text, and what to do with them."""
+"""First bytes of files that are not text, and advice for each."""
 SAMPLE = 1000
-"""Bytes by which UTF-16 without a mark is told."""
+"""Number of bytes by which UTF-16 without a mark is recognised."""
 SIGNS = str.maketrans({"\u2212": "-", "\u2012": "-", "\u2013": "-", "\u00a0": " ", "\u202f": " "})
-"""Signs of print, and the plain ones that numbers have."""
+"""Typographic signs, and the plain ones that numbers use."""
 
 
 def decoded(path: Path) -> str:
     """Text of a file in UTF-8, UTF-16, UTF-32, or as Windows writes it, with plain signs.
 
-    Raises InputError for what is no text; the message says what it is, if that is known.
+    Raises InputError for a file that is not text; the message names its format, if that is
+    recognised.
     """
     try:
         raw = path.read_bytes()
@@ -49,14 +50,14 @@ def decoded(path: Path) -> str:
         text = raw.decode(marked or _without_mark(raw))
     except UnicodeDecodeError:
         text = raw.decode(marked or "cp1252", errors="replace")
-    text = text.rstrip("\x00\x1a")  # what a logger's broken supply, and old DOS, leave behind
+    text = text.rstrip("\x00\x1a")  # left behind by a logger whose supply failed, and by old DOS
     if "\x00" in text:
         raise InputError(f"{path} is no text; .mat, .nc and .xlsx files must be named so")
     return text if text.isascii() else text.translate(SIGNS)
 
 
 def _without_mark(raw: bytes) -> str:
-    """UTF-16 shows by zeros at every other place, since digits and separators need one byte."""
+    """UTF-16 has a zero in every other byte, since digits and separators need one byte only."""
     head = raw[:SAMPLE]
     for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
         high, low = head[first::2], head[1 - first :: 2]

@@ -12,12 +12,12 @@ from workbench.identification.files.text_table import columns_of_text
 
 
 def read_xlsx(path: Path) -> Columns:
-    """Columns of the first sheet of a workbook; its rows are the lines that messages name.
+    """Columns of the first sheet of a workbook; messages name its rows as lines.
 
     Raises
     ------
     InputError
-        openpyxl is not installed; the file is no workbook, or its first sheet no table.
+        openpyxl is not installed; the file is not a workbook, or its first sheet not a table.
     """
     import pandas
 
@@ -31,13 +31,13 @@ def read_xlsx(path: Path) -> Columns:
         ) from None
     except Exception as error:  # openpyxl raises many kinds of errors for a broken file
         raise InputError(f"{path} cannot be read as an Excel workbook: {error}") from None
-    text = "\n".join("\t".join(map(_shown, row)) for row in sheet.itertuples(index=False))
+    text = "\n".join("\t".join(map(_cell_text, row)) for row in sheet.itertuples(index=False))
     found = columns_of_text(path, text)
     others = f", the first of {len(names)}" if len(names) > 1 else ""
     return replace(found, said=f"sheet {names[0]!r}{others}; {found.said}")
 
 
-def _shown(cell: Any) -> str:
-    """A cell as text: numbers to the last bit, dates as ISO 8601 has them."""
+def _cell_text(cell: Any) -> str:
+    """A cell as text: numbers with all digits, dates in ISO 8601."""
     shown = cell.isoformat() if hasattr(cell, "isoformat") else str(cell)
     return " ".join(shown.split())

@@ -1,4 +1,4 @@
-"""What stands above the numbers of a text: names of the columns, and their units."""
+"""The head of a text table: names of the columns, and their units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BRACKETS = re.compile(r"[\[(].*[\])]")
 
 @dataclass(frozen=True)
 class Head:
-    """Names of the columns, each one's own; their units, where a row tells them; what was found."""
+    """Unique names of the columns; their units, if a row states them; and a description."""
 
     names: list[str]
     units: dict[str, str]
@@ -32,10 +32,11 @@ def read_head(
     first: int,
     used: int,
 ) -> Head:
-    """The head of a table whose numbers begin in line ``first`` (from 0) and fill ``used`` columns.
+    """The head of a table whose numbers begin in line ``first`` and fill ``used`` columns.
 
-    The names stand in the last line ``above`` the numbers, or above a row of units; where all lines
-    above are comments, the last names the columns if it has as many cells as the numbers.
+    Lines count from 0. The names are in the last line ``above`` the numbers, or above a row of
+    units. If all lines above are comments, the last one names the columns if it has as many cells
+    as the numbers.
     """
     commented = not above
     head = above or [i for i in range(first) if lines[i].strip()]
@@ -69,16 +70,16 @@ def read_head(
         )
     before = cells(head[-2]) if len(head) > 1 else []
     if _names_above_units(before[:used], last):
-        names = _own(before[:used])
+        names = _unique_names(before[:used])
         units = dict(zip(names, map(plain_unit, last), strict=True))
         return Head(names, units, f"names in line {head[-2] + 1}, units below")
     said = f"names in line {head[-1] + 1}"
     said += f"; without entries: {', '.join(more)}" if more else ""
-    return Head(_own([cell or plain[j] for j, cell in enumerate(last)]), {}, said)
+    return Head(_unique_names([cell or plain[j] for j, cell in enumerate(last)]), {}, said)
 
 
 def _names_above_units(names: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether one line names columns and the next, of as many cells, holds nothing but units."""
+    """Whether one line names columns and the next, with as many cells, holds only units."""
     return (
         len(names) == len(units)
         and all(names)
@@ -86,8 +87,8 @@ def _names_above_units(names: Sequence[str], units: Sequence[str]) -> bool:
     )
 
 
-def _own(names: Sequence[str]) -> list[str]:
-    """Names, those of several columns with a number behind them, such as ``y[0]`` and ``y[1]``."""
+def _unique_names(names: Sequence[str]) -> list[str]:
+    """Names; those shared by several columns get a number, such as ``y[0]`` and ``y[1]``."""
     seen: dict[str, int] = {}
     found = []
     for name in names:

@@ -1,4 +1,4 @@
-"""How the lines of a text are divided into cells, and how a cell shows a number."""
+"""The layout of a text table: how lines are divided into cells, and how numbers are written."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Layout:
         return f"separated by {mark}" + (", decimal comma" if self.decimal == "," else "")
 
     def cells(self, line: str) -> list[str]:
-        """Cells of a line, without quotes and blanks around them."""
+        """Cells of a line, without quotes and surrounding blanks."""
         if self.separator == BLANKS:
             return [cell.strip('"') for cell in line.split()]
         if '"' not in line:
@@ -35,7 +35,7 @@ class Layout:
         quoted = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
         try:
             return [cell.strip() for cell in next(quoted, [])]
-        except csv.Error:  # a quotation of more than 131,072 characters
+        except csv.Error:  # a quotation with more than 131,072 characters
             return [line]
 
     def is_number(self, cell: str) -> bool:
@@ -55,9 +55,9 @@ LAYOUTS = [one for one in LAYOUTS if one not in QUOTED]
 
 
 def found_layout(lines: Sequence[str]) -> tuple[Layout, list[list[str]]]:
-    """The layout that finds most numbers, then fewest words beside them; and the lines' cells.
+    """The layout with the most numbers and then the fewest words; and the lines' cells.
 
-    Where words are left, numbers with units behind them count too.
+    If words remain, numbers followed by units count too.
     """
 
     def score(split: list[list[str]], layout: Layout) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Variables of MATLAB's files, version 7.3 too, fields of structs by their path."""
+"""Variables of MATLAB files up to version 7.3; fields of structs are named by their path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OPAQUE = (
     "save('record.mat', 't', 'u')"
 )
 DEEPEST = 12
-"""Structs within structs that are followed."""
+"""Largest nesting of structs that is followed."""
 
 
 def read_mat(path: Path) -> Columns:
@@ -38,7 +38,9 @@ def read_mat(path: Path) -> Columns:
 
 
 def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
-    """Arrays of a MAT file as they are stored, sparse ones filled; None for MATLAB's objects.
+    """A field of a struct is named by its path, such as ``log.y``.
+
+    In an array of structs ``log[0].y``, counted from 0.
 
     A field of a struct is named by its path, such as ``log.y``, one of an array of structs
     ``log[0].y``, from 0.
@@ -46,7 +48,7 @@ def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
     Raises
     ------
     InputError
-        The file is missing or is none.
+        The file is missing or is not a MAT file.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadWarning
@@ -59,7 +61,7 @@ def mat_arrays(path: Path) -> dict[str, np.ndarray | None]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MatReadWarning)  # of several objects "None"
                 stored = loadmat(path, struct_as_record=False)
-        except NotImplementedError:  # the format of version 7.3 is HDF5
+        except NotImplementedError:  # version 7.3 is stored as HDF5
             return dict(_of_hdf5(path))
         for name, value in stored.items():
             if not name.startswith("__"):
@@ -76,7 +78,7 @@ def _of_level_5(name: str, value: Any, depth: int) -> Iterator[tuple[str, np.nda
 
     if issparse(value):
         yield name, value.toarray()
-    elif isinstance(value, MatlabOpaque):  # SciPy calls each "None"; its own name is inside
+    elif isinstance(value, MatlabOpaque):  # SciPy calls each "None"; the real name is inside
         own = value["s0"].ravel()[0]
         yield own.decode(errors="replace") if isinstance(own, bytes) else name, None
     elif isinstance(value, MatlabFunction) or depth > DEEPEST:
@@ -98,14 +100,14 @@ def _of_hdf5(path: Path) -> Iterator[tuple[str, np.ndarray | None]]:
 
     with h5py.File(path, "r") as stored:
         for name, item in stored.items():
-            if not name.startswith("#"):  # what references point to
+            if not name.startswith("#"):  # the group that references point to
                 yield from _of_item(stored, name, item, 0)
 
 
 def _of_item(
     stored: Any, name: str, item: Any, depth: int
 ) -> Iterator[tuple[str, np.ndarray | None]]:
-    """The arrays of a group or dataset of HDF5; MATLAB stores their axes in reverse."""
+    """The arrays of an HDF5 group or dataset; MATLAB stores their axes in reverse order."""
     import h5py
 
     if "MATLAB_object_decode" in item.attrs or depth > DEEPEST:
@@ -130,7 +132,7 @@ def _of_item(
 
 
 def _values(item: Any) -> np.ndarray:
-    """A dataset of numbers or letters, with complex numbers put together."""
+    """A dataset of numbers or letters, with complex numbers assembled."""
     values = np.asarray(item[()]).T
     if values.dtype.names == ("real", "imag"):
         return np.asarray(values["real"] + 1j * values["imag"])
@@ -140,7 +142,7 @@ def _values(item: Any) -> np.ndarray:
 
 
 def _filled(group: Any) -> np.ndarray:
-    """A sparse matrix, filled."""
+    """A sparse matrix as a full array."""
     from scipy.sparse import csc_matrix
 
     columns = np.asarray(group["jc"])

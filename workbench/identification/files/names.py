@@ -1,4 +1,4 @@
-"""Names of columns and the units that they contain."""
+"""Names of columns, and the units inside these names."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Literal
 from workbench.identification.files.units import is_unit, plain_unit, spelt
 
 Role = Literal["time", "frequency", "signal", "magnitude", "phase"]
-"""What a column holds; it decides which ends of a name are units."""
+"""Meaning of a column; it decides which endings of a name count as units."""
 IN_BRACKETS = re.compile(r"(.*[^\s/])\s*/?\s*[\[(<]([^\])>]*)[\])>]")
 """A name with its unit, such as ``torque [Nm]``."""
 A_COLUMN = re.compile(r"(?<=\S)\[\d+\]$")
-"""The end of a name of one of several columns, such as ``y[0]``; ``gain [1]`` has a unit."""
+"""The end of a name for one of several columns, such as ``y[0]``; in ``gain [1]`` it is a unit."""
 AFTER_A_STROKE = re.compile(r"([^/]*[^/\s])\s*/\s*(.+)")
 """A name with its unit, such as ``t/ms`` (ISO 80000-1)."""
 AFTER_A_WORD = re.compile(r"(.*\S)\s*(?:,|\bin\b)\s*(\S+)")
@@ -26,17 +26,17 @@ SUFFIXES: dict[str, str] = {
     "magnitude": "db",
     "phase": "deg|degrees?|rad|radians?",
 }  # fmt: skip
-"""Units at the end of a name, after an underscore; single letters only where the role is known."""
+"""Units at the end of a name, after an underscore; single letters only if the role is known."""
 JOINED = re.compile(
     r"(t|ti?me|(?:time)?stamp|elapsed|uptime|zeit)?"
     r"(ms|us|µs|μs|ns|[mu]sec|sec|seconds?|minutes?|hours?|(?:milli|micro|nano)(?:s|seconds?))",
     re.IGNORECASE,
 )
-"""Names of times that are nothing but their unit, or end with it, as ``timeMs``."""
+"""Names of times that consist of their unit, or end with it, such as ``timeMs``."""
 
 
 def split_name(name: str, role: Role = "signal") -> tuple[str, str | None]:
-    """A name without its unit, and the unit, as ``("t", "ms")`` of ``"t [ms]"`` and ``"t_ms"``."""
+    """A name without its unit, and the unit: ``("t", "ms")`` for ``"t [ms]"`` and ``"t_ms"``."""
     if (found := IN_BRACKETS.fullmatch(name)) and not A_COLUMN.search(name):
         return found[1], found[2].strip() or None
     for pattern in (AFTER_A_STROKE, AFTER_A_WORD):

@@ -1,7 +1,7 @@
-"""Text tables as loggers and spreadsheets write them: found out, read, and said.
+"""Text tables of loggers and spreadsheets: their layout is detected, read, and reported.
 
-The separator, the decimal mark, the line of names, the row of units and the columns of text are
-found out from the lines; what was found stands in `Columns.said`.
+Separator, decimal mark, line of names, row of units and text columns are detected from the lines;
+`Columns.said` reports them.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from workbench.identification.files.layouts import BLANKS, Layout, found_layout
 NUMBERS = re.compile(r"\s*[^\s#%]")
 """A line that is neither blank nor a comment."""
 RULE = re.compile(r"[-=+|\s]*(---|===)[-=+|\s]*")
-"""A line that is drawn below the names."""
+"""A ruled line below the names."""
 MOST_COLUMNS = 10_000
-"""Largest number of columns; of more the file is a matrix on its side, or no table."""
+"""Most columns of a table; a file with more is a transposed matrix, or no table."""
 SAMPLE = 50
-"""Lines of the middle, and of the end of a file, by which its layout is told."""
+"""Number of lines from the middle, and from the end of a file, by which its layout is detected."""
 
 
 def read_columns(path: Path) -> Columns:
@@ -36,16 +36,16 @@ def read_columns(path: Path) -> Columns:
     Raises
     ------
     InputError
-        It is no text, holds no numbers, or a line has a wrong number of cells; the message names
+        It is not text, holds no numbers, or a line has a wrong number of cells; the message names
         the line.
     """
     return columns_of_text(path, decoded(path))
 
 
 def columns_of_text(path: Path, text: str) -> Columns:
-    """The columns of a text; ``path`` is named in messages, which are those of `read_columns`."""
+    """The columns of a text; messages name ``path`` and are those of `read_columns`."""
     lines = text.splitlines()
-    kept = _kept(text, lines)
+    kept = _lines_with_content(text, lines)
     sample = kept if len(kept) <= 2 * SAMPLE else _sample(kept)
     layout, split = found_layout([lines[i] for i in sample])
     rows = [cells for cells in split if any(map(layout.is_number, cells))]
@@ -64,7 +64,7 @@ def columns_of_text(path: Path, text: str) -> Columns:
     used = width
     while used > 1 and not any(row[used - 1] for row in rows):
         used -= 1  # every line ends with separators
-    numeric = [_mostly(layout, [row[j] for row in rows]) for j in range(used)]
+    numeric = [_are_mostly_numbers(layout, [row[j] for row in rows]) for j in range(used)]
     if not any(numeric):
         raise InputError(f"{path} has no column whose cells are mostly numbers")
     start = _start(layout, lines, kept, numeric, (used, width))
@@ -91,8 +91,8 @@ def columns_of_text(path: Path, text: str) -> Columns:
     )
 
 
-def _kept(text: str, lines: Sequence[str]) -> Sequence[int]:
-    """Numbers of the lines that are neither blank nor a comment nor a rule."""
+def _lines_with_content(text: str, lines: Sequence[str]) -> Sequence[int]:
+    """Numbers of the lines that are not blank, comments or rules."""
     kept: Sequence[int] = range(len(lines))
     if any(mark in text for mark in "#%") or "" in lines or any(map(str.isspace, lines)):
         kept = [i for i in kept if NUMBERS.match(lines[i])]
@@ -104,13 +104,13 @@ def _kept(text: str, lines: Sequence[str]) -> Sequence[int]:
 
 
 def _sample(kept: Sequence[int]) -> list[int]:
-    """Lines of the later half, where no head is, and the last ones."""
+    """Lines from the later half, which has no head, and the last ones."""
     half = np.linspace(len(kept) // 2, len(kept) - SAMPLE - 1, SAMPLE).astype(int)
     return [kept[k] for k in half] + list(kept[-SAMPLE:])
 
 
-def _mostly(layout: Layout, cells: Sequence[str]) -> bool:
-    """Half of the cells that are not blank, or more, are numbers."""
+def _are_mostly_numbers(layout: Layout, cells: Sequence[str]) -> bool:
+    """Whether at least half of the cells that are not blank are numbers."""
     told = list(filter(layout.is_told, cells))
     return bool(told) and 2 * sum(map(layout.is_number, told)) >= len(told)
 
@@ -122,14 +122,14 @@ def _start(
     numeric: Sequence[bool],
     widths: tuple[int, int],
 ) -> int:
-    """Place of the first line of numbers.
+    """Index of the first line of numbers.
 
-    All its cells in columns of numbers are numbers; right below a line of names, and above another
-    line of numbers, most of them are.
+    In this line all cells of numeric columns are numbers; or most of them are, if it follows a line
+    of names and precedes another line of numbers.
     """
 
     def share(place: int) -> float:
-        """Share of numbers among the cells in columns of numbers; -1 where the line has others."""
+        """Share of numbers among the cells of numeric columns; -1 if the line has other columns."""
         cells = layout.cells(lines[kept[place]])
         if not widths[0] <= len(cells) <= widths[1]:
             return -1.0
@@ -151,10 +151,10 @@ def _start(
 def _without_end(
     layout: Layout, lines: Sequence[str], kept: Sequence[int], numeric: Sequence[bool], whole: bool
 ) -> tuple[Sequence[int], str]:
-    """Lines without words below the numbers and without a torn last one; and what was left out.
+    """Lines without words below the numbers and without an incomplete last line; and a report.
 
-    A line is torn where cells are missing, a quotation is open, or the file ends (not ``whole``) in
-    the middle of a number.
+    A line is incomplete if cells are missing, a quotation is open, or the file ends in the middle
+    of a number (not ``whole``).
     """
 
     def is_footer(i: int) -> bool:
@@ -184,7 +184,7 @@ def _columns(
     widths: tuple[int, int],
     head: Head,
 ) -> list[np.ndarray]:
-    """The columns of the lines with numbers; those that hold words too are objects."""
+    """The columns of the lines with numbers; columns that also hold words become objects."""
     import pandas
 
     used, width = widths

@@ -16,15 +16,15 @@ from workbench.identification.files.columns import Columns
 from workbench.identification.files.encodings import decoded
 
 TOUCHSTONE = re.compile(r"\.s(\d{1,2})p")
-"""Endings of its files; the number is that of the ports."""
+"""File endings of Touchstone; the number is that of the ports."""
 HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 
 
 def read_touchstone(path: Path) -> Columns:
     """Frequencies ``f`` [Hz] and complex parameters ``S11``, ``S21`` and so on (Y, Z, G, H too).
 
-    Z of version 1 is stored relative to the reference resistance, Y to its reciprocal; what is
-    returned is in ohms and siemens.
+    Version 1 stores Z relative to the reference resistance and Y relative to its reciprocal; they
+    are returned in ohms and siemens.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def read_touchstone(path: Path) -> Columns:
         values = (10 ** (first / 20) if form == "db" else first) * np.exp(1j * np.radians(second))
     scale = {"z": resistance, "y": 1 / resistance}.get(kind, 1.0)
     places = [(i, j) for i in range(1, ports + 1) for j in range(1, ports + 1)]
-    if ports == 2:  # of two ports alone the columns come first
+    if ports == 2:  # only for two ports do the columns come first
         places.sort(key=lambda place: place[::-1])
     found = {
         f"{kind.upper()}{i}{j}" if ports < 10 else f"{kind.upper()}{i},{j}": scale * column
@@ -66,7 +66,7 @@ def read_touchstone(path: Path) -> Columns:
 
 
 def _parts(path: Path) -> tuple[str, np.ndarray]:
-    """The line of options and all numbers behind it."""
+    """The option line, and all numbers after it."""
     options, numbers = "", []
     for place, line in enumerate(decoded(path).splitlines(), 1):
         words = line.partition("!")[0].strip()
@@ -87,7 +87,7 @@ def _parts(path: Path) -> tuple[str, np.ndarray]:
 
 
 def _options(path: Path, line: str) -> tuple[str, str, str, float]:
-    """Unit of the frequencies, kind and form of the parameters, and the reference resistance."""
+    """Unit of the frequencies, kind and format of the parameters, reference resistance."""
     words = line.lower().split()
     unit, kind, form, resistance = "ghz", "s", "ma", 50.0
     for place, word in enumerate(words):

@@ -1,6 +1,6 @@
-"""Units as people write them, understood and converted by pint.
+"""Units as people write them, parsed and converted by pint.
 
-A cycle is told apart from a radian: 1 Hz is 2 pi rad/s, and 1/min, as a unit of speed, is 1 rpm.
+A cycle differs from a radian: 1 Hz is 2 pi rad/s, and 1/min, as a unit of speed, is 1 rpm.
 """
 
 from __future__ import annotations
@@ -14,17 +14,19 @@ import numpy as np
 from workbench.errors import InputError
 
 LONGEST = 24
-"""Characters of the longest text that is taken for a unit."""
+"""Most characters of a text that can be a unit."""
 SPELLINGS = {
     "nm": "Nm", "mnm": "mNm", "rads": "rad/s", "degc": "°C", "degf": "°F", "deg_s": "deg/s",
     "mv": "mV", "kv": "kV", "ma": "mA", "kpa": "kPa", "db": "dB", "hz": "Hz", "khz": "kHz",
     "mhz": "MHz", "ghz": "GHz", "rad_s": "rad/s", "radps": "rad/s", "m_s": "m/s", "mm_s": "mm/s",
 }  # fmt: skip
-"""Units as names write them in small letters, and as they are."""
+"""Units as names write them in lower case, and their proper spelling."""
 POWER_OF_A_NUMBER = re.compile(r"\d\d|[\d)]\s*(\*\*|\^)")
-"""What no unit contains, and a parser might compute for hours."""
+"""Matches a power of a number: no unit has one, and a parser might compute it for hours."""
 SINGLE = frozenset("sVANmgTKWJhHCFΩ%°1-")
-"""The units of one letter that name a column's unit: others, as t and u, name signals."""
+"""Single letters that can be a unit inside a column's name; others, such as t and u,
+name signals.
+"""
 WRITTEN = (
     (r"[−–]", "-"),
     (r"\b([mkMµμu]?N)\s?m\b", r"\1*m"),  # pint reads Nm as a number times a metre
@@ -33,7 +35,7 @@ WRITTEN = (
     (r"^(s|sec|min|h)(\^|\*\*)?(-1|⁻¹)$", r"turn/\1"),
     (r"([A-Za-z])(-?\d)", r"\1**\2"),  # m/s2
 )
-"""Ways of writing that pint does not know, and what it knows, in this order."""
+"""Spellings that pint does not know, with their replacements, applied in this order."""
 
 
 @lru_cache(maxsize=1)
@@ -47,7 +49,7 @@ def _registry() -> Any:
 
 @lru_cache(maxsize=1000)
 def _parsed(text: str) -> Any:
-    """A unit of pint; None for what is none."""
+    """A pint unit; None if the text is not a unit."""
     if not 0 < len(text) <= LONGEST or POWER_OF_A_NUMBER.search(text):
         return None
     for pattern, known in WRITTEN:
@@ -55,13 +57,13 @@ def _parsed(text: str) -> Any:
     for spelling in (text, text.lower()):
         try:
             return _registry().parse_units(spelling)
-        except Exception:  # pint raises errors of every kind for what is no unit
+        except Exception:  # for other texts pint raises errors of every kind
             continue
     return None
 
 
 def plain_unit(text: str) -> str:
-    """A unit without brackets around it, and without what a time counts from."""
+    """A unit without surrounding brackets, and without the instant from which a time counts."""
     text = text.strip()
     if len(text) > 1 and text[0] + text[-1] in ("[]", "()"):
         text = text[1:-1].strip()
@@ -69,24 +71,24 @@ def plain_unit(text: str) -> str:
 
 
 def spelt(text: str) -> str:
-    """A unit at the end of a name, in its usual letters; mHz and MHz stay apart."""
+    """A unit from the end of a name in its usual spelling; mHz and MHz stay different."""
     return text if text in ("mHz", "MHz") else SPELLINGS.get(text.lower(), text.lower())
 
 
 def is_unit(text: str) -> bool:
-    """Whether a cell or the end of a name is a unit, and nothing else in all likelihood."""
+    """Whether a cell or the end of a name is very likely a unit and nothing else."""
     if len(text) == 1:
         return text in SINGLE
     return bool(text) and _parsed(plain_unit(text)) is not None
 
 
 def converted(values: np.ndarray, unit: str, to: str) -> np.ndarray:
-    """Numbers in another unit.
+    """Numbers, converted to another unit.
 
     Raises
     ------
     InputError
-        A unit is not known, or measures another thing; the message says what is needed.
+        A unit is unknown, or measures something else; the message says what is needed.
     """
     if unit == to:
         return values

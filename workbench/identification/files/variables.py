@@ -1,4 +1,4 @@
-"""Reading of numeric variables from files of every format, by the ending of their names."""
+"""Reading of numeric variables from files; the format follows from the ending of the name."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
     are text with columns separated by commas, semicolons, tabs or blanks, with decimal points or
     commas, in UTF-8, UTF-16 or as Windows writes it. The last line above the numbers may name the
     columns, a row of units may stand below it and anything above; otherwise they are called "1",
-    "2" and so on. Columns of one name are ``"y[0]"``, ``"y[1]"``; fields of structs are
+    "2" and so on. Columns that share a name are ``"y[0]"``, ``"y[1]"``; fields of structs are
     ``"log.y"``. Blank cells and ``#N/A`` are NaN, TRUE and FALSE are 1 and 0. Columns of words,
     such as dates, are left out. Lines that start with # or % are comments.
 
     Raises
     ------
     InputError
-        The file is missing, or does not have the format that its name says; or a cell is a word in
-        a column of numbers.
+        The file is missing, does not have the format of its ending, or has a word in a column of
+        numbers.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
 
 
 def read_table(file: File) -> Columns:
-    """The variables of a file, and what was found out to read them; see `read_variables`."""
+    """The variables of a file, and how it was interpreted; see `read_variables`."""
     path = need_path(file)
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
@@ -64,7 +64,7 @@ def read_table(file: File) -> Columns:
 
 
 def need_path(file: File) -> Path:
-    """The path of a file; raises InputError for what is no path."""
+    """The path of a file; raises InputError for anything else."""
     if not isinstance(file, str | PathLike):
         raise InputError(f"the path of a file is needed, not {file!r}")
     return Path(file)

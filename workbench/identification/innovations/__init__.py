@@ -1,1 +1,1 @@
-"""Models in innovations form: their recursions, prediction errors and what these determine."""
+"""Models in innovations form: recursions, prediction errors, and estimation from these."""

@@ -4,10 +4,10 @@ Given F = A - K C and C, the one-step predictions
 
     yhat = C (q - F)^-1 ((B - K D) u + K y) + D u
 
-are linear in B - K D, D and K. So is what is known: A = F + K C has the pole p with the outputs'
-direction w where C (p - F)^-1 K w = w; and the static gain is G where
-C (1 - F)^-1 (B - K D + K G) + D = G. Where F only shifts, these are ARX models with known poles.
-Given A and C, simulations are linear in B and D, and so is the gain.
+are linear in B - K D, D and K. So is the prior knowledge. A = F + K C has the pole p with the
+outputs' direction w if C (p - F)^-1 K w = w. The static gain is G if C (1 - F)^-1 (B - K D + K G) +
+D = G. If F is a shift, these are ARX models with known poles. Given A and C, simulations are linear
+in B and D, and so is the gain.
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ from workbench.identification.innovations.scaling import Scaling
 def regressed(
     model: InnovationsModel, record: Experiments, known: Knowledge, direct: bool, parallel: bool
 ) -> InnovationsModel | None:
-    """The model whose B, D and K give the least one-step errors of those that have what is known.
+    """The model with known poles and gains whose B, D and K minimise the one-step errors.
 
-    Its F = A - K C and its C stay. Gains are held where a whole column of them is known. Of a
-    repeated pole ``parallel`` says that it acts on several directions of the outputs, else it is
-    one chain. None where the regression overflows, or a pole of F is known.
+    F = A - K C and C of the given model are kept. Known gains are imposed only for inputs whose
+    gains are all known. For a repeated pole ``parallel`` says that it acts in several directions of
+    the outputs; otherwise it forms one chain. None if the regression overflows, or if a pole of F
+    is known.
     """
     scaling = Scaling.of(record)
     m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
@@ -67,7 +68,7 @@ def regressed(
 def _known_rows(
     drive: InputRegression, m: InnovationsModel, known: Knowledge, nu: int, parallel: bool
 ) -> tuple[RealArray, RealArray]:
-    """Equations, and their right-hand sides, of known poles and of known columns of gains."""
+    """Equations, with right-hand sides, for known poles and for known columns of gains."""
     ny, n = m.C.shape
     rows: list[ComplexArray] = []
     goals: list[complex] = []
@@ -110,18 +111,19 @@ def _known_rows(
 def with_known_gains(
     model: InnovationsModel, record: Experiments, known: Knowledge, direct: bool, predicting: bool
 ) -> InnovationsModel | None:
-    """The model with the B, D and offsets of least errors among those that have the known gains.
+    """The model with known gains whose B, D and offsets minimise the errors.
 
-    They are errors of one-step predictions or of simulations. None where the regression overflows.
+    The errors are those of one-step predictions or of simulations. None if the regression
+    overflows.
     """
     scaling = Scaling.of(record)
     m, known = scaling.applied(model), known.in_units(scaling.u_spread, scaling.y_spread)
     n, nu = m.order, m.B.shape[1]
-    # Where A has a pole at 1, a constant that enters the states makes a drift.
+    # If A has a pole at 1, a constant that enters the states causes a drift.
     drifts = n > 0 and float(np.min(np.abs(np.linalg.eigvals(m.A) - 1))) < 1 / len(record)
     K = m.K if predicting else np.zeros_like(m.K)
     drive = InputRegression(m.A - K @ m.C, m.C, (direct,) * nu + (False,) * drifts)
-    noise = replace(  # what the predictor makes of past outputs alone
+    noise = replace(  # the predictor's response to past outputs alone
         m, B=np.zeros_like(m.B), D=np.zeros_like(m.D), u_offset=0 * m.u_offset, delay=(), members=()
     )
 
@@ -139,7 +141,7 @@ def with_known_gains(
     if known.gain is not None:
         outward = np.linalg.solve((np.eye(n) - m.A).T, m.C.T).T
         for o, j in np.argwhere(np.isfinite(known.gain)):
-            # The regression finds B - K D.
+            # The regression determines B - K D.
             B, D = np.zeros((n, nu + drifts)), np.zeros((len(m.C), nu + drifts))
             B[:, j], D[:, j] = outward[o], outward[o] @ K
             D[o, j] += 1.0
@@ -162,6 +164,6 @@ def with_known_gains(
 
 
 def _filled(model: InnovationsModel, u: RealArray, y: RealArray) -> RealArray:
-    """Outputs with predictions where they are missing."""
+    """Outputs in which predictions replace missing samples."""
     missing = np.isnan(y)
     return np.where(missing, model.one_step(u, y, len(y)), y) if missing.any() else y

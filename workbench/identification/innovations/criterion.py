@@ -28,18 +28,20 @@ from workbench.identification.innovations.model import InnovationsModel, initial
 from workbench.identification.innovations.recursions import predictions, sensitivity_rows
 
 BLOCK = 512
-"""Samples whose derivatives are formed at a time."""
+"""Samples whose derivatives are computed at a time."""
 LEAST_ERROR = 1e-9
-"""Size of errors, relative to the outputs, that counts as rounding: records may have no noise."""
+"""Errors below this size, relative to the outputs, count as rounding, since records may have no
+noise.
+"""
 
 
 class Criterion:
     """The criterion as a function of A, B, C, D, K, the offsets and the initial states.
 
-    Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether
-    D is free; otherwise it stays as it is in the model. ``entries`` marks which entries of A, B, C,
-    D and K, row by row and one after the other, are free; None: all of them. ``free`` are the
-    places of the free ones in that order.
+    Each run, one-step and free, has an initial state for each experiment. ``direct`` says whether D
+    is free; otherwise the model's D is kept. ``entries`` marks the free entries of A, B, C, D and
+    K, concatenated row by row; None: all are free. ``free`` are the indices of the free ones in
+    that order.
     """
 
     def __init__(
@@ -70,14 +72,14 @@ class Criterion:
 
     @property
     def of_inputs(self) -> IntegerArray:
-        """Places of the free entries of B and D among the parameters."""
+        """Indices of the free entries of B and D among the parameters."""
         a, b, c, d = self._ends[1], self._ends[2], self._ends[3], self._ends[4]
         inside = ((self.free >= a) & (self.free < b)) | ((self.free >= c) & (self.free < d))
         return np.flatnonzero(inside)
 
     @property
     def common(self) -> int:
-        """Number of parameters that the experiments share; the initial states come after them."""
+        """Number of parameters that the experiments share; the initial states follow them."""
         return len(self.free)
 
     def start(self, model: InnovationsModel) -> RealArray:
@@ -105,7 +107,7 @@ class Criterion:
         return replace(m, A=A, B=B, C=C, D=D, K=K, u_offset=u_offset, y_offset=y_offset)
 
     def __call__(self, theta: RealArray) -> float:
-        """Value of the criterion; infinite where the errors overflow."""
+        """Value of the criterion; infinite if the errors overflow."""
         value = 0.0
         with np.errstate(all="ignore"):
             for run, weight in enumerate(self._weights):
@@ -133,10 +135,10 @@ class Criterion:
     def slopes(
         self, theta: RealArray, parts: IntegerArray, errors: RealArray | None = None
     ) -> RealArray:
-        """What each part of the record adds to the gradient of the one-step errors (parts, P).
+        """Contribution (parts, P) of each part of the record to the one-step errors' gradient.
 
-        parts: the number of each sample's part (N,), which does not fall. errors: in place of the
-        one-step errors (N, ny).
+        parts: number of each sample's part (N,), which never decreases. errors: used in place of
+        the one-step errors (N, ny).
         """
         found, first = np.zeros((int(parts[-1]) + 1, len(theta))), 0
         weight = np.linalg.inv(self._covariance(theta, 0))
@@ -152,9 +154,9 @@ class Criterion:
     def _runs(
         self, theta: RealArray, run: int
     ) -> Iterator[tuple[int, RealArray, tuple[RealArray, ...], RealArray, RealArray]]:
-        """Place and value of the initial state, matrices, inputs and outputs of each experiment.
+        """Index and value of the initial state, matrices, inputs and outputs of each experiment.
 
-        Run 0 is one-step prediction, 1 is free run with K = 0.
+        Run 0 is one-step prediction, run 1 the free run with K = 0.
         """
         model = self.model(theta)
         matrices = model.matrices(np.zeros_like(model.K) if run else model.K)
@@ -164,7 +166,7 @@ class Criterion:
             yield place, state, matrices, u - model.u_offset, y - model.y_offset
 
     def _covariance(self, theta: RealArray, run: int) -> RealArray:
-        """Covariance (ny, ny) of the errors of a run, at least that of rounding."""
+        """Covariance (ny, ny) of a run's errors, not below that of rounding."""
         total = self._floor.copy()
         for _, state, matrices, u, y in self._runs(theta, run):
             errors = y - predictions(*matrices, state, u, y)
@@ -173,7 +175,7 @@ class Criterion:
         return total
 
     def _likelihood(self, covariance: RealArray) -> float:
-        """Negative log likelihood of errors of a covariance, up to a constant."""
+        """Negative log likelihood of errors with a covariance, up to a constant."""
         scale = np.sqrt(np.diag(covariance))
         unit = np.linalg.slogdet(covariance / np.outer(scale, scale))[1]
         return 0.5 * self._rows * float(unit + 2 * np.log(scale).sum())

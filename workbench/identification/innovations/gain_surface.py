@@ -1,4 +1,4 @@
-"""Steps of an iteration that keep known static gains: along the surface, and back onto it."""
+"""Iteration steps that keep known static gains: along their surface, and back onto it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from workbench.identification.innovations.knowledge import Knowledge
 
 
 class GainSurface:
-    """The parameters of a criterion whose models have the known gains.
+    """The set of a criterion's parameters whose models have the known gains.
 
     ``known`` is in the units of the criterion's record.
     """
@@ -19,7 +19,7 @@ class GainSurface:
         self._criterion, self._known = criterion, known
 
     def _error(self, theta: RealArray) -> tuple[RealArray, RealArray]:
-        """Errors (q,) of the gains, and their slopes (q, P) by the parameters."""
+        """Errors (q,) of the gains, and their derivatives (q, P) with respect to the parameters."""
         errors, slopes = self._known.gain_error(self._criterion.model(theta))
         found = np.zeros((len(errors), len(theta)))
         found[:, : self._criterion.common] = slopes[:, self._criterion.free]
@@ -28,13 +28,13 @@ class GainSurface:
     def tangent(self, theta: RealArray, scale: RealArray) -> RealArray:
         """Orthonormal columns (P, P - q) that keep the gains to first order.
 
-        They are directions of the parameters times a scale (P,).
+        They are directions of the scaled parameters, theta times the scale (P,).
         """
         slopes = self._error(theta)[1] / scale
         return np.asarray(np.linalg.qr(slopes.T, mode="complete")[0][:, len(slopes) :])
 
     def nearest(self, theta: RealArray) -> RealArray:
-        """Parameters with the known gains by the least change of B and D, in which they are linear.
+        """Parameters with the known gains, by the least change of B and D, which enter linearly.
 
         The second correction removes the rounding of the first.
         """

@@ -1,4 +1,4 @@
-"""Gains, offsets and stable poles of models that a regression leaves without."""
+"""Gains, offsets and stable poles for models whose regression does not provide them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from workbench.identification.innovations.recursions import sensitivity_rows
 from workbench.identification.innovations.regression import triangle_of_blocks
 
 LEAST_COVARIANCE = 1e-12
-"""Covariance added to that of the noise, whose trace is 1: some states may have no noise."""
+"""Covariance added to that of the noise, scaled to trace 1, since some states may have no noise."""
 INPUT_BLOCK = 512
-"""Samples whose regression rows are formed at a time."""
+"""Samples whose regression rows are computed at a time."""
 
 
 def innovation_gain(A: RealArray, C: RealArray, covariance: RealArray) -> RealArray | None:
-    """Gain K (n, ny) of the stationary Kalman filter; None where there is none.
+    """Gain K (n, ny) of the stationary Kalman filter; None if there is none.
 
-    ``covariance`` (n + ny, n + ny) is that of state and output noise; its size does not matter.
+    ``covariance`` (n + ny, n + ny) is that of state and output noise; its scale does not matter.
     """
     n = len(A)
     size = float(np.trace(covariance))
@@ -43,10 +43,10 @@ def innovation_gain(A: RealArray, C: RealArray, covariance: RealArray) -> RealAr
 def operating_point(
     A: RealArray, B: RealArray, C: RealArray, D: RealArray, forcing: RealArray, level: RealArray
 ) -> tuple[RealArray, RealArray]:
-    """Offsets of u and y for the constants of x+ = A x + B u + forcing, y = C x + D u + level.
+    """Offsets of u and y for the constants in x+ = A x + B u + forcing, y = C x + D u + level.
 
-    The offset of u is as small as it can be; it is needed where A has a pole at 1, since there a
-    constant makes a drift.
+    The offset of u is as small as possible; it is needed if A has a pole at 1, since then a
+    constant causes a drift.
     """
     n = len(A)
     rows = np.hstack([np.eye(n) - A, B])
@@ -61,10 +61,10 @@ def with_inputs(
 ) -> InnovationsModel | None:
     """The model with the B, D and offset of y whose simulation fits the experiments best.
 
-    The result is None where the simulation overflows.
+    The result is None if the simulation overflows.
 
-    Where A has a growing mode, one-step predictions take the place of the simulation. The initial
-    state of each experiment is free. ``direct`` lets inputs act at once.
+    If A has an unstable mode, one-step predictions are used instead of the simulation. The initial
+    state of each experiment is free. ``direct`` allows inputs to act within the sample.
     """
     n, nu, ny = model.order, model.B.shape[1], len(model.C)
     size = n * n + n * nu + ny * n + ny * nu + n * ny + nu + ny + n
@@ -93,7 +93,7 @@ def with_inputs(
 
     for u, y in pieces:
         signals = model.acting(u) - model.u_offset, np.ascontiguousarray(y - model.y_offset)
-        # The initial state of an experiment has columns of its own, which are eliminated first.
+        # The initial state of an experiment has its own columns, which are eliminated first.
         factor = triangle_of_blocks(blocks(*signals), count + 1)
         found = np.asarray(np.linalg.qr(np.vstack([found, factor[n:, n:]]), mode="r"))
     with np.errstate(over="ignore"):
@@ -108,9 +108,10 @@ def with_inputs(
 
 
 def inside_circle(A: RealArray, radius: float) -> RealArray:
-    """A with eigenvalues outside the circle of a radius reflected at it, never farther than that.
+    """A with eigenvalues outside a circle reflected into it.
 
-    Its Schur form keeps its basis, so that the other modes stay as they are.
+    An eigenvalue of modulus r > radius gets the modulus min(radius, 1 / r). The basis of the Schur
+    form is kept, so that the other modes are unchanged.
     """
     triangle, basis = schur(A.astype(complex), output="complex")
     values = np.diag(triangle)

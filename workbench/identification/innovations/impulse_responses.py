@@ -1,4 +1,4 @@
-"""Impulse responses regularised by kernels that decay, and what a record leaves uncertain of them.
+"""Impulse responses regularised by decaying kernels, and their uncertainty.
 
 Sources: T. Chen, H. Ohlsson, L. Ljung, "On the estimation of transfer functions, regularizations
 and Gaussian processes - revisited", Automatica 48(8), 2012 (the kernel, and its posterior); T.
@@ -27,15 +27,18 @@ from workbench.identification.innovations.scaling import Scaling
 TAPS = 70
 """Largest number of samples of an impulse response."""
 ROWS_FOR_EACH = 3
-"""Fewest samples for each tap."""
+"""Fewest samples in the record for each tap."""
 DECAYS = (0.5, 0.8, 0.95)
-"""Decays of an impulse response per sample from which the best one is sought."""
+"""Decay factors per sample of the kernels that are compared; the best one is refined."""
 
 
 @dataclass(frozen=True)
 class _Posterior:
-    """Means (ny, nu, taps), levels (ny,), and roots (nu taps, nu taps) of the covariance of each
-    output's taps, of signals at unit spread."""
+    """Posterior distribution of the taps, for signals scaled to unit spread.
+
+    It has the means (ny, nu, taps), the levels (ny,), and for each output a root (nu taps, nu taps)
+    of the covariance of its taps.
+    """
 
     response: RealArray
     level: RealArray
@@ -46,11 +49,11 @@ class _Posterior:
 def impulse_response(
     record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
 ) -> InnovationsModel | None:
-    """Impulse responses regularised by a kernel that decays; None if the record is too short.
+    """Impulse responses regularised by a decaying kernel; None if the record is too short.
 
     Prior covariance c d^max(i, j) of samples i and j (the tuned and correlated kernel), with a
     scale c and a decay d for each pair of channels at which the marginal likelihood is largest.
-    Raises `InputError` where a finding of the record's report forbids to use it.
+    Raises `InputError` if a finding of the record's report forbids its use.
 
     Examples
     --------
@@ -70,7 +73,7 @@ def impulse_response(
 def impulse_model(
     record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
 ) -> InnovationsModel | None:
-    """As `impulse_response`, of a record that may be used."""
+    """As `impulse_response`, for a record that has been checked."""
     late = record.delayed(delay)
     found = _posterior(late, direct)
     if found is None:
@@ -85,9 +88,9 @@ def impulse_response_deviations(
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| for the model of `impulse_response`.
 
-    They are those of the posterior density: of responses that decay as the kernel says, after what
-    the record tells of them, with white noise at the outputs. ``frequency`` (F,) [cycles/sample].
-    Raises `InputError` where the record is too short for a model.
+    They are those of the posterior distribution, given the record: the prior responses decay as the
+    kernel says, and the outputs have white noise. ``frequency`` (F,) [cycles/sample]. Raises
+    `InputError` if the record is too short for a model.
 
     Examples
     --------
@@ -109,7 +112,7 @@ def impulse_response_deviations(
 def impulse_response_changes(
     record: Experiments, frequency: ArrayLike, *, direct: bool = True, delay: Sequence[int] = ()
 ) -> ComplexArray:
-    """Changes (Q, F, ny, nu) of the response, independent, each by one standard deviation."""
+    """Independent changes (Q, F, ny, nu) of the response, each of one standard deviation."""
     late = record.delayed(delay)
     found = _posterior(late, direct)
     if found is None:
@@ -130,12 +133,12 @@ def impulse_response_changes(
 
 
 def has_finite_response(model: InnovationsModel) -> bool:
-    """Whether a model is one of `impulse_response`, whose states are past inputs."""
+    """Whether a model comes from `impulse_response`: its states are past inputs."""
     return bool(model.order) and not model.K.any() and not np.triu(model.A).any()
 
 
 def _posterior(late: Experiments, direct: bool) -> _Posterior | None:
-    """Impulse responses of experiments, after their delays; None if the record is too short."""
+    """Impulse responses of delayed experiments; None if the record is too short."""
     nu, ny = late.u.shape[1], late.y.shape[1]
     scaling = Scaling.of(late)
     taps = min(TAPS, len(late) // (ROWS_FOR_EACH * (nu + 1)))
@@ -173,7 +176,7 @@ def _regularised(
 ) -> tuple[RealArray, RealArray]:
     """Posterior mean (nu count,) of the taps, and a root of their covariance.
 
-    The hyperparameters are those of the largest marginal likelihood.
+    The hyperparameters maximise the marginal likelihood.
     """
     later = np.maximum.outer(np.arange(count), np.arange(count))
 
@@ -207,7 +210,7 @@ def _regularised(
 
 
 def _shift_register(response: RealArray, level: RealArray, direct: bool) -> InnovationsModel:
-    """Model whose states are past inputs, from impulse responses (ny, nu, taps)."""
+    """Model whose states are past inputs, for impulse responses (ny, nu, taps)."""
     ny, nu = response.shape[:2]
     lags = response[:, :, 1:] if direct else response
     length = lags.shape[2]

@@ -13,9 +13,9 @@ from workbench.identification.innovations.recursions import driven_rows
 from workbench.identification.innovations.regression import triangle_of_blocks
 
 ROWS_AT_ONCE = 512
-"""Samples whose regression rows are formed at a time."""
+"""Samples whose regression rows are computed at a time."""
 RANK_ROUNDING = 1e-12
-"""Singular value of constraints or of a regression, relative to the largest, that is rounding."""
+"""A singular value below this, relative to the largest, counts as rounding."""
 
 Pieces = Iterable[tuple[RealArray, RealArray]]
 
@@ -24,7 +24,8 @@ Pieces = Iterable[tuple[RealArray, RealArray]]
 class InputRegression:
     """Regression of outputs on inputs through x+ = M x + B u, y = C x + D u + level.
 
-    Unknowns are B column by column, D of the inputs that act at once, column by column, and level.
+    The unknowns are B column by column, D of the inputs that act at once, column by column, and the
+    level.
     """
 
     M: RealArray
@@ -38,7 +39,7 @@ class InputRegression:
         return n * len(self.at_once) + ny * sum(self.at_once) + ny
 
     def row(self, B: Any, D: Any) -> Any:
-        """Coefficients of the unknowns that belong to B (n, m) and D (ny, m)."""
+        """Coefficients with which B (n, m) and D (ny, m) enter, in the order of the unknowns."""
         ny = len(self.C)
         acting = D[:, np.flatnonzero(self.at_once)]
         return np.concatenate([B.T.ravel(), acting.T.ravel(), np.zeros(ny)])
@@ -52,9 +53,10 @@ class InputRegression:
         return theta[: n * m].reshape(m, n).T, D, theta[-ny:]
 
     def factor(self, pieces: Pieces) -> tuple[RealArray, RealArray]:
-        """Triangular factor of the rows of unknowns and outputs, initial states eliminated.
+        """Triangular factor of the rows of unknowns and outputs, with initial states eliminated.
 
-        The norms of its columns before that come with it: what is left may be rounding.
+        Also returned are the norms of the columns before the elimination: the remainder may be
+        rounding.
         """
         n, count = len(self.M), self.columns + 1
         found, squares = np.zeros((0, count)), np.zeros(count)
@@ -88,7 +90,7 @@ class InputRegression:
 def constrained_least_squares(
     factor: RealArray, norms: RealArray, equations: RealArray, goals: RealArray
 ) -> RealArray | None:
-    """Unknowns of least errors among those with equations @ unknowns = goals; None of overflow."""
+    """Unknowns with least errors subject to equations @ unknowns = goals; None if overflow."""
     if not (np.isfinite(factor).all() and np.isfinite(equations).all()):
         return None
     scale = np.where(norms[:-1] == 0, 1.0, norms[:-1])

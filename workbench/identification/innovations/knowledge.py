@@ -1,8 +1,8 @@
-"""What is known of a plant before its record is seen: poles, and static gains.
+"""Prior knowledge of a plant: poles and static gains.
 
-A model keeps known poles through iterations where its A is block triangular with those poles in the
-first block, whose diagonal then stays. It keeps known gains where each step is followed by the
-least change of B and D that restores them: the gain is linear in both.
+Iterations keep known poles if A is block triangular with those poles in the first block, whose
+diagonal is fixed. They keep known gains if each step is followed by the least change of B and D
+that restores them, since the gain is linear in both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from workbench.arrays import BoolArray, RealArray
 from workbench.identification.innovations.model import InnovationsModel
 
 NEAR = 1e-3
-"""Largest distance of an eigenvalue from the known pole that it stands for."""
+"""Largest distance of an eigenvalue from the known pole that it represents."""
 
 GAIN_ROUNDING = 1e-7
 """Error of a known gain, relative to the sizes of the signals, that counts as rounding."""
@@ -29,28 +29,28 @@ GAIN_ROUNDING = 1e-7
 class Knowledge:
     """Known poles of a plant in discrete time, and its known static gains.
 
-    ``poles`` (k,) are complex ones with their conjugates, each as often as it is known. ``gain``
-    (ny, nu) is NaN where it is unknown; None: nowhere known.
+    ``poles`` (k,) include the conjugates of complex poles, each repeated by its multiplicity.
+    ``gain`` (ny, nu) is NaN for unknown gains; None: all are unknown.
     """
 
     poles: tuple[complex, ...] = ()
     gain: RealArray | None = None
 
     def in_units(self, u_spread: RealArray, y_spread: RealArray) -> Knowledge:
-        """The same of signals that are divided by these spreads, (nu,) and (ny,)."""
+        """The same knowledge for signals divided by these spreads, (nu,) and (ny,)."""
         if self.gain is None:
             return self
         return replace(self, gain=self.gain * u_spread / y_spread[:, None])
 
     def groups(self) -> list[tuple[complex, int]]:
-        """Each different pole of the upper half plane, and how often it is known."""
+        """The different poles in the closed upper half plane, with their multiplicities."""
         upper = sorted((p for p in self.poles if p.imag >= 0), key=lambda p: (p.real, p.imag))
         return [(pole, len(list(same))) for pole, same in groupby(upper)]
 
     def exact(self, model: InnovationsModel) -> InnovationsModel | None:
         """The model in a basis where A is block triangular and has the poles exactly.
 
-        None where its eigenvalues are not near the poles.
+        None if its eigenvalues are not near the poles.
         """
         if not self.poles:
             return model
@@ -74,7 +74,7 @@ class Knowledge:
         return replace(model, A=T, B=Z.T @ model.B, C=model.C @ Z, K=Z.T @ model.K)
 
     def free_entries(self, model: InnovationsModel) -> BoolArray | None:
-        """Which entries of A, B, C, D and K of an `exact` model may change; None: all of them."""
+        """Mask of the entries of A, B, C, D, K in an `exact` model that may change; None: all."""
         if not self.poles:
             return None
         count = len(self.poles)
@@ -86,7 +86,7 @@ class Knowledge:
         return np.concatenate([free.ravel(), np.ones(others, dtype=bool)])
 
     def gain_error(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
-        """Known gains less those of a model (q,), negative, and slopes (q, P) of its gains.
+        """Gains of a model minus the known ones (q,), and derivatives (q, P) of its gains.
 
         The P parameters are the entries of A, B, C, D, K and both offsets, row by row.
         """
@@ -110,7 +110,7 @@ class Knowledge:
         return np.array(errors), np.array(rows)
 
     def holds(self, model: InnovationsModel, size: RealArray) -> bool:
-        """Whether a model has the poles, and the gains but for rounding at their sizes (ny, nu)."""
+        """Whether a model has the poles and, up to rounding relative to ``size``, the gains."""
         errors = np.abs(self.gain_error(model)[0])
         if self.gain is not None:
             known = np.isfinite(self.gain)
@@ -134,7 +134,7 @@ def _eigenvalues(T: RealArray) -> np.ndarray:
 
 
 def _with_poles(T: RealArray, poles: tuple[complex, ...]) -> RealArray | None:
-    """A quasi-triangular matrix with these eigenvalues, near its own; None where they are not."""
+    """A quasi-triangular matrix with these eigenvalues, near its own; None if they are far."""
     values, found = _eigenvalues(T), T.copy()
     rows, columns = linear_sum_assignment(np.abs(values[:, None] - np.array(poles)))
     near = np.empty(len(T), dtype=complex)

@@ -2,7 +2,7 @@
 
     x(t+1) = A x + B u + K e,    y = C x + D u + e,    e white
 
-Discrete time; u and y are deviations from offsets, and each input may act some samples later.
+Time is discrete. u and y are deviations from offsets, and each input may have a delay in samples.
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.3 and 16.4.
 """
 
@@ -26,11 +26,12 @@ STATE_SAMPLES = 300
 class InnovationsModel:
     """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
 
-    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is how much
-    later an input acts; empty where none does. ``sample_time`` [s] and the names and units of the
-    channels are those of the record. ``members`` are the models whose mean this one is, if it is
-    one: its runs are then the means of theirs, each from an initial state of its own. The last
-    ``resting`` states start every run at zero: a few samples do not tell them from the others.
+    The offsets (nu,) and (ny,) are subtracted from u and y. ``delay`` [samples] (nu,) is the delay
+    of each input; empty if there are no delays. ``sample_time`` [s] and the names and units of the
+    channels are those of the record. ``members`` are the averaged models, if this model is an
+    average: its runs are then the means of their runs, each with its own initial state. The last
+    ``resting`` states start every run at zero, because a few samples do not distinguish them from
+    the others.
 
     Examples
     --------
@@ -60,7 +61,7 @@ class InnovationsModel:
 
     @property
     def order(self) -> int:
-        """Number of states, without those that only delay an input."""
+        """Number of states, without the states of input delays."""
         return len(self.A)
 
     @property
@@ -76,7 +77,7 @@ class InnovationsModel:
     def system(self) -> StateSpace:
         """System from u to y, at the record's sampling time, with the names of its channels.
 
-        A delayed input has a state for each sample of its delay.
+        A delayed input has one state for each sample of its delay.
         """
         import control
 
@@ -131,7 +132,7 @@ class InnovationsModel:
         return self._run(np.zeros_like(self.K), u, y, washout)
 
     def _run(self, K: RealArray, u: RealArray, y: RealArray, washout: int) -> RealArray:
-        """Predictions with a gain K, from the initial state that suits y best."""
+        """Predictions with a gain K, from the initial state that fits y best."""
         drive = self.acting(u) - self.u_offset
         measured = y - self.y_offset
         x0 = initial_state(self, K, drive[:washout], measured[:washout])
@@ -139,12 +140,15 @@ class InnovationsModel:
         return found + self.y_offset
 
     def matrices(self, K: RealArray) -> tuple[RealArray, ...]:
-        """A, B, C, D and another gain K, as compiled code takes them."""
+        """A, B, C, D and another gain K, in the form for compiled code."""
         own = (self.A, self.B, self.C, self.D, K)
         return tuple(np.ascontiguousarray(matrix, dtype=float) for matrix in own)
 
     def acting(self, u: RealArray) -> RealArray:
-        """Inputs (N, nu) that act at each sample: those before the record are its first ones."""
+        """Inputs (N, nu) that act at each sample.
+
+        Before the record they equal their first sample.
+        """
         if not any(self.delay):
             return np.ascontiguousarray(u, dtype=float)
         now = np.arange(len(u))

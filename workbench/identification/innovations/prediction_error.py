@@ -19,22 +19,25 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
 
 MIN_LIKELIHOOD_GAIN = 1.0
-"""Gain in log likelihood below which an iteration is the last: Akaike's penalty for one parameter.
+"""The iteration ends when a step gains less than this in log likelihood: Akaike's penalty for one
+parameter.
 
-Iterations that gain less fit the noise of this record.
+Further iterations would fit the noise of this record.
 """
 COARSE_SAMPLES = 20_000
-"""Leading samples of a longer record on which iterations begin, as they are cheap there."""
+"""Leading samples of a longer record that the first iterations use, since they are cheap."""
 LONG = 4
-"""Lengths of the coarse part from which on a record is long."""
+"""A record is long if it has at least so many times `COARSE_SAMPLES`."""
 MOST_PRODUCTS = 2e11
-"""Products of one sweep of derivatives; models of many states use the samples that it allows."""
+"""Most products in one pass over the derivatives; models with many states use only as many samples
+as this allows.
+"""
 CIRCLE_ROUNDING = 1e-10
-"""Distance of a predictor's poles from the unit circle that eigenvalues are computed to."""
+"""Accuracy of computed eigenvalues near the unit circle."""
 
 
 def refinable(model: InnovationsModel, largest_radius: float = 1.0) -> bool:
-    """Whether `refine` can start from a model: its poles and its predictor's are where they may."""
+    """Whether `refine` can start from a model: its poles and its predictor's are admissible."""
     poles_allowed = model.radius <= largest_radius + CIRCLE_ROUNDING
     return poles_allowed and model.predictor_radius < 1 - CIRCLE_ROUNDING
 
@@ -58,22 +61,23 @@ def refine(
     unchanged. Steps are refused if they make the predictor unstable or bring a pole of the model
     beyond the largest radius.
 
-    A long record is approached from its first `COARSE_SAMPLES`; the last iterations use all of it,
-    or as much as `MOST_PRODUCTS` allows a model of many states, at least the coarse part.
+    For a long record the iteration begins on its first `COARSE_SAMPLES`; the last iterations use
+    all of it or, for a model with many states, as much as `MOST_PRODUCTS` allows, but at least the
+    first part.
 
     Parameters
     ----------
     simulation_weight
-        Weight of the errors in free run. Models whose free run grows have none.
+        Weight of the free-run errors; zero for models whose free run is unstable.
     direct
         Whether inputs may act at once, through D.
     largest_radius
-        Largest modulus of a pole of the model; infinite where the plant may be unstable.
+        Largest modulus of a pole of the model; infinite if the plant may be unstable.
     entries
-        Which entries of A, B, C, D and K are free, as for `Criterion`; the others stay.
+        The free entries of A, B, C, D and K, as for `Criterion`; the others are fixed.
     known
-        Gains to keep; each step stays on the surface of the models that have them. Known poles are
-        kept by entries that are not free.
+        Gains to keep; each step stays on the surface of models with these gains. Known poles are
+        kept by fixing entries.
     least_gain
         Gain in log likelihood below which an iteration is the last.
 
@@ -99,13 +103,13 @@ def refine(
             criterion = Criterion(each, last, simulation_weight, direct)
             return criterion(criterion.start(each))
 
-        model = min(model, near, key=value)  # the start may know the whole record
+        model = min(model, near, key=value)  # the start may have been fitted to the whole record
     model, done = _refined(model, last, *rest)
     return model, total + done
 
 
 def _stages(record: Experiments, model: InnovationsModel) -> list[Experiments]:
-    """Parts of a record on which a model is refined, one after the other."""
+    """Successive parts of a record on which a model is refined."""
     n, channels = model.order, record.u.shape[1] + record.y.shape[1]
     affordable = int(MOST_PRODUCTS / max(n * n * n * (n + channels), 1))
     whole = record.part(0, min(len(record), max(affordable, COARSE_SAMPLES)))

@@ -1,7 +1,7 @@
-"""Compiled recursions of innovations models: predictions, and how they depend on the parameters.
+"""Compiled recursions of innovations models: predictions and their derivatives.
 
-Signals are deviations from offsets. A sample of y that is missing (NaN) is predicted, and its
-innovation counts as zero.
+Signals are deviations from offsets. A missing sample of y (NaN) is predicted, and its innovation is
+set to zero.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def sensitivity_rows(A, B, C, D, K, x, moved, shifted, free, u, y, errors, rows)
     """Errors (T, ny) of a block of samples, and their derivatives, rows (T, ny, P).
 
     The columns are those of A, B, C, D, K, of the offsets of u and y, and of the initial state, in
-    this order. Where y is missing, error and derivatives are zero, and those of C and D that come
-    through the gain are approximate after it.
+    this order. For a missing sample of y, the error and its derivatives are zero; after it, the
+    derivatives with respect to C and D that act through the gain are approximate.
 
     ``x`` (n,) is the state; its derivatives are ``moved`` (n, n (n + nu + ny)), one column for each
     pair of a state equation and a signal x, u or e that enters it, ``shifted`` (n, nu + ny) by the
@@ -154,10 +154,11 @@ def observability(A, C, samples):  # type: ignore[no-untyped-def]
 
 @compiled
 def driven_rows(A, C, driven, free, u, rows):  # type: ignore[no-untyped-def]
-    """Derivatives of the outputs of x+ = A x + B u by the initial state and by B, column by column.
+    """Derivatives of the outputs of x+ = A x + B u with respect to the initial state and B.
 
-    They are written to the first n (1 + nu) columns of rows (T, ny, P). ``driven`` (n, nu n) and
-    ``free`` (n, n), the derivatives of the state, are updated in place.
+    Those with respect to B are column by column. They are written to the first n (1 + nu) columns
+    of rows (T, ny, P). ``driven`` (n, nu n) and ``free`` (n, n), the derivatives of the state, are
+    updated in place.
     """
     n, nu = len(A), u.shape[1]
     seen, seen_free = np.empty((len(C), nu * n)), np.empty((len(C), n))

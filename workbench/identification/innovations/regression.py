@@ -1,7 +1,7 @@
-"""Triangular factors of long regressions, block by block: any length of record, little memory.
+"""Triangular factors of long regressions, built in blocks, so that little memory is used.
 
-A regression on lagged samples needs the triangular factor of its rows alone, never their squares,
-so nothing is lost where inputs are coloured or units differ.
+A regression on lagged samples needs only the triangular factor of its rows, never their squares; so
+no accuracy is lost with coloured inputs or different units.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from workbench.arrays import RealArray
 
 BLOCK = 4096
-"""Rows that are factored at a time."""
+"""Number of rows that are factored at a time."""
 LEAST_NOISE = 1e-12
-"""Variance of the noise, relative to that of the output, below which it is rounding."""
+"""A noise variance below this, relative to that of the output, counts as rounding."""
 
 
 def triangle_of_blocks(blocks: Iterable[RealArray], columns: int) -> RealArray:
@@ -33,7 +33,7 @@ def triangle_of_blocks(blocks: Iterable[RealArray], columns: int) -> RealArray:
 class LaggedTriangle:
     """Triangular factor of rows (1, lag 1, ..., lag p, now) of signals, now = (u, y).
 
-    ``channels`` are nu + ny, ``rows`` the number of rows that were factored.
+    ``channels`` is nu + ny, ``rows`` the number of rows that were factored.
     """
 
     factor: RealArray
@@ -43,7 +43,7 @@ class LaggedTriangle:
 
     @property
     def history(self) -> slice:
-        """Columns of the lagged samples, the latest first."""
+        """Number of columns with lagged samples, the latest first."""
         return slice(1, 1 + self.past * self.channels)
 
     def shorter(self, past: int) -> LaggedTriangle:
@@ -89,7 +89,7 @@ def lagged_triangle(
 def least_squares(regressors: RealArray, targets: RealArray) -> RealArray:
     """Matrix X (targets, regressors) that minimises |targets - regressors X^T|.
 
-    Columns are scaled first; directions without content get nothing.
+    Columns are scaled first; directions without information get zero.
     """
     scale = np.linalg.norm(regressors, axis=0)
     scale[scale == 0] = 1.0

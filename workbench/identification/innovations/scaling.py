@@ -1,4 +1,4 @@
-"""Means and spreads of the channels of a record, at which models are computed."""
+"""Scaling of records by mean and spread, in which models are computed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.identification.innovations.model import InnovationsModel
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Means and spreads of the channels of experiments, at which everything is computed."""
+    """Means and spreads of the channels of experiments; computations use scaled signals."""
 
     u_mean: RealArray
     u_spread: RealArray
@@ -31,7 +31,7 @@ class Scaling:
         return (u - self.u_mean) / self.u_spread, (y - self.y_mean) / self.y_spread
 
     def restored(self, model: InnovationsModel, record: Experiments) -> InnovationsModel:
-        """A model of scaled signals, for the signals of the record."""
+        """Convert a model of scaled signals to the record's signals."""
         return replace(
             model,
             B=model.B / self.u_spread,
@@ -44,7 +44,7 @@ class Scaling:
         )
 
     def applied(self, model: InnovationsModel) -> InnovationsModel:
-        """A model of the record's signals, for scaled ones: the inverse of `restored`."""
+        """Convert a model of the record's signals to scaled ones: the inverse of `restored`."""
         return replace(
             model,
             B=model.B * self.u_spread,

@@ -1,7 +1,7 @@
-"""What a record leaves uncertain of a model: deviations of poles, static gains and responses.
+"""Uncertainty of a model, given the record: deviations of poles, static gains and responses.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 9.4 and 9.5 (the covariance of
-parameters, and Gauss's approximation for what is computed from them).
+parameters, and Gauss's approximation for functions of them).
 """
 
 from __future__ import annotations
@@ -22,21 +22,23 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.input_checks import as_array, need_kind
 
 HESSIAN_ROUNDING = 1e-11
-"""Curvature, relative to the largest, below which the record tells nothing of a direction."""
+"""Curvature, relative to the largest, below which the record does not determine a direction."""
 OPEN = 1e-3
-"""Change along such a direction, over the deviation by all others, that is no rounding.
+"""Change along an undetermined direction that is not rounding, relative to the deviation along all
+others.
 
-One that only changes the basis of states changes no pole and no response."""
+A direction that only changes the basis of the states changes no pole and no response."""
 KNOWN_ROUNDING = 1e-7
-"""The same over the value itself: what is known exactly has no deviation."""
+"""Deviation, relative to the value, that counts as rounding: exactly known quantities have none."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelDeviations:
     """Poles (n,) and static gains (ny, nu), with standard deviations of moduli and of gains.
 
-    A static gain of an integrator is infinite, and its standard deviation is too. So is that of
-    what the record leaves open, such as the gains of two equal inputs.
+    An integrator has an infinite static gain with infinite standard deviation. Quantities that the
+    record does not determine, such as the gains of two equal inputs, have an infinite standard
+    deviation too.
     """
 
     poles: ComplexArray
@@ -51,7 +53,7 @@ def model_deviations(
     direct: bool = True,
     known: Knowledge | None = None,
 ) -> ModelDeviations:
-    """Uncertainty of a model of experiments, by the curvature of its prediction errors.
+    """Uncertainty of a model of experiments, from the curvature of its prediction errors.
 
     Poles and gains that are ``known`` have no deviation.
     """
@@ -60,7 +62,9 @@ def model_deviations(
     estimates = _estimates(model, record, direct, known)
     criterion, theta = estimates.criterion, estimates.theta
     poles = np.linalg.eigvals(model.A).astype(complex)
-    pole_deviations = estimates.deviations(lambda step: _moved(criterion, theta, step), poles)
+    pole_deviations = estimates.deviations(
+        lambda step: _modulus_slopes(criterion, theta, step), poles
+    )
     gains = static_gain(model)
     if np.isfinite(gains).all():
         gain_deviations = estimates.deviations(
@@ -76,15 +80,15 @@ def response_deviations(
 ) -> RealArray:
     """Standard deviations (F, ny, nu) of |G - truth| at frequencies (F,) [cycles/sample].
 
-    They are those of the curvature of the prediction errors, so they hold where these are white:
-    the model must have the order of the plant and of the noise. ``direct`` says whether D is free.
-    What the record leaves open, such as the responses to two equal inputs, has an infinite one.
-    For models of `impulse_response` take `impulse_response_deviations`.
+    They come from the curvature of the prediction errors, so they are valid if these are white: the
+    model must have the order of plant and noise. ``direct`` says whether D is free. A response that
+    the record does not determine, such as that of one of two equal inputs, has an infinite
+    deviation. For models of `impulse_response` use `impulse_response_deviations`.
 
     Raises
     ------
     InputError
-        Model, record or frequencies are none, or the channels of model and record differ.
+        Model, record or frequencies are invalid, or the channels of model and record differ.
 
     Examples
     --------
@@ -99,7 +103,7 @@ def response_deviations(
     >>> found.shape, bool((found < 0.02).all())
     ((2, 1, 1), True)
     """
-    frequency = _checked(model, record, frequency)
+    frequency = _checked_frequencies(model, record, frequency)
     estimates = _estimates(model, record, direct, None)
     return estimates.deviations(
         lambda step: np.abs(response_along(estimates.criterion, estimates.theta, step, frequency)),
@@ -114,7 +118,7 @@ def magnitude_deviations(
     direct: bool = True,
     known: Knowledge | None = None,
 ) -> RealArray:
-    """Standard deviations (F, ny, nu) of |G|, to first order; as `response_deviations`.
+    """Standard deviations (F, ny, nu) of |G| to first order; see `response_deviations`.
 
     Poles and gains that are ``known`` do not vary.
     """
@@ -132,7 +136,7 @@ def magnitude_deviations(
 def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray:
     """Standard deviations (F, ny, nu) of |G| from independent changes of a response G.
 
-    Each change (F, ny, nu) is one by a standard deviation.
+    Each change (F, ny, nu) is one standard deviation along one direction.
     """
     unit = _unit(response)
     total = np.zeros(unit.shape)
@@ -142,12 +146,14 @@ def of_magnitudes(changes: Iterable[ComplexArray], response: Array) -> RealArray
 
 
 def _unit(response: Array) -> Array:
-    """A response over its magnitude."""
+    """A response divided by its magnitude."""
     return np.asarray(response / np.maximum(np.abs(response), np.finfo(float).tiny))
 
 
-def _checked(model: InnovationsModel, record: Experiments, frequency: ArrayLike) -> RealArray:
-    """Frequencies (F,) as numbers; raises `InputError` for what is none, no model or no record."""
+def _checked_frequencies(
+    model: InnovationsModel, record: Experiments, frequency: ArrayLike
+) -> RealArray:
+    """Frequencies (F,) as numbers; raises `InputError` for invalid ones, model or record."""
     need_kind(model, InnovationsModel, "model")
     need_kind(record, Experiments, "record")
     shape = (record.y.shape[1], record.u.shape[1])
@@ -164,10 +170,10 @@ def _checked(model: InnovationsModel, record: Experiments, frequency: ArrayLike)
 
 @dataclass(frozen=True, eq=False)
 class _Estimates:
-    """Estimated parameters of a criterion, and how well it tells them.
+    """Estimated parameters of a criterion, and their uncertainty.
 
-    Each column of ``root`` is a change by one standard deviation. What changes along the columns of
-    ``untold`` the record does not see.
+    Each column of ``root`` is a change by one standard deviation. The record does not determine
+    changes along the columns of ``untold``.
     """
 
     criterion: Criterion
@@ -176,9 +182,9 @@ class _Estimates:
     untold: RealArray
 
     def deviations(self, along: Callable[[RealArray], RealArray], values: Array) -> RealArray:
-        """Standard deviations of values that change so ``along`` a step of the parameters.
+        """Standard deviations of values whose change for a parameter step ``along`` returns.
 
-        They are infinite where these change along what the record does not see.
+        They are infinite if the values change along a direction that the record does not determine.
         """
         total = np.sqrt(np.sum([along(step) ** 2 for step in self.root.T], axis=0))
         rounding = OPEN * total + KNOWN_ROUNDING * np.abs(values)
@@ -190,7 +196,7 @@ class _Estimates:
 def _estimates(
     model: InnovationsModel, record: Experiments, direct: bool, known: Knowledge | None
 ) -> _Estimates:
-    """Criterion, parameters, and what its curvature tells of them."""
+    """Criterion, parameters, and their uncertainty by its curvature."""
     if known is None:
         entries: BoolArray | None = _of_structure(model)
     else:
@@ -204,15 +210,15 @@ def _estimates(
         scale = np.sqrt(np.diag(hessian))
         scale[scale == 0] = 1.0
         along = GainSurface(criterion, known).tangent(theta, scale) / scale[:, None]
-    told, untold = _curved(along.T @ hessian @ along)
+    told, untold = _split_by_curvature(along.T @ hessian @ along)
     return _Estimates(criterion, theta, along @ told, along @ untold)
 
 
 def _of_structure(model: InnovationsModel) -> BoolArray:
-    """Which entries of A, B, C, D and K are free: those that no structure keeps at zero.
+    """Mask of the free entries of A, B, C, D and K: those that no structure fixes at zero.
 
-    A polynomial model has states of the plant and states of the noise, which stay apart. A gain
-    that is zero as a whole is that of a simulator, and is free.
+    A polynomial model has separate states for the plant and for the noise. A gain that is entirely
+    zero belongs to a simulator, and is free.
     """
     gain = model.K if model.K.any() else np.ones_like(model.K)
     parts = (model.A, model.B, model.C, np.ones_like(model.D), gain)
@@ -229,7 +235,7 @@ def response_along(
 def response_slopes(
     model: InnovationsModel, frequency: ArrayLike, direct: bool = True
 ) -> ComplexArray:
-    """Derivatives (F, ny, nu, P) of the response by the entries of A, B, C and, if direct, D."""
+    """Derivatives (F, ny, nu, P) of the response by the entries of A, B, C and, if free, D."""
     z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
     resolvent = np.linalg.inv(z * np.eye(model.order) - model.A)
     states, seen = resolvent @ model.B, model.C @ resolvent
@@ -247,7 +253,7 @@ def response_slopes(
 
 
 def static_gain(model: InnovationsModel) -> RealArray:
-    """Static gains (ny, nu); infinite where A has a pole at 1."""
+    """Static gains (ny, nu); infinite if A has a pole at 1."""
     rest = np.eye(model.order) - model.A
     if model.order and np.linalg.cond(rest) > 1 / np.finfo(float).eps:
         return np.full(model.D.shape, np.inf)
@@ -255,14 +261,14 @@ def static_gain(model: InnovationsModel) -> RealArray:
 
 
 def root_of_inverse(hessian: RealArray) -> RealArray:
-    """Matrix R with R R' the inverse of a Hessian, where it has curvature."""
-    return _curved(hessian)[0]
+    """Matrix R such that R R' is the inverse of a Hessian on the directions with curvature."""
+    return _split_by_curvature(hessian)[0]
 
 
-def _curved(hessian: RealArray) -> tuple[RealArray, RealArray]:
-    """A root of the inverse of a Hessian, where it has curvature, and directions where it has none.
+def _split_by_curvature(hessian: RealArray) -> tuple[RealArray, RealArray]:
+    """Root of a Hessian's inverse on directions with curvature, and directions without.
 
-    The latter have the length of a standard deviation of the parameters, one by one.
+    The latter are scaled by the standard deviation of each parameter.
     """
     scale = np.sqrt(np.diag(hessian))
     scale[scale == 0] = 1.0
@@ -278,7 +284,7 @@ def _slope(function: Callable[[RealArray], Array], theta: RealArray, step: RealA
     return np.asarray((function(theta + small * step) - function(theta - small * step)) / 2 / small)
 
 
-def _moved(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
+def _modulus_slopes(criterion: Criterion, theta: RealArray, step: RealArray) -> RealArray:
     """Derivatives of the moduli of the poles along one standard deviation."""
     left, right = np.linalg.eig(criterion.model(theta).A)
     inverse = np.linalg.pinv(right)

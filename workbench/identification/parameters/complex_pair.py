@@ -1,7 +1,7 @@
 """Complex numbers for CasADi, which has none, as pairs of real expressions.
 
 A model of a response is written once, as a formula in its parameters and s. With NumPy's complex
-numbers it gives numbers; with pairs it gives a CasADi graph, which has exact derivatives.
+numbers the formula gives numbers; with pairs it gives a CasADi graph, which has exact derivatives.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ComplexPair:
 
     @classmethod
     def of(cls, value: Any) -> ComplexPair:
-        """The pair of a pair, a complex number or a real number or expression."""
+        """Convert a pair, a complex number, or a real number or expression to a pair."""
         if isinstance(value, ComplexPair):
             return value
         if isinstance(value, complex | np.complexfloating):
@@ -111,4 +111,4 @@ _OPERATIONS: dict[np.ufunc, Callable[..., ComplexPair]] = {
     np.log: ComplexPair.log,
     np.sqrt: ComplexPair.sqrt,
 }
-"""Operation on pairs for each of NumPy's functions."""
+"""For each of NumPy's functions, the operation on pairs."""

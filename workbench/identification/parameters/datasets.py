@@ -42,7 +42,7 @@ def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
             variables[axis] = (axis, datum.frequency, unit)
         elif isinstance(datum, MeasuredRecord):
             data, dims = datum.y, (f"{label}_output", f"{label}_sample")
-        else:  # a kind of data defined by the caller
+        else:  # a kind of data that the caller defines
             continue
         model = datum.predicted(named)
         for kind, array in (("measured", data), ("model", model)):

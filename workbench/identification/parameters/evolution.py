@@ -1,4 +1,4 @@
-"""Parameter fits by differential evolution, which takes no derivative and no near start."""
+"""Parameter fits by differential evolution, which needs neither derivatives nor a good start."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 MEMBERS, MOST_GENERATIONS = 15, 2000
-"""Members of a population for each parameter, and most generations of it."""
+"""Members of a population for each parameter, and largest number of generations."""
 SETTLED = 1e-10
-"""Spread of a population's sums of squares, relative, at which it has settled."""
+"""A population has settled if its sums of squares agree to this relative accuracy."""
 EXACT_FIT = 1e-25
-"""The same spread relative to the sum of the data's squares, for data that fit exactly."""
+"""The same tolerance relative to the sum of the data's squares, for data that fit exactly."""
 
 
 def _unbounded(program: ParameterFit) -> str | None:
-    """Why no population can be drawn; None where all bounds are finite."""
+    """The reason why no population can be drawn; None if all bounds are finite."""
     finite = np.isfinite(program.lower) & np.isfinite(program.upper)
     if finite.all():
         return None
@@ -32,7 +32,7 @@ def _unbounded(program: ParameterFit) -> str | None:
 
 @method(ParameterFit, "evolution", optimal=False, unfit=_unbounded, accuracy=ANY_ACCURACY_ALIKE)
 def _evolution(program: ParameterFit, context: Context) -> Claim:
-    """Differential evolution between the bounds: no derivatives, no start that has to be near.
+    """Differential evolution between the bounds: no derivatives, no good start needed.
 
     Parameters whose bounds are positive are drawn on a logarithmic scale. R. Storn, K. Price,
     Differential evolution, J. Global Optimization 11 (1997) 341-359.

@@ -9,14 +9,14 @@ import numpy as np
 from scipy import linalg
 
 DERIVATIVE_ROUNDING = 1e-9
-"""Singular value of the Jacobian, relative to the largest, up to which it is rounding."""
+"""A singular value of the Jacobian below this, relative to the largest, counts as rounding."""
 NAMED_SHARE = 0.02
-"""Share of a parameter in a combination, relative to the largest, above which it is named."""
+"""A parameter is named in a combination if its share, relative to the largest, exceeds this."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Singular values of the Jacobian for relative changes of the parameters, and their meaning.
+    """Singular values of the Jacobian for relative changes of the parameters, with an explanation.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Identifiability:
     blind
         Sentences on combinations that do not change the residuals, by the structure of the model.
     unseen
-        Sentences on these, and on combinations hidden by noise: a change of 100 % changes the
+        Sentences on these combinations and on those hidden by noise: a change of 100 % changes the
         residuals by less than a standard deviation.
     """
 

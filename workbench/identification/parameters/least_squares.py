@@ -15,7 +15,7 @@ from workbench.identification.parameters.identifiability import Identifiability,
 from workbench.identification.parameters.measured import Measured
 
 ACTIVE_BOUND_DISTANCE = 1e-6
-"""Distance from a bound, relative to the parameter's scale, up to which the bound is active."""
+"""A bound is active if the parameter is this near to it, relative to the parameter's scale."""
 
 
 @dataclass(frozen=True)

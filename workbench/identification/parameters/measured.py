@@ -1,6 +1,6 @@
 """Data of a parameter fit: measured responses and records, each with its model.
 
-A model is a Python function that is called with numbers, for the checks, and with CasADi's symbols,
+A model is a Python function. It is called with numbers for the checks, and with CasADi's symbols
 for exact derivatives.
 """
 
@@ -55,14 +55,14 @@ class MeasuredResponse:
     response
         Complex, shape (F,) or (F, outputs, inputs).
     variance
-        E|error|^2 of each entry, real and imaginary part together; None: equal everywhere, and
-        estimated from the residuals.
+        E|error|^2 of each entry, real and imaginary part together; None: it is equal everywhere,
+        and is estimated from the residuals.
     degrees
         Degrees of freedom of the variance if it is an estimate: 2 (M - 1) for M periods.
     name
         Name in messages and figures.
     report
-        Report of the record that it was estimated from, where one was made.
+        Report of the record from which it was estimated, if there is one.
 
     Examples
     --------
@@ -162,7 +162,10 @@ class MeasuredResponse:
         return np.concatenate([error.real.ravel(), error.imag.ravel()])
 
     def expression(self, names: Sequence[str], vector: Any) -> Any:
-        """Residuals as a CasADi expression of the parameters in ``vector``, in another order."""
+        """Residuals as a CasADi expression of the parameters in ``vector``.
+
+        Their order is different.
+        """
         import casadi as ca
 
         p, omega = ca.SX.sym("p", len(names)), ca.SX.sym("omega")
@@ -184,9 +187,9 @@ class MeasuredRecord:
     Parameters
     ----------
     step
-        Function of the parameters by name, the list of states and the list of inputs at one
-        sample; returns the list of states at the next sample and the list of outputs at this one.
-        It may use arithmetic and CasADi's functions.
+        Function of the parameters by name, the list of states and the list of inputs at one sample;
+        it returns the list of states at the next sample and the list of outputs at this one. It may
+        use arithmetic and CasADi's functions.
     initial
         Function of the parameters; returns the list of states at the first sample.
     u
@@ -199,13 +202,14 @@ class MeasuredRecord:
     name
         Name in messages and figures.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Raises
     ------
     InputError
-        Records of different lengths, values that are not finite, or a finding that forbids to use
-        the record, such as feedback from y to u: a simulation takes u as free of the noise.
+        Records of different lengths, values that are not finite, or a finding that forbids the use
+        of the record, such as feedback from y to u: a simulation assumes that u is independent of
+        the noise.
 
     Examples
     --------
@@ -248,7 +252,7 @@ class MeasuredRecord:
 
     @property
     def degrees(self) -> float:
-        """Degrees of freedom of the variance, which counts as exact."""
+        """Degrees of freedom of the variance, which is taken as exact."""
         return np.inf
 
     @property
@@ -286,7 +290,10 @@ class MeasuredRecord:
         return ((self.predicted(values) - self.y) * self.weights).ravel()
 
     def expression(self, names: Sequence[str], vector: Any) -> Any:
-        """Residuals as a CasADi expression of the parameters in ``vector``, in another order."""
+        """Residuals as a CasADi expression of the parameters in ``vector``.
+
+        Their order is different.
+        """
         import casadi as ca
 
         p, u = ca.SX.sym("p", len(names)), ca.SX.sym("u", len(self.u))
@@ -311,7 +318,7 @@ def _entries(value: Any) -> Iterator[Any]:
 
 
 def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | None:
-    """The given variance in a shape, None for None, or an `InputError`."""
+    """The variance as an array of this shape; None for None; raises `InputError` otherwise."""
     if value is None:
         return None
     variance = np.asarray(value, dtype=float)
@@ -326,6 +333,6 @@ def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | Non
 
 
 def _set(instance: Any, **values: Any) -> None:
-    """Set fields of a frozen dataclass while it is constructed."""
+    """Set fields of a frozen dataclass during its construction."""
     for name, value in values.items():
         object.__setattr__(instance, name, value)

@@ -13,7 +13,9 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
 MAX_PASSES = 6
-"""Most runs of IPOPT from one start; each continues with standard deviations as new units."""
+"""Largest number of runs of IPOPT from one start; each continues with the standard deviations as
+units.
+"""
 PROXIMAL_CURVATURE = 1e-6
 """Curvature added to the cost in those units, for directions that the data do not determine."""
 
@@ -34,7 +36,7 @@ def _ipopt(program: ParameterFit, context: Context) -> Claim:
         residuals = ca.Function("residuals", [values], [ca.vertcat(*parts)])
         spread = ca.MX.sym("spread")
         misfit = residuals(origin + unit * x) / spread
-        # The proximal term vanishes at the optimum when a pass ends where it began.
+        # The proximal term is zero at the optimum if a pass ends where it began.
         cost = ca.sumsqr(misfit) / 2 + PROXIMAL_CURVATURE * ca.sumsqr(x) / 2
         nlp = {"x": x, "p": ca.vertcat(origin, unit, spread), "f": cost}
         solver = ipopt("fit", nlp, context.options)
@@ -44,10 +46,10 @@ def _ipopt(program: ParameterFit, context: Context) -> Claim:
         values, step = start, program.scale
         for number in range(MAX_PASSES):
             left = residuals(values).full()
-            # An exact fit leaves only rounding, so the spread has a lower limit.
+            # An exact fit leaves only rounding, so the spread needs a lower limit.
             spread = max(float(np.linalg.norm(left)), 1e-12 * program.size) / program.count**0.5
             if number:
-                # The gradient at which IPOPT stops then has standard deviations as its unit.
+                # So the gradient at which IPOPT stops has the standard deviations as its units.
                 slopes = np.linalg.norm(slope(values, left).full(), axis=0)
                 step = spread / np.maximum(slopes, 1e-9 * spread / program.scale)
             found = solver(
@@ -83,7 +85,7 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
             x_scale="jac",
             ftol=1e-14,
             xtol=1e-12,
-            gtol=None,  # it is absolute, but the residuals may have any unit
+            gtol=None,  # this tolerance is absolute, but the residuals may have any unit
             max_nfev=500,
         )
         values = np.clip(scale * found.x, program.lower, program.upper)
@@ -97,7 +99,7 @@ def _best(program: ParameterFit, context: Context, local: Local) -> Claim:
     """The answer with the smallest sum of squares from all starts, whatever its outcome.
 
     If the data do not determine a combination of parameters, the Hessian is singular and the solver
-    reports a failure at the right place; the certificate then names the combination.
+    reports a failure although the point is right; the certificate then names the combination.
     """
     points = program.starting_points(context.rng)
     found = [local(start) for start in context.track(points, "starts")]

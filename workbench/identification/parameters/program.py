@@ -31,12 +31,15 @@ from workbench.solvers import Options
 from workbench.tables import markdown
 
 THESE_DATA = "for these data"
-"""What checks of a fit quantify over."""
+"""Quantifier of a fit's checks."""
 NEIGHBOURS, NEIGHBOUR_STEPS = 8, (1e-3, 1e-2, 1e-1)
-"""Neighbours of an answer that are drawn at each size, and the sizes in standard deviations."""
+"""Number of neighbours of an answer that are drawn at each distance, and the distances in standard
+deviations.
+"""
 NEIGHBOUR_TOLERANCE = 2e-3
-"""Largest root of a fall of the cost at a neighbour, relative to the residuals' norm: twice what
-`NEWTON_STEP_TOLERANCE` leaves to gain."""
+"""Limit on the square root of the largest decrease of the cost at a neighbour, relative to the
+residuals' norm: twice what `NEWTON_STEP_TOLERANCE` allows.
+"""
 NEWTON_STEP_TOLERANCE = 1e-3
 """Largest change of the residuals by a Newton step from a valid answer, relative to their norm."""
 
@@ -83,7 +86,7 @@ class ParameterFit(LeastSquares, Program):
         return float(np.sum(self.residuals(self._values(answer)) ** 2))
 
     def objective_rounding(self, answer: Any) -> float:
-        """Square of the residuals that a fit of exact data may leave: 1e-9 of the data's norm."""
+        """Square of the residual norm that a fit of exact data may leave."""
         return float((1e-9 * self.size) ** 2)
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
@@ -159,7 +162,7 @@ class ParameterFit(LeastSquares, Program):
         )
 
     def _ground(self, residuals: np.ndarray) -> float:
-        """Size below which a change of the residuals is meaningless: noise, or rounding."""
+        """Size below which a change of the residuals means nothing: noise, or rounding."""
         noise = float(np.linalg.norm(residuals))
         return max(noise, 1e-9 * self.size, 1.0 if self.weighted else 0.0)
 
@@ -174,7 +177,7 @@ class ParameterFit(LeastSquares, Program):
         if held.all():
             return 0.0
         u, s, _ = np.linalg.svd(jacobian[:, ~held], full_matrices=False)
-        seen = s > 1e-9 * s[0]  # undetermined combinations have no optimum to miss
+        seen = s > 1e-9 * s[0]  # undetermined combinations have no optimum
         return float(np.linalg.norm(u.T[seen] @ residuals))
 
     def metrics(self, answer: Any) -> dict[str, float]:
@@ -207,7 +210,7 @@ class ParameterFit(LeastSquares, Program):
         return data["value"].values
 
     def _values(self, answer: Any) -> np.ndarray:
-        """The answer as an array (n,), or an `InputError`."""
+        """The answer as an array (n,); raises `InputError` for another shape."""
         values = np.asarray(answer, dtype=float)
         if values.shape != (len(self.names),):
             raise InputError(f"{len(self.names)} values are needed, not shape {values.shape}")
@@ -268,7 +271,7 @@ def fit_parameters(
     method
         ``"ipopt"``, ``"scipy"`` or, between finite bounds, ``"evolution"``.
     confidence
-        Probability of the intervals.
+        Probability with which each interval contains the true value.
     options
         Accuracy and time limit for the method.
 

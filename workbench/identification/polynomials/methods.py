@@ -1,4 +1,4 @@
-"""Polynomial models as methods of state-space models: same record, same validation, same checks."""
+"""Polynomial models as methods of state-space fits: same records, validation and checks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from workbench.identification.state_space.selection import best_fitting, least_o
 from workbench.program import Claim, method
 
 MOST_STATES = 60
-"""Most states of a structured model: Box-Jenkins has n for each pair of channels, and more."""
+"""Most states of a structured model: Box-Jenkins has at least n for each pair of channels."""
 
 
 @method(StateSpaceFit, "arx", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -61,7 +61,7 @@ def _impulse_response(program: StateSpaceFit, context: Context) -> Claim:
 
 
 def refusal(program: StateSpaceFit, kind: PolynomialKind) -> str | None:
-    """Why a kind cannot have the poles that are known; None where it can."""
+    """The reason why a kind of model cannot have the known poles; None if it can."""
     if program.known is None:
         return None
     nu, ny = program.record.u.shape[1], program.record.y.shape[1]
@@ -127,8 +127,8 @@ def _structured_answer(program: StateSpaceFit, context: Context, kind: Polynomia
 
 
 def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
-    """Fitting functions for ARX models of an order; ``apart`` as of `arx`."""
-    return _checked(
+    """Fitting functions for ARX models of an order; ``apart`` as in `arx`."""
+    return _with_allowed_poles(
         program,
         lambda record, order: arx_model(
             record, order, direct=program.direct, delay=program.delays, apart=apart
@@ -137,8 +137,8 @@ def arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
 
 
 def sparse_arx_fits(program: StateSpaceFit, apart: bool = False) -> FitterOfOrder:
-    """Fitting functions for ARX models of few terms with a longest lag; ``apart`` as of `arx`."""
-    return _checked(
+    """Fitting functions for sparse ARX models with a longest lag; ``apart`` as in `arx`."""
+    return _with_allowed_poles(
         program,
         lambda record, lags: sparse_arx(
             record, lags, direct=program.direct, delay=program.delays, apart=apart
@@ -155,13 +155,14 @@ def impulse_response_fits(program: StateSpaceFit) -> FitterOfOrder:
             found[id(record)] = impulse_model(record, direct=program.direct, delay=program.delays)
         return found[id(record)]
 
-    return _checked(program, fit)
+    return _with_allowed_poles(program, fit)
 
 
 def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
     """Fitting functions for long regularised ARX models, the same for all orders.
 
-    A model with a pole beyond the largest radius is none: it has too many states to move one.
+    A model with a pole beyond the largest radius is dropped: it has too many states to move one
+    pole.
     """
     found: dict[int, InnovationsModel | None] = {}
 
@@ -175,10 +176,10 @@ def regularised_arx_fits(program: StateSpaceFit) -> FitterOfOrder:
     return lambda _: fit
 
 
-def _checked(
+def _with_allowed_poles(
     program: StateSpaceFit, fit: Callable[[Experiments, int], InnovationsModel | None]
 ) -> FitterOfOrder:
-    """Fitting functions whose models have poles where the program allows them."""
+    """Fitting functions that drop models with poles where the program forbids them."""
 
     def way(order: int) -> Fitter:
         def checked(record: Experiments) -> InnovationsModel | None:
@@ -195,7 +196,7 @@ def _checked(
 def structured_fits(
     program: StateSpaceFit, kind: PolynomialKind, starts: SubspaceStarts
 ) -> FitterOfOrder:
-    """Fitting functions for models of a kind, refined from the start whose errors are least."""
+    """Fitting functions for models of a kind, refined from the start with the least errors."""
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:

@@ -26,7 +26,9 @@ def arx(
     delay: Sequence[int] = (),
     apart: bool = False,
 ) -> InnovationsModel | None:
-    """ARX model of experiments, its polynomials matrices for several outputs; None if too short.
+    """ARX model of experiments, with matrix polynomials for several outputs.
+
+    None if the record is too short.
 
         y(t) + A_1 y(t-1) + ... + A_n y(t-n) = B_0 u(t) + ... + B_n u(t-n) + e(t)
 
@@ -35,16 +37,16 @@ def arx(
     order
         Degree n.
     direct
-        Whether inputs may act at once: without, B_0 = 0.
+        Whether inputs may act within the sample; otherwise B_0 = 0.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
     apart
-        Whether each output depends on its own past alone and on inputs: A_1 to A_n are diagonal.
+        Whether each output depends only on its own past and on the inputs: A_1 to A_n are diagonal.
 
     Raises
     ------
     InputError
-        A finding of the record's report forbids to use it; `as_experiments` takes ``assume``.
+        A finding of the record's report forbids its use; `as_experiments` takes ``assume``.
 
     Examples
     --------
@@ -69,7 +71,7 @@ def arx_model(
     delay: Sequence[int] = (),
     apart: bool = False,
 ) -> InnovationsModel | None:
-    """As `arx`, of a record that may be used."""
+    """As `arx`, for a record that has been checked."""
     late = record.delayed(delay)
     nu, ny = late.u.shape[1], late.y.shape[1]
     m = nu + ny

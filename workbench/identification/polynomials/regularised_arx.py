@@ -1,7 +1,7 @@
-"""Long ARX models whose polynomials are regularised: predictors of no order that must be chosen.
+"""Long ARX models with regularised polynomials: predictors whose order need not be chosen.
 
-The impulse responses of the one-step predictor, from past inputs and from past outputs, have the
-tuned and correlated kernel as prior covariance, with hyperparameters of largest marginal
+The one-step predictor has impulse responses from past inputs and from past outputs. Their prior
+covariance is the tuned and correlated kernel, whose hyperparameters maximise the marginal
 likelihood. Source: G. Pillonetto, A. Chiuso, G. De Nicolao, "Prediction error identification of
 linear systems: a nonparametric Gaussian regression approach", Automatica 47(2), 2011.
 """
@@ -25,12 +25,14 @@ from workbench.identification.polynomials.regressions import arx_from_lags
 LAGS = 40
 """Largest number of lags."""
 ROWS_FOR_EACH = 3
-"""Fewest samples for each lag of each channel."""
+"""Fewest samples in the record for each lag of each channel."""
 FEWEST_LAGS = 3
 MOST_CHANNELS_APART = 3
-"""Records with more channels have one scale and decay for all inputs, and one for other outputs."""
+"""Records with more channels use one scale and decay for all inputs, and another for all other
+outputs.
+"""
 DECAYS = (0.5, 0.8, 0.95)
-"""Decays per sample from which the best one is sought."""
+"""Decay factors per sample with which the search starts."""
 LARGEST_EXPONENT = 15.0
 """Bound on the logarithms of scale and of decay."""
 
@@ -38,12 +40,12 @@ LARGEST_EXPONENT = 15.0
 def regularised_arx(
     record: Experiments, *, direct: bool = True, delay: Sequence[int] = ()
 ) -> InnovationsModel | None:
-    """ARX model of experiments with long, regularised polynomials; None if the record is too short.
+    """ARX model with long, regularised polynomials; None if the record is too short.
 
     Parameters
     ----------
     direct
-        Whether inputs may act at once.
+        Whether inputs may act within the sample.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
     """
@@ -88,7 +90,7 @@ def regularised_arx(
 
 
 def _groups(nu: int, ny: int, output: int) -> list[int]:
-    """Group (nu + ny,) of each channel; those of a group share a scale and a decay."""
+    """Group (nu + ny,) of each channel; channels of a group share a scale and a decay."""
     if nu + ny <= MOST_CHANNELS_APART:
         return list(range(nu + ny))
     own = [1 if o == output else 2 for o in range(ny)]
@@ -98,7 +100,7 @@ def _groups(nu: int, ny: int, output: int) -> list[int]:
 def _posterior_mean(
     R: RealArray, target: RealArray, noise: float, counts: Sequence[int], groups: Sequence[int]
 ) -> RealArray:
-    """Coefficients of the largest posterior density, hyperparameters by marginal likelihood.
+    """Maximum a posteriori coefficients, with hyperparameters by marginal likelihood.
 
     ``counts`` are the numbers of coefficients of the channels, ``groups`` their groups.
     """

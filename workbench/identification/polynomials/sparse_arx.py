@@ -1,11 +1,11 @@
-"""ARX models of few terms: the lagged samples that tell most of an output are taken one by one.
+"""Sparse ARX models: the lagged samples that explain most of an output are added one by one.
 
-Forward selection by orthogonal least squares: each term is the one that reduces the squares of the
-errors most beside those already taken; their number is that of the least Bayesian information
-criterion. Records that leave a full regression much to guess, such as short ones with many channels
-or slow inputs, are predicted better from few terms. Source: S. Chen, S. Billings, W. Luo,
-"Orthogonal least squares methods and their application to non-linear system identification",
-International Journal of Control 50(5), 1989.
+Forward selection by orthogonal least squares: each new term is the one that, with the terms chosen
+before, reduces the squared errors most. Their number minimises the Bayesian information criterion.
+If a record hardly determines a full regression, as a short one with many channels or slow inputs,
+few terms predict it better. Source: S. Chen, S. Billings, W. Luo, "Orthogonal least squares methods
+and their application to non-linear system identification", International Journal of Control 50(5),
+1989.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.polynomials.regressions import arx_from_lags
 
 MOST_TERMS = 60
-"""Most terms of an output."""
+"""Most terms for an output."""
 ROWS_FOR_EACH = 3
-"""Fewest samples for each term."""
+"""Fewest samples in the record for each term."""
 LEAST_NEW_SHARE = 1e-10
-"""Share of a regressor's square, beside the terms already taken, below which it is rounding."""
+"""A regressor counts as rounding if the part that the chosen terms do not explain is below this
+share of its square.
+"""
 
 
 def sparse_arx(
@@ -38,18 +40,18 @@ def sparse_arx(
     delay: Sequence[int] = (),
     apart: bool = False,
 ) -> InnovationsModel | None:
-    """ARX model of experiments with few terms for each output; None if the record is too short.
+    """Sparse ARX model of experiments; None if the record is too short.
 
     Parameters
     ----------
     lags
         Longest lag [samples] of a term.
     direct
-        Whether inputs may act at once.
+        Whether inputs may act within the sample.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
     apart
-        Whether each output depends on its own past alone and on inputs.
+        Whether each output depends only on its own past and on the inputs.
     """
     late = record.delayed(delay)
     nu, ny = late.u.shape[1], late.y.shape[1]
@@ -79,7 +81,7 @@ def sparse_arx(
 def _terms(
     offered: RealArray, target: RealArray, constant: RealArray, samples: int, most: int
 ) -> list[int]:
-    """Columns of the terms, from regressors (N, n) and a target (N,), beside a constant (N,)."""
+    """Chosen columns of regressors (N, n) for a target (N,), in addition to a constant (N,)."""
     unit = constant / np.linalg.norm(constant)
     left = offered - np.outer(unit, unit @ offered)
     error = target - unit * (unit @ target)
@@ -103,6 +105,6 @@ def _terms(
 
 
 def _information(squares: float, samples: int, parameters: int) -> float:
-    """Bayesian information criterion of a regression with a sum of square errors."""
+    """Bayesian information criterion of a regression with this sum of squared errors."""
     size = max(squares / samples, np.finfo(float).tiny)
     return float(samples * np.log(size) + parameters * np.log(samples))

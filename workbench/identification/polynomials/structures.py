@@ -1,14 +1,14 @@
-"""Polynomial models as innovations models: canonical blocks, and which of their entries are free.
+"""Polynomial models as innovations models: canonical blocks, and their free entries.
 
 In observer form a polynomial is the first column of a block of A, a numerator a column of B, and a
-noise numerator a column of K, each entry a parameter of its own:
+noise numerator a column of K; each entry is a free parameter:
 
     ARMAX         A y = B u + C e          one block for each output, driven by u and e
     output error  y = B/F u + e            one block for each pair of output and input
     Box-Jenkins   y = B/F u + C/D e        the same, and one block of noise for each output
 
-So prediction errors of all of them are minimised by the code of state-space models, with its exact
-gradients. Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 4.3.
+So the code for state-space models, with its exact gradients, minimises the prediction errors of all
+of them. Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 4.3.
 """
 
 from __future__ import annotations
@@ -48,19 +48,21 @@ def _blocks(kind: PolynomialKind, nu: int, ny: int) -> Iterator[_Block]:
 def polynomial_start(
     model: InnovationsModel, kind: PolynomialKind, known: int = 0
 ) -> tuple[InnovationsModel, BoolArray]:
-    """A polynomial model that starts at a state-space model, and its free entries.
+    """A polynomial model close to a given state-space model, and its free entries.
 
-    Every polynomial has the degree of the model. What a block is driven by, it answers as the model
-    does; signals that its kind leaves out are left out, such as the noise of output error.
+    Every polynomial has the degree of the model. A block responds to the signals that drive it as
+    the model does; signals that this kind of model lacks are dropped, such as the noise in output
+    error.
 
-    The first ``known`` poles of the model, by its block triangular A, are kept: a polynomial is
-    then the product p a of a fixed one and a free one. Its block has two parts in observer form,
-    that of p, and that of a which drives it: together they have any numerator, since each is
-    b p + c a for one b and c of lower degree. Blocks of noise alone stay free.
+    The first ``known`` poles of the model, which its block triangular A shows, are kept. A
+    polynomial is then the product p a of a fixed p and a free a. Its block has two parts in
+    observer form: that of p, and that of a, which drives it. Together they can have any numerator,
+    since each numerator is b p + c a with a unique b, and c of lower degree. Blocks of noise alone
+    stay free.
 
     Returns
     -------
-    The model in observer form, and which entries of A, B, C, D and K are free.
+    The model in observer form, and a mask of the free entries of A, B, C, D and K.
     """
     n, nu, ny = model.order, model.B.shape[1], len(model.C)
     blocks = list(_blocks(kind, nu, ny))
@@ -94,7 +96,7 @@ def polynomial_start(
 def _observer_form(A: RealArray, known: int) -> tuple[RealArray, RealArray]:
     """Companion matrix (n, n) of the eigenvalues of A, and its observability matrix.
 
-    The first ``known`` ones have a block of their own, driven by that of the others.
+    The first ``known`` eigenvalues have their own block, which the block of the others drives.
     """
     n = len(A)
     companion = np.eye(n, k=1)

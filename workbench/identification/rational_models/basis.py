@@ -1,8 +1,8 @@
-"""Real polynomials over a fixed denominator, orthonormal over the data: local coordinates of fits.
+"""Real polynomials over a fixed denominator, orthonormal over the data, as coordinates of fits.
 
 Numerators N / D0 and changes of the denominator D / D0 are written in one basis q_k / D0, where q_k
-has degree k. Arnoldi's iteration makes it orthonormal over the data, so that its coefficients stay
-well conditioned over many decades, where those of powers of s lose all digits (P. D. Brubeck, Y.
+has degree k. Arnoldi's iteration makes it orthonormal over the data. So its coefficients stay well
+conditioned over many decades, while coefficients of powers of s lose all digits (P. D. Brubeck, Y.
 Nakatsukasa and L. N. Trefethen, SIAM Review 63(2), 2021). The variable x is s in units of a
 frequency, or z.
 """
@@ -30,7 +30,7 @@ class DenominatorBasis:
     recurrence
         Matrix (n + 1, n) of the multiplication by x: x q_k = sum_j q_j recurrence[j, k].
     first
-        The constant q_0.
+        The constant function q_0.
     one
         Coefficients (n + 1,) of D0 itself: sum_k one_k q_k = D0.
     """
@@ -54,7 +54,7 @@ class DenominatorBasis:
         columns[:, 0] = bare / size
         for k in range(n):
             ahead = x * columns[:, k]
-            for _ in range(2):  # the second time removes what rounding left
+            for _ in range(2):  # the second pass removes the rounding of the first
                 share = (columns[:, : k + 1].conj().T @ ahead).real
                 ahead = ahead - columns[:, : k + 1] @ share
                 recurrence[: k + 1, k] += share

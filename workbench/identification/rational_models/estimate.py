@@ -26,14 +26,14 @@ from workbench.solution import solve
 from workbench.solvers import Options
 
 DEGREES_PER_ENTRY = 6.0
-"""Degrees of freedom for each entry from which covariance matrices are used as weights."""
+"""Degrees of freedom per entry from which covariance matrices are used as weights."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RationalModelEstimate(ProgramAnswer):
-    """A rational model of a response, its uncertainty, and what the residuals say of it.
+    """A rational model of a response, its uncertainty, and tests of its residuals.
 
-    ``candidates`` holds the tests of every order that was tried.
+    ``candidates`` holds the tests of all orders that were tried.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class RationalModelEstimate(ProgramAnswer):
 
     @property
     def lti(self) -> StateSpace:
-        """A realisation without the delays."""
+        """A realisation of the rational part, without the delays."""
         return self.model.lti
 
     def response(self, omega: ArrayLike) -> ComplexArray:
@@ -76,13 +76,13 @@ class RationalModelEstimate(ProgramAnswer):
         return self.uncertainty.magnitude_band(omega, confidence)
 
     def radius(self, omega: ArrayLike, confidence: float = 0.95) -> RealArray:
-        """Radii (F, p, m) of discs that hold the true responses."""
+        """Radii (F, p, m) of discs that contain the true responses."""
         return self.uncertainty.radius(omega, confidence)
 
     def plot(self, *, name: str | None = None, confidence: float = 0.95) -> Figure:
-        """Data and model over frequency, with the band of the model.
+        """Data and model over frequency, with the confidence band of the model.
 
-        With a name, that figure of its Program.
+        With a name: the figure of that name of its Program.
         """
         if name is not None:
             return super().plot(name=name)
@@ -107,14 +107,14 @@ def fit_rational_model(
     Parameters
     ----------
     estimate
-        The response. Where it tells the covariance of its entries, and enough periods were
-        averaged, the entries are weighted together, else each by its variance.
+        The response. If it has a covariance between its entries, and enough periods were averaged,
+        the entries are weighted together; otherwise each entry by its variance.
     orders
-        Numbers of poles to choose from, or the one to take.
+        Numbers of poles to choose from, or a single number to use.
     excess, sample_time, stable
         The same as for `RationalModelFit`.
     delay, delay_bounds
-        Known delay [s] and bounds of a sought one, as for `RationalModelFit`.
+        Known delay [s], and bounds of a delay to be fitted, as for `RationalModelFit`.
     method
         ``"levenberg-marquardt"``, ``"instruments"`` or ``"ipopt"``.
     options
@@ -130,7 +130,7 @@ def fit_rational_model(
     Warns
     -----
     IdentificationWarning
-        No order is accepted: bands by the variance alone are then too narrow.
+        No order is accepted: then bands from the variance alone are too narrow.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def fit_rational_model(
 
 
 def _weighting(estimate: ResponseEstimate) -> np.ndarray:
-    """Covariance matrices where they are known well enough, else variances."""
+    """Covariance matrices if they are known well enough, otherwise variances."""
     covariance = getattr(estimate, "covariance", None)
     entries = estimate.response[0].size
     if covariance is None or estimate.degrees < DEGREES_PER_ENTRY * entries:

@@ -14,9 +14,11 @@ from workbench.identification.rational_models.uncertainty import ModelUncertaint
 from workbench.identification.rational_models.weighted import WeightedResponse
 
 DRAWN_FREQUENCIES = 1000
-"""Frequencies at which the model is drawn, beside those of the data."""
+"""Number of frequencies at which the model is drawn, in addition to those of the data."""
 LEAST_BAND = 1e-2
-"""Lower end of a band that would reach 0, as a share of the magnitude: an end to be seen."""
+"""Lower end, as a fraction of the magnitude, of a band that would reach 0, so that its end is
+visible.
+"""
 
 
 def rational_model_figure(

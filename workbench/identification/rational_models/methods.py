@@ -19,30 +19,32 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 REFINED_STARTS = 6
-"""Starts of each order that are refined, the cheapest first."""
+"""Number of starts of each order that are refined, the cheapest first."""
 SHARES = tuple(0.5**k for k in range(12))
-"""Shares of a regression's change that are tried, until the cost falls."""
+"""Fractions of a regression's change that are tried until the cost decreases."""
 MOST_REGRESSIONS = 200
 """Most regressions with instruments from one start."""
 SETTLED_COST = 1e-12
 """Relative change of the cost at which regressions with instruments end."""
 NEGLIGIBLE_RISE = 1e-6
-"""Relative rise of the cost for which a zero is left out where it acts as a delay does."""
+"""Largest relative rise of the cost at which a zero is dropped because the delay has the same
+effect.
+"""
 
 Refinement = Callable[[FitPoint], FitPoint]
 
 IPOPT_ACCURACY_RANGE = AccuracyRange(1e-8, DEFAULT_TOLERANCE)
-"""Tolerances of IPOPT; answers of coarser ones are not stationary enough to be certified."""
+"""Tolerances of IPOPT; with coarser ones the answers are not stationary enough to be certified."""
 
 
 @method(RationalModelFit, "levenberg-marquardt", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _levenberg_marquardt(program: RationalModelFit, context: Context) -> Claim:
-    """Damped Gauss-Newton steps of the poles, numerators eliminated, from several starts."""
+    """Damped Gauss-Newton steps of the poles from several starts, numerators eliminated."""
     return _by_order(program, context, gauss_newton_minimum, REFINED_STARTS)
 
 
 def _unfit_for_instruments(program: RationalModelFit) -> str | None:
-    """Reason why regressions cannot answer a program; None if they can."""
+    """The reason why regressions cannot answer a program; None if they can."""
     if program.delay_bounds is not None:
         return "a delay is not linear in any equation error; give it, or take another method"
     return None
@@ -69,7 +71,7 @@ def _ipopt(program: RationalModelFit, context: Context) -> Claim:
 def _by_order(
     program: RationalModelFit, context: Context, refine: Refinement, starts: int
 ) -> Claim:
-    """The cheapest refined point of each order; each is a start of the next order."""
+    """The refined point of least cost for each order; each is a start for the next order."""
     found: list[FitPoint] = []
     for order in context.track(list(program.orders), "orders"):
         points = first_points(program.structure, order, starts, found[-1:])
@@ -85,10 +87,11 @@ def _by_order(
 
 
 def _without_a_zero(point: FitPoint, refine: Refinement) -> FitPoint | None:
-    """The minimum from a point with one zero less in each entry, where a delay is fitted.
+    """The minimum with one zero less in each entry, if a delay is fitted.
 
-    A delay and a zero at infinity change a response alike, to first order. A minimum that has its
-    zeros there is none of a regular kind, and steps of the larger model only come near it.
+    To first order a delay and a zero at infinity change a response in the same way. A minimum of
+    the larger model with its zeros at infinity is therefore singular, and steps only approach it
+    slowly.
     """
     structure = point.structure
     if not structure.free_delay or (structure.excess >= point.poles.size).any():
@@ -98,7 +101,7 @@ def _without_a_zero(point: FitPoint, refine: Refinement) -> FitPoint | None:
 
 
 def _by_instruments(point: FitPoint) -> FitPoint:
-    """The point that regressions with the model's own slopes reach, the cost falling."""
+    """The point reached by regressions with the model's own slopes, with decreasing cost."""
     for _ in range(MOST_REGRESSIONS if point.poles.size else 0):
         instruments = point.slopes[:, : point.poles.size]
         tried = (linear_step(point, instruments, share) for share in SHARES)

@@ -36,7 +36,8 @@ class CommonPoleModel:
     Raises
     ------
     InputError
-        Rows of different lengths, other poles in an entry, or a sample time that is not positive.
+        Rows of different lengths, entries with different poles, or a sample time that is not
+        positive.
 
     Examples
     --------
@@ -72,7 +73,7 @@ class CommonPoleModel:
 
     @property
     def poles(self) -> ComplexArray:
-        """Poles (n,) [rad/s], or numbers of the z-plane."""
+        """Poles (n,) in rad/s, or in the z-plane."""
         return self.entries[0][0].poles
 
     @property
@@ -99,9 +100,9 @@ class CommonPoleModel:
     def lti(self) -> StateSpace:
         """A state-space realisation of the rational part: the delays are left out.
 
-        A single entry becomes a cascade of sections. A matrix takes order min(p, m) states: the
-        same chain of sections, or modes where these are better conditioned, for each input, or for
-        each output where there are fewer.
+        A single entry becomes a cascade of sections. A matrix has order min(p, m) states: for each
+        input, or for each output if there are fewer, the same chain of sections, or modes if these
+        are better conditioned.
         """
         import control
 
@@ -125,9 +126,9 @@ class CommonPoleModel:
     def _outputs(
         self, a: RealArray, b: RealArray, points: ComplexArray, tall: bool
     ) -> tuple[RealArray, RealArray, float]:
-        """C and D over states driven by a, b for each input, and the largest relative error.
+        """C and D for states driven by a, b for each input; and the largest relative error.
 
-        For each output in place of each input, and transposed, where not ``tall``.
+        If not ``tall``: for each output in place of each input, transposed.
         """
         n = self.order
         rows = points[:, None, None] * np.eye(n) - a
@@ -151,7 +152,7 @@ class CommonPoleModel:
         return C, D, worst
 
     def _points(self) -> ComplexArray:
-        """Points on the imaginary axis, or on the unit circle, where the poles and zeros act."""
+        """Points on the imaginary axis, or on the unit circle, near the poles and zeros."""
         count = REALISATION_POINTS * (self.order + 1)
         if self.sample_time is not None:
             circle: ComplexArray = np.exp(1j * np.pi * (np.arange(count) + 0.5) / count)
@@ -169,7 +170,7 @@ class CommonPoleModel:
 
 
 def _chain(poles: ComplexArray, scaled: bool) -> tuple[RealArray, RealArray]:
-    """A (n, n) and B (n, 1) of sections in a row; scaled: in time, by the size of each pole."""
+    """A (n, n) and B (n, 1) of sections in series; scaled in time by the size of each pole."""
     n = poles.size
     a, b = np.zeros((n, n)), np.zeros((n, 1))
     place, last = 0, -1
@@ -187,7 +188,7 @@ def _chain(poles: ComplexArray, scaled: bool) -> tuple[RealArray, RealArray]:
 
 
 def _modes(poles: ComplexArray) -> tuple[RealArray, RealArray]:
-    """A (n, n) and B (n, 1) of sections side by side."""
+    """A (n, n) and B (n, 1) of parallel sections."""
     n, place = poles.size, 0
     a, b = np.zeros((n, n)), np.zeros((n, 1))
     for pole in poles[poles.imag >= 0]:

@@ -1,8 +1,8 @@
-"""How far a model is from a minimum of its cost: code of its own, which no method uses.
+"""Distance of a model from a minimum of its cost, by separate code that no method uses.
 
-Methods move poles in a basis that is orthonormal over the data. Here the directions in which a
-model can move are products of its own roots, in Newton's form, and an orthogonal decomposition
-projects the residuals on all of them together.
+Methods move the poles in a basis that is orthonormal over the data. Here the directions of change
+of a model are products of its own roots, in Newton's form, and an orthogonal decomposition projects
+the residuals on all directions together.
 """
 
 from __future__ import annotations
@@ -20,19 +20,23 @@ from workbench.identification.rational_models.model import CommonPoleModel
 from workbench.identification.rational_models.structure import ModelStructure
 
 AT_BOUND = 1e-3
-"""Distance of a pole from the margin of stability, relative to the margin, that counts as none."""
+"""Distance of a pole from the margin of stability, relative to the margin, below which it is at the
+margin.
+"""
 DEPENDENT = 1e-12
-"""Singular value of scaled directions, relative to the largest, of a direction that is none."""
+"""Scaled directions count as dependent if a singular value, relative to the largest, is
+below this.
+"""
 NEIGHBOURS = 8
-"""Models drawn at each distance."""
+"""Number of models drawn at each distance."""
 DISTANCES = (0.01, 0.1, 1.0)
-"""Distances of drawn models, as changes of the residuals in standard deviations of one of them."""
+"""Distances of drawn models: changes of the residuals, in standard deviations of one residual."""
 PROBE = 1e-6
-"""Relative change of the roots by which the distance of a draw is measured."""
+"""Relative change of the roots that is used to measure the distance of a draw."""
 
 
 def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
-    """Change of the whitened residuals by Newton's step to the optimum, bounds kept.
+    """Change of the whitened residuals by Newton's step to the optimum within the bounds.
 
     It is sqrt(g' H^-1 g) with the gradient g and the Gauss-Newton Hessian H: the step's length in
     standard deviations of the estimates.
@@ -46,7 +50,7 @@ def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
     if not (np.isfinite(rows).all() and np.isfinite(residual).all()):
         return float("nan")
     rows = rows[:, size > 0] / size[size > 0]
-    held = _held(structure, model, poles, residual, rows, size > 0, size)
+    held = _forbidden_motions(structure, model, poles, residual, rows, size > 0, size)
     if held.size:
         rows = rows @ null_space(held)
     u, s, _ = np.linalg.svd(rows, full_matrices=False)
@@ -57,7 +61,7 @@ def movement(structure: ModelStructure, model: CommonPoleModel) -> float:
 def model_directions(
     structure: ModelStructure, model: CommonPoleModel, values: ComplexArray
 ) -> tuple[ComplexArray, slice]:
-    """Changes (F, p, m, P) of the response, and which of them change the denominator."""
+    """Changes (F, p, m, P) of the response, and a mask of those that change the denominator."""
     data, n = structure.data, model.order
     x = structure.x
     newton = _newton(x, model.poles / structure.unit)
@@ -78,7 +82,7 @@ def model_directions(
 def _newton(x: ComplexArray, poles: ComplexArray) -> ComplexArray:
     """prod_(i < k) (x - root_i) / prod (x - poles), k = 0 ... n, with real coefficients (F, n + 1).
 
-    The roots are the poles in order; of a pair the first step takes x alone.
+    The roots are the poles in order; for a pair, the first step multiplies by x alone.
     """
     ordered = [*poles[poles.imag == 0], *poles[poles.imag > 0]]
     numerators, so_far = [np.ones_like(x)], np.ones_like(x)
@@ -96,7 +100,7 @@ def _newton(x: ComplexArray, poles: ComplexArray) -> ComplexArray:
     return found
 
 
-def _held(
+def _forbidden_motions(
     structure: ModelStructure,
     model: CommonPoleModel,
     at: slice,
@@ -105,7 +109,7 @@ def _held(
     kept: np.ndarray,
     size: RealArray,
 ) -> RealArray:
-    """Rows (h, P) of motions that bounds forbid and the unbounded step would make."""
+    """Rows (h, P) of motions that the bounds forbid and the free step would make."""
     found: list[RealArray] = []
     count = size.size
     step = -np.linalg.lstsq(rows, residual)[0]
@@ -113,7 +117,7 @@ def _held(
         poles = model.poles / structure.unit
         near = structure.distance(poles) <= structure.margin(poles) * (1 + AT_BOUND)
         for k in np.flatnonzero(near & (poles.imag >= 0)):
-            # A change v / d of the response has the change -v of the denominator d.
+            # If the response changes by v / d, the denominator d changes by -v.
             others = np.delete(poles, k)
             with np.errstate(all="ignore"):
                 slope = _newton_numerators(poles, poles[k]) / np.prod(poles[k] - others)
@@ -136,7 +140,7 @@ def _held(
 
 
 def _newton_numerators(poles: ComplexArray, x: complex) -> ComplexArray:
-    """The numerators (n,) of `_newton` at one point, over the product of the poles' sizes."""
+    """The numerators (n,) of `_newton` at one point, divided by the sizes of the poles."""
     ordered = [*poles[poles.imag == 0], *poles[poles.imag > 0]]
     values, so_far = [1.0 + 0j], 1.0 + 0j
     for root in ordered:
@@ -157,17 +161,17 @@ def fall_nearby(
     structure: ModelStructure,
     rng: np.random.Generator,
 ) -> float:
-    """Root of the largest fall of the cost at models with roots, gains and delay drawn nearby."""
+    """Square root of the largest decrease of the cost at models drawn nearby."""
     here = residual(model)
     cost, best = float(np.sum(np.abs(here) ** 2)), np.inf
     for distance in DISTANCES:
         for _ in range(tries(NEIGHBOURS)):
             way = _drawn_way(model, structure, rng)
-            probe = residual(_along(model, structure, way, PROBE))
+            probe = residual(_changed_model(model, structure, way, PROBE))
             speed = float(np.linalg.norm(probe - here)) / PROBE
             if not np.isfinite(speed) or speed == 0:
                 continue
-            near = residual(_along(model, structure, way, distance / speed))
+            near = residual(_changed_model(model, structure, way, distance / speed))
             best = min(best, float(np.sum(np.abs(near) ** 2)))
     return float(np.sqrt(max(cost - best, 0.0)))
 
@@ -189,19 +193,19 @@ def _drawn_way(
     }
 
 
-def _along(
+def _changed_model(
     model: CommonPoleModel, structure: ModelStructure, way: dict[str, Any], share: float
 ) -> CommonPoleModel:
-    """The model changed by a share of a random way, within its bounds."""
+    """The model after a fraction of a random change, kept within its bounds."""
     unit = structure.unit
-    poles = _moved(model.poles, way["poles"], share)
+    poles = _moved_roots(model.poles, way["poles"], share)
     poles = structure.allowed(poles / unit) * unit
     entries = []
     for i, row in enumerate(model.entries):
         entries.append(
             [
                 Rational(
-                    _moved(each.zeros, way["zeros"][i][j], share),
+                    _moved_roots(each.zeros, way["zeros"][i][j], share),
                     poles,
                     each.gain * (1.0 + share * way["gains"][i, j]),
                 )
@@ -214,8 +218,8 @@ def _along(
     return CommonPoleModel(entries, structure.delay + extra, model.sample_time)
 
 
-def _moved(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:
-    """Roots moved relative to their sizes: pairs stay pairs, real roots stay real."""
+def _moved_roots(roots: ComplexArray, way: ComplexArray, share: float) -> ComplexArray:
+    """Roots, moved relative to their sizes; pairs stay pairs, real roots stay real."""
     upper = roots.imag > 0
     real = roots.imag == 0
     size = np.abs(roots) + (np.abs(roots) == 0)

@@ -1,8 +1,8 @@
-"""A model during the fit: poles and delay, with the numerators that fit best, and slopes.
+"""A model during the fit: poles and delay, the best numerators for them, and derivatives.
 
-The numerators are linear in the data, so they are eliminated (G. H. Golub and V. Pereyra, SIAM J.
-Numer. Anal. 10(2), 1973). What is left are the poles, moved by changes of the denominator in the
-basis that is orthonormal at the present poles.
+The model is linear in the numerators, so they are eliminated (G. H. Golub and V. Pereyra, SIAM J.
+Numer. Anal. 10(2), 1973). The remaining unknowns are the poles; they move by changes of the
+denominator in the basis that is orthonormal at the present poles.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from workbench.identification.rational_models.structure import ModelStructure
 
 
 class FitPoint:
-    """Poles (n,), in units of the structure, and a delay [s] beside the known ones."""
+    """Poles (n,), in units of the structure, and a delay [s] in addition to the known ones."""
 
     def __init__(self, structure: ModelStructure, poles: ComplexArray, delay: float = 0.0) -> None:
         self.structure, self.poles, self.delay = structure, poles, delay
@@ -83,7 +83,7 @@ class FitPoint:
         return found
 
     def denominator_slopes(self, values: ComplexArray) -> ComplexArray:
-        """Whitened -values q_k / D0 (F, p, m, n), and -s values where the delay is free.
+        """Whitened -values q_k / D0 (F, p, m, n), and -s values if the delay is free.
 
         With the model's values they are its derivatives; with the data they are the regressors of
         a linearised equation error.
@@ -96,7 +96,7 @@ class FitPoint:
         return structure.data.whitened(slopes)
 
     def without_numerators(self, values: ComplexArray) -> RealArray:
-        """Whitened values (F, p, m, k) less what numerators can make of them, as (rows, k)."""
+        """Whitened values (F, p, m, k) minus their fit by numerators, as (rows, k)."""
         parts = []
         for group, Q in zip(self.structure.groups, self._frames, strict=True):
             rows = self.structure.stacked(values, group)
@@ -116,7 +116,7 @@ class FitPoint:
         )
 
     def moved(self, change: RealArray) -> FitPoint:
-        """The point with a changed denominator (n,), and delay where it is free."""
+        """The point with a changed denominator (n,) and, if it is free, a changed delay."""
         n = self.poles.size
         poles = self.structure.allowed(self.basis.moved(change[:n]))
         delay = self.delay

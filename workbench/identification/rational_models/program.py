@@ -39,22 +39,24 @@ from workbench.second_opinion.fits import decays, realisation_agrees
 from workbench.tables import markdown
 
 MOVEMENT_LIMIT = 1e-2
-"""Largest movement of a valid answer to its optimum, in standard deviations of the estimates."""
+"""Largest distance of a valid answer from its optimum, in standard deviations of the estimates."""
 MISFIT_SHARE, ROUNDING_SHARE = 1e-3, 1e-9
-"""The same, where larger: shares of the norm of the residuals, and of the whitened response."""
+"""The same limit as fractions of the norm of the residuals and of the whitened response; the
+largest limit counts.
+"""
 COST_RISE = 1e-6
-"""Relative rise of the cost to a higher order that is rounding."""
+"""Relative rise of the cost from one order to the next that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class RationalModelFit(Program):
-    """Models G = N / d exp(-s delay) with one denominator for all entries, by their likelihood.
+    """Models G = N / d exp(-s delay) with one denominator for all entries, by likelihood.
 
-    Each order has the least sum of (G - response)^H covariance^-1 (G - response) over the
-    frequencies: maximum likelihood where the errors are normal, circular and independent from one
-    frequency to the next. The lowest order is chosen that neither the cost nor a correlation of the
-    residuals rejects; if all are rejected, that of the least Bayesian information criterion. The
-    cost may have several minima, and no method claims the best one.
+    The model of each order minimises the sum of (G - response)^H covariance^-1 (G - response) over
+    the frequencies: this is maximum likelihood if the errors are normal, circular and independent
+    between frequencies. The chosen order is the lowest that is rejected neither by the cost nor by
+    a correlation of the residuals; if all are rejected, the one with the least Bayesian information
+    criterion. The cost may have several minima, and no method claims the best one.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ class RationalModelFit(Program):
     orders
         Numbers of poles to choose from.
     excess
-        Poles more than zeros, one number or (p, m).
+        Number of poles minus number of zeros, one number or (p, m).
     sample_time
         Sampling time [s] of a model in z = exp(s T); None: a model in s.
     stable
@@ -75,13 +77,12 @@ class RationalModelFit(Program):
     delay
         Known delay [s], one number or (p, m).
     delay_bounds
-        Ends [s] of the range of a further delay that all entries share, which is fitted; None:
-        there is none.
+        Bounds [s] of a further delay that all entries share, which is fitted; None: there is none.
     degrees
-        Real degrees of freedom of the covariance, 2 (M - 1) from M periods; infinite where it is
-        known.
+        Real degrees of freedom of the covariance, 2 (M - 1) from M periods; infinite if it is known
+        exactly.
     report
-        Report of the record that the response was estimated from, where one was made.
+        Report of the record from which the response was estimated, if there is one.
 
     Raises
     ------
@@ -202,7 +203,7 @@ class RationalModelFit(Program):
         return residual_tests(self.residual(model), unknowns, self.degrees, self.together)
 
     def choose(self, models: Sequence[CommonPoleModel]) -> int:
-        """Number of the first accepted model, or of the one with the least criterion."""
+        """Index of the first accepted model, or of the one with the least criterion."""
         tests = [self.tests(model) for model in models]
         for number, each in enumerate(tests):
             if each.accepted:
@@ -217,7 +218,7 @@ class RationalModelFit(Program):
     def uncertainty(self, model: CommonPoleModel) -> ModelUncertainty:
         """Distribution of the estimates about a fitted model.
 
-        Zeros at infinity count as known where a delay is fitted, which acts as they do.
+        Zeros at infinity are taken as known if a delay is fitted, since it has the same effect.
         """
         structure = self.structure
         counts = np.array([[entry.zeros.size for entry in row] for row in model.entries])
@@ -230,7 +231,7 @@ class RationalModelFit(Program):
         return float(np.sum(np.abs(self.residual(answer.model)) ** 2))
 
     def objective_rounding(self, answer: RationalModels) -> float:
-        """Square of the residuals that a fit of exact data may leave."""
+        """Square of the residual norm that a fit of exact data may leave."""
         return float((ROUNDING_SHARE * self.structure.data.size) ** 2)
 
     # --- checks -----------------------------------------------------------------------------------
@@ -248,7 +249,7 @@ class RationalModelFit(Program):
             return quantified(self._data_words, [shape])
         found = [shape]
         # An order above the chosen one may have no minimum: a pole that a zero cancels can be
-        # anywhere. Nothing is said of it.
+        # anywhere. Such orders are not checked.
         models = answer.models[: answer.chosen + 1]
         costs = [float(np.sum(np.abs(self.residual(model)) ** 2)) for model in models]
         moves = [
@@ -290,7 +291,7 @@ class RationalModelFit(Program):
         return f"for these data at {self.structure.data.omega.size} frequencies"
 
     def _misshapen(self, model: CommonPoleModel, order: int) -> int:
-        """1 for a model that has another structure than the one asked for."""
+        """1 if a model has another structure than the one asked for, otherwise 0."""
         structure = self.structure
         right = model.shape == structure.data.shape and model.sample_time == self.sample_time
         right = right and model.order == order
@@ -310,7 +311,7 @@ class RationalModelFit(Program):
         return int(not right)
 
     def _ground(self, cost: float) -> float:
-        """Size below which a movement is meaningless: noise, misfit or rounding."""
+        """Size below which a movement is meaningless because of noise, misfit or rounding."""
         misfit = MISFIT_SHARE * np.sqrt(max(cost, 0.0))
         return max(1.0, float(misfit), ROUNDING_SHARE / MOVEMENT_LIMIT * self.structure.data.size)
 
@@ -418,7 +419,7 @@ class RationalModelFit(Program):
 
 
 def _bounds(given: Any) -> tuple[float, float] | None:
-    """Bounds of a delay [s] as two rising numbers, or an `InputError`."""
+    """Bounds of a delay [s] as two rising numbers; raises `InputError` for others."""
     if given is None:
         return None
     values = as_array(given, "delay_bounds")

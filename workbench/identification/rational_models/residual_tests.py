@@ -1,8 +1,8 @@
 """Tests of a weighted fit: its cost against the expected one, and whiteness over frequency.
 
-A variance that is estimated from periods has few degrees of freedom; errors over it are then not
-normal but have the distribution of Hotelling's T^2, and parameters scatter more than the inverse of
-the information matrix says. All formulas are for M' = degrees / 2 complex degrees of freedom and d
+A variance estimated from periods has few degrees of freedom. Errors divided by it are not normal
+but have the distribution of Hotelling's T^2, and parameters scatter more than the inverse of the
+information matrix says. All formulas are for M' = degrees / 2 complex degrees of freedom and d
 entries that are whitened together (J. Schoukens, R. Pintelon, G. Vandersteen and P. Guillaume,
 Automatica 33(6), 1997, for d = 1; moments of the inverse of a complex Wishart matrix for d > 1).
 """
@@ -17,27 +17,28 @@ from scipy import stats
 from workbench.arrays import ComplexArray, RealArray
 
 WHITENESS_LAGS = 20
-"""Most lags, in frequencies, at which residuals are correlated."""
+"""Largest lag, in frequencies, at which residuals are correlated."""
 FREQUENCIES_PER_LAG = 10
-"""Least number of frequencies for each lag."""
+"""Fewest frequencies for each lag."""
 LEVEL = 0.01
-"""Level of both tests together at which a model is rejected."""
+"""Significance level of both tests together, below which a model is rejected."""
 
 
 @dataclass(frozen=True)
 class ResidualTests:
-    """What the residuals say of a model.
+    """Results of tests of a model's residuals.
 
     Parameters
     ----------
     cost
         Sum of squared residuals, each in units of its standard deviation.
     expected
-        Its mean for a right model.
+        Its mean for a correct model.
     cost_p
-        Probability of at least this cost for a right model.
+        Probability of at least this cost for a correct model.
     whiteness_p
-        p-value of residuals that are not correlated over frequency; NaN with too few frequencies.
+        p-value of the hypothesis that residuals are uncorrelated over frequency; NaN with too few
+        frequencies.
     """
 
     cost: float
@@ -54,9 +55,9 @@ class ResidualTests:
 def residual_tests(
     residual: ComplexArray, unknowns: int, degrees: float, together: int
 ) -> ResidualTests:
-    """The tests of whitened residuals (F, p, m) of a fit with so many unknowns.
+    """The tests of whitened residuals (F, p, m) of a fit with this number of unknowns.
 
-    ``degrees`` are those of the variance, infinite where it is known; ``together`` is the number of
+    ``degrees`` are those of the variance, infinite if it is known; ``together`` is the number of
     entries whitened together.
     """
     cost = float(np.sum(np.abs(residual) ** 2))
@@ -77,12 +78,12 @@ def residual_tests(
 
 
 def least_degrees(together: int) -> float:
-    """Degrees of freedom of a variance above which the tests and the covariance exist."""
+    """Degrees of freedom that a variance needs for the tests and the covariance to exist."""
     return 2.0 * (together + 1)
 
 
 def spread_factor(degrees: float, together: int) -> float:
-    """Covariance of the estimates over the inverse of the information matrix as computed."""
+    """Ratio of the covariance of the estimates to the inverse of the information matrix."""
     if np.isinf(degrees):
         return 1.0
     complex_degrees = degrees / 2
@@ -123,10 +124,10 @@ def two_sided_normal(confidence: float) -> float:
 
 
 def disc_radius(covariance: RealArray, confidence: float, dimension: int = 2) -> RealArray:
-    """Radii of discs that hold normal numbers with covariances (..., 2, 2) of both parts.
+    """Radii of discs that contain normal numbers with covariances (..., 2, 2) of both parts.
 
-    With the number of estimated coefficients as ``dimension``, all discs hold at once: each is the
-    shadow of the ellipsoid of the coefficients (H. Scheffe, The Analysis of Variance, 1959).
+    With the number of estimated coefficients as ``dimension``, all discs hold simultaneously: each
+    is the projection of the coefficients' ellipsoid (H. Scheffe, The Analysis of Variance, 1959).
     """
     largest = np.linalg.eigvalsh(covariance)[..., -1]
     found: RealArray = np.sqrt(stats.chi2.ppf(confidence, dimension) * np.maximum(largest, 0.0))

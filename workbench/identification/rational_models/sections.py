@@ -1,7 +1,7 @@
-"""The fit as a nonlinear program: the denominator in sections of order two, solved by IPOPT.
+"""The fit as a nonlinear program in second-order sections of the denominator, by IPOPT.
 
-In the coefficients of its sections x^2 + a_1 x + a_0 a denominator is stable where linear
-inequalities hold, and two real poles become a pair without a kink.
+In the coefficients of its sections x^2 + a_1 x + a_0, a denominator is stable if linear
+inequalities hold; and two real poles become a complex pair smoothly.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from workbench.identification.rational_models.structure import LEAST_DAMPING, LE
 from workbench.solvers import ipopt
 
 PASSES = 4
-"""Most runs of IPOPT; each continues with standard deviations as new units."""
+"""Largest number of runs of IPOPT; each continues with the standard deviations as units."""
 SETTLED = 1e-3
-"""Change of the unknowns, in those units, at which the passes end."""
+"""The passes end when the unknowns, in those units, change by less than this."""
 PROXIMAL_CURVATURE = 1e-6
-"""Curvature added to the cost in those units, for directions that the data do not tell."""
+"""Curvature added to the cost in those units, for directions that the data do not determine."""
 
 Pair = tuple[Any, Any]
-"""Real and imaginary part of a column in CasADi."""
+"""Real and imaginary part of a column as CasADi expressions."""
 
 
 def section_descent(point: FitPoint, context: Context) -> FitPoint:
-    """The minimum of the cost that IPOPT reaches from a point, or the point where it finds none."""
+    """The minimum of the cost that IPOPT reaches from a point; the point itself if it fails."""
     if not point.poles.size:
         return point
     program = _SectionProgram(point, context)
@@ -62,7 +62,7 @@ class _SectionProgram:
             self.residuals = ca.Function("residuals", [values], [residual])
             self.slope = self.residuals.jacobian()
             x, origin, unit = (ca.MX.sym(name, count) for name in ("x", "origin", "unit"))
-            # The solver's gradient is then in units of the noise, or of the misfit if that is more.
+            # So the solver's gradient is in units of the noise, or of the misfit if that is larger.
             spread = ca.MX.sym("spread")
             misfit = self.residuals(origin + unit * x) / spread
             cost = ca.sumsqr(misfit) / 2 + PROXIMAL_CURVATURE * ca.sumsqr(x) / 2
@@ -104,7 +104,7 @@ class _SectionProgram:
         return found
 
     def read(self, values: RealArray) -> tuple[ComplexArray, float]:
-        """Poles, in units of the structure, and delay [s] of the unknowns."""
+        """Poles, in units of the structure, and delay [s], from the unknowns."""
         n = self.point.poles.size
         delay = float(values[-1]) if self.structure.free_delay else self.point.delay
         return _roots(values[:n]), delay
@@ -166,7 +166,7 @@ class _SectionProgram:
         return columns
 
     def _limits(self, ca: Any, values: Any, n: int) -> Any:
-        """Expressions that are not negative where the denominator is stable; None if free."""
+        """Expressions that are nonnegative if the denominator is stable; None if poles are free."""
         structure = self.structure
         if not structure.stable:
             return None
@@ -190,7 +190,7 @@ class _SectionProgram:
 
 
 def _polynomials(poles: ComplexArray) -> list[RealArray]:
-    """Sections of order two, real poles two by two, and one of order one if the order is odd."""
+    """Second-order sections, with real poles in pairs, and one of first order if n is odd."""
     real = np.sort(poles[poles.imag == 0].real)
     found: list[RealArray] = [
         np.array([1.0, -2.0 * p.real, abs(p) ** 2]) for p in poles[poles.imag > 0]

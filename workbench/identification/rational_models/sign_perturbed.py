@@ -1,10 +1,10 @@
-"""Confidence regions of rational models that are theorems for finite data: sign-perturbed sums.
+"""Confidence regions of rational models that are exact for finite data: sign-perturbed sums.
 
-For the true model the residuals are the errors of the data. Where these are independent from one
-frequency to the next and as likely as their negatives, sums of slopes times residuals with random
-signs are alike in distribution to the sum without, so that each of all m sums is as likely the
-largest as any other. The region holds the models whose own sum is not among the q largest, and
-contains the true model with probability exactly 1 - q / m, for any number of frequencies and any
+For the true model the residuals are the errors of the data. Suppose that these are independent from
+one frequency to the next and symmetrically distributed. Then sums of slopes times residuals have
+the same distribution with and without random signs, so each of all m sums is equally likely to be
+the largest. The region contains the models whose own sum is not among the q largest. It contains
+the true model with probability exactly 1 - q / m, for any number of frequencies and any
 distribution of the errors.
 
 Source: B. C. Csaji, M. C. Campi and E. Weyer, IEEE Trans. Signal Processing 63(1), 2015.
@@ -25,29 +25,29 @@ from workbench.identification.rational_models.structure import ModelStructure
 from workbench.input_checks import need_count
 
 COUNT_ROUNDING = 1e-9
-"""Distance of a number of sums from a whole one that is rounding."""
+"""Distance of a number of sums from a whole number that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class SignPerturbedRegion:
-    """The region of models of a structure at an exact confidence.
+    """A confidence region for models of a structure, with exact confidence.
 
     Parameters
     ----------
     structure
         Structure and data. Their covariance is only a weight: a wrong one makes the region larger,
-        not less right.
+        but the confidence stays exact.
     confidence
         1 - q / m with a whole number q from 1 to m - 1.
     sums
-        m, the number of sums, the one without random signs included.
+        m, the number of sums, including the one without random signs.
     seed
-        Seed of the signs and of the order in which equal sums count.
+        Seed of the signs and of the random order that ranks equal sums.
 
     Raises
     ------
     InputError
-        Another number of sums, or a confidence that is no such fraction.
+        An invalid number of sums, or a confidence that is not such a fraction.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Poles from which the refinement starts: by linear regressions, and from other orders."""
+"""Starting poles for the refinement: by linear regressions, and from fits of other orders."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from workbench.identification.rational_models.structure import ModelStructure
 LINEAR_STEPS = 30
 """Most linear regressions from one set of poles."""
 EXTRA_POLES = 4
-"""Poles above the order in one of the starts, which then keeps the most important ones."""
+"""Number of extra poles in one of the starts, which then keeps the most important ones."""
 DELAY_PHASE = 1.0
-"""Step of the delays tried, as a phase [rad] at the highest frequency."""
+"""Step of the delays that are tried, as a phase [rad] at the highest frequency."""
 MOST_DELAYS = 200
-"""Most delays tried."""
+"""Most delays that are tried."""
 BEST_DELAYS = 3
-"""Delays from which the refinement starts."""
+"""Number of delays from which the refinement starts."""
 DAMPING_OF_ADDED = 0.05
 """Damping ratio of a pair that is added to the poles of a lower order."""
 
@@ -29,17 +29,17 @@ DAMPING_OF_ADDED = 0.05
 def first_points(
     structure: ModelStructure, order: int, most: int, lower: Sequence[FitPoint] = ()
 ) -> list[FitPoint]:
-    """Points of an order from which to refine: the cheapest, ``most`` of them, and extensions.
+    """Starting points of an order: the ``most`` cheapest ones, and extensions of lower orders.
 
     ``lower`` are fits of lower orders. Each is extended by poles where its error is largest, so
     that a higher order is never worse.
     """
     found = []
     for delay in _delays(structure, order):
-        spread = _spread(structure, order)
+        spread = _poles_over_the_band(structure, order)
         found += [by_regressions(structure, spread, delay, mirror) for mirror in (True, False)]
         if order:
-            larger = _spread(structure, order + EXTRA_POLES)
+            larger = _poles_over_the_band(structure, order + EXTRA_POLES)
             if structure.unknowns(order + EXTRA_POLES) < structure.data.count:
                 wide = by_regressions(structure, larger, delay, True)
                 kept = FitPoint(structure, _foremost(wide, order), delay)
@@ -51,9 +51,10 @@ def first_points(
 def by_regressions(
     structure: ModelStructure, poles: ComplexArray, delay: float, mirror: bool
 ) -> FitPoint:
-    """The cheapest point that linear regressions pass from given poles.
+    """The cheapest of the points that linear regressions reach from the given poles.
 
-    mirror: whether unstable poles are mirrored on the way, as the noise often puts them there.
+    mirror: whether unstable poles are mirrored after each step, since noise often makes them
+    unstable.
     """
     point = best = FitPoint(structure, structure.allowed(poles), delay)
     for _ in range(LINEAR_STEPS if poles.size else 0):
@@ -73,7 +74,7 @@ def by_regressions(
     return best
 
 
-def _spread(structure: ModelStructure, order: int) -> ComplexArray:
+def _poles_over_the_band(structure: ModelStructure, order: int) -> ComplexArray:
     """Lightly damped pairs over the band; for sampled models on a linear scale of frequency."""
     omega = structure.data.omega
     if structure.sample_time is None:
@@ -85,19 +86,19 @@ def _spread(structure: ModelStructure, order: int) -> ComplexArray:
 
 
 def _delays(structure: ModelStructure, order: int) -> list[float]:
-    """Delays [s] from which to start: the cheapest of a grid within the bounds."""
+    """Starting delays [s]: the cheapest ones of a grid within the bounds."""
     if structure.delay_bounds is None:
         return [0.0]
     low, high = structure.delay_bounds
     step = DELAY_PHASE / float(structure.data.omega[-1])
     grid = np.linspace(low, high, int(np.clip(np.ceil((high - low) / step), 2, MOST_DELAYS)) + 1)
-    spread = _spread(structure, order)
+    spread = _poles_over_the_band(structure, order)
     costs = [by_regressions(structure, spread, float(each), True).cost for each in grid]
     return [float(grid[k]) for k in np.argsort(costs)[:BEST_DELAYS]]
 
 
 def _foremost(point: FitPoint, order: int) -> ComplexArray:
-    """Poles of a larger fit that matter most, by the size of their partial fractions."""
+    """The most important poles of a larger fit, by the size of their partial fractions."""
     structure, poles = point.structure, point.poles
     groups = [[int(k)] for k in np.flatnonzero(poles.imag == 0)]
     groups += [
@@ -125,18 +126,18 @@ def _foremost(point: FitPoint, order: int) -> ComplexArray:
         group = groups[k]
         if len(kept) + len(group) <= order:
             kept += [complex(poles[i]) for i in group]
-        elif len(kept) < order:  # one place is left for a pair: a real pole takes it
+        elif len(kept) < order:  # a pair needs two places and one is left: use a real pole
             kept.append(complex(_real_pole(structure, abs(poles[group[0]]))))
     return np.array(kept)
 
 
 def _real_pole(structure: ModelStructure, size: float) -> float:
-    """A stable real pole of about a size."""
+    """A stable real pole of roughly this size."""
     return -size if structure.sample_time is None else min(size, 0.9)
 
 
 def _extended(point: FitPoint, order: int) -> list[FitPoint]:
-    """Points with poles added to a fit of lower order, at its largest errors."""
+    """Points that extend a fit of lower order by poles at its largest errors."""
     structure, added = point.structure, order - point.poles.size
     if added <= 0:
         return []
@@ -153,7 +154,7 @@ def _extended(point: FitPoint, order: int) -> list[FitPoint]:
 
 
 def _worst_places(structure: ModelStructure, point: FitPoint, count: int) -> RealArray:
-    """Frequencies [rad/s] (count,) of the largest smoothed errors, apart from each other."""
+    """Frequencies [rad/s] (count,) of the largest smoothed errors, not too close together."""
     power = np.sum(np.abs(point.residual) ** 2, axis=(1, 2))
     width = max(len(power) // 20, 1)
     smooth = np.convolve(power, np.ones(width) / width, mode="same")

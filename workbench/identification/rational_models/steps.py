@@ -11,21 +11,25 @@ from workbench.identification.rational_models.point import FitPoint
 MOST_STEPS = 200
 """Most steps from one start."""
 DAMPING_TRIALS = 12
-"""Dampings tried, each ten times the last, before a point counts as a minimum."""
+"""Number of dampings tried, each ten times the last, before a point counts as a minimum."""
 MIN_DAMPING = 1e-14
 """Smallest damping, relative to the largest curvature."""
 SETTLED_MOVEMENT = 1e-5
-"""Movement to the optimum, in standard deviations, at which steps end."""
+"""Steps end at this distance from the optimum, in standard deviations."""
 SETTLED_SHARE = 1e-13
-"""The same, relative to the norm of the whitened response: what rounding leaves."""
+"""The same limit relative to the norm of the whitened response, for rounding."""
 AT_MARGIN = 1e-6
-"""Distance of a pole from the margin of stability, relative to the margin, that is none."""
+"""Distance of a pole from the margin of stability, relative to the margin, below which it is at the
+margin.
+"""
 UNSEEN = 1e-10
-"""Singular value of scaled slopes, relative to the largest, of a direction that no data tell."""
+"""A direction counts as undetermined if its singular value of the scaled slopes, relative to the
+largest, is below this.
+"""
 
 
 def gauss_newton_minimum(point: FitPoint) -> FitPoint:
-    """The minimum of the cost that steps of Levenberg and Marquardt reach from a point."""
+    """The minimum of the cost that Levenberg-Marquardt steps reach from a point."""
     damping = 1e-3
     for _ in range(MOST_STEPS):
         slopes, errors = point.slopes, point.errors
@@ -45,7 +49,7 @@ def gauss_newton_minimum(point: FitPoint) -> FitPoint:
         for _ in range(DAMPING_TRIALS):
             step = Vt.T @ (s / (s**2 + damping * s[0] ** 2) * along)
             with np.errstate(all="ignore"):  # a step that overflows is refused
-                trial = _tried(point, -free @ (step / size))
+                trial = _moved_if_finite(point, -free @ (step / size))
             if trial is not None and trial.cost < point.cost:
                 after, damping = trial, max(damping / 30, MIN_DAMPING)
                 break
@@ -56,8 +60,8 @@ def gauss_newton_minimum(point: FitPoint) -> FitPoint:
     return point
 
 
-def _tried(point: FitPoint, change: RealArray) -> FitPoint | None:
-    """The moved point, or None where its numbers are not finite."""
+def _moved_if_finite(point: FitPoint, change: RealArray) -> FitPoint | None:
+    """The moved point; None if its numbers are not finite."""
     try:
         return point.moved(change)
     except (ValueError, np.linalg.LinAlgError):
@@ -65,10 +69,10 @@ def _tried(point: FitPoint, change: RealArray) -> FitPoint | None:
 
 
 def _free_directions(point: FitPoint, slopes: RealArray, errors: RealArray) -> RealArray:
-    """Orthonormal directions (k, f) in which the next step may go.
+    """Orthonormal directions (k, f) that the next step may use.
 
-    A pole at the margin of stability may not move across, nor a delay across its bound: where the
-    step would, it is kept to first order.
+    A pole at the margin of stability must not cross it, nor a delay its bound: if the step would do
+    so, it is kept at the bound to first order.
     """
     count = slopes.shape[1]
     held = held_rows(point)
@@ -82,9 +86,9 @@ def _free_directions(point: FitPoint, slopes: RealArray, errors: RealArray) -> R
 
 
 def held_rows(point: FitPoint) -> RealArray:
-    """Derivatives (rows, k) of the distances of poles and delay that are at their bounds.
+    """Derivatives (rows, k) of the distances of those poles and delays that are at a bound.
 
-    Rows have length 1. No row is given for poles that coincide: their derivatives do not exist.
+    Rows have length 1. Coinciding poles have no row: their derivatives do not exist.
     """
     structure, n = point.structure, point.poles.size
     rows = []
@@ -110,14 +114,14 @@ def held_rows(point: FitPoint) -> RealArray:
 
 
 def linear_step(point: FitPoint, instruments: RealArray, share: float = 1.0) -> FitPoint | None:
-    """The point whose denominator solves a linear equation error, weighted by the present one.
+    """The point whose denominator solves a linearised equation error.
 
-    The equation is sum z (N - D data) / D0 = 0 with instruments z (rows, n), each without what the
-    numerators can make of it. With the regressors themselves as instruments this is an iteration of
-    C. K. Sanathanan and J. Koerner (IEEE Trans. Autom. Control 8(1), 1963); with the slopes of the
-    model it is one of refined instrumental variables, whose fixed points are minima of the cost (R.
-    S. Blom and P. M. J. Van den Hof, CDC 2010). Only a share of the change is made. A free delay
-    stays as it is.
+    The equation is sum z (N - D data) / D0 = 0 with instruments z (rows, n), each minus its fit by
+    numerators; it is weighted by the present denominator. With the regressors themselves as
+    instruments this is an iteration of C. K. Sanathanan and J. Koerner (IEEE Trans. Autom. Control
+    8(1), 1963); with the slopes of the model it is one of refined instrumental variables, whose
+    fixed points are minima of the cost (R. S. Blom and P. M. J. Van den Hof, CDC 2010). Only a
+    fraction of the change is made. A free delay is not changed.
     """
     data = point.structure.data
     n = point.poles.size
@@ -131,4 +135,4 @@ def linear_step(point: FitPoint, instruments: RealArray, share: float = 1.0) -> 
     if not np.isfinite(change).all():
         return None
     padded = np.append(share * change, np.zeros(int(point.structure.free_delay)))
-    return _tried(point, padded)
+    return _moved_if_finite(point, padded)

@@ -1,4 +1,4 @@
-"""The answer of a rational model fit, and its models as labelled arrays."""
+"""The answer of a rational model fit, and the storage of its models as labelled arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.identification.rational_models.model import CommonPoleModel
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RationalModels(ProgramAnswer):
-    """Fitted models of rising order, and the number of the one that is chosen.
+    """Fitted models of rising order, and the index of the chosen one.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What is known of a model before the fit: variable, degrees, delays, and where poles may lie."""
+"""Structure of a model that is given before the fit: variable, degrees, delays, stable region."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from workbench.identification.rational_models.model import variable
 from workbench.identification.rational_models.weighted import WeightedResponse
 
 LEAST_DAMPING = 1e-6
-"""Distance of a pole from the stability boundary, relative to its size (1 in the z-plane)."""
+"""Least distance of a pole from the stability boundary, relative to its size (1 in the z-plane)."""
 LEAST_RATE = 1e-6
-"""Distance from the imaginary axis of any stable pole, relative to the lowest frequency."""
+"""Least distance of any stable pole from the imaginary axis, relative to the lowest frequency."""
 
 Entries = list[tuple[int, int]]
-"""Row and column of entries whose numerators are computed together."""
+"""Row and column of the entries whose numerators are computed together."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelStructure:
-    """Structure of the models of every order.
+    """Structure shared by the models of all orders.
 
     Parameters
     ----------
     excess
-        Poles more than zeros of each entry (p, m), at least 0.
+        Number of poles minus zeros for each entry (p, m), at least 0.
     stable
         Whether poles must be stable.
     delay
         Known delays (p, m) [s].
     delay_bounds
-        Bounds (2,) [s] of a further delay that all entries share; None where there is none.
+        Bounds (2,) [s] of a further delay that all entries share; None if there is none.
     """
 
     data: WeightedResponse
@@ -69,7 +69,7 @@ class ModelStructure:
 
     @cached_property
     def groups(self) -> list[Entries]:
-        """Entries whose errors depend on each other are computed together."""
+        """Groups of entries with dependent errors, which are computed together."""
         p, m = self.data.shape
         entries = [(i, j) for i in range(p) for j in range(m)]
         return [[each] for each in entries] if self.data.independent else [entries]
@@ -89,7 +89,7 @@ class ModelStructure:
         return np.concatenate([chosen.real, chosen.imag])
 
     def unstack(self, rows: RealArray, group: Entries, into: ComplexArray) -> None:
-        """Write rows as `stacked` gives them into an array (F, p, m)."""
+        """Write rows in the form of `stacked` into an array (F, p, m)."""
         half = rows.size // 2
         values = (rows[:half] + 1j * rows[half:]).reshape(len(group), -1)
         for (i, j), each in zip(group, values, strict=True):
@@ -110,7 +110,7 @@ class ModelStructure:
         return found
 
     def allowed(self, poles: ComplexArray) -> ComplexArray:
-        """Poles where the model may have them: those too far right are moved to the margin."""
+        """Poles, with those beyond the margin of stability moved to it."""
         if not self.stable:
             return poles
         margin = self.margin(poles)
@@ -122,7 +122,7 @@ class ModelStructure:
         return np.where(beyond, moved, poles)
 
     def mirrored(self, poles: ComplexArray) -> ComplexArray:
-        """Poles with the unstable ones mirrored, then moved to the margin where they need it."""
+        """Poles, with the unstable ones mirrored and, if necessary, moved to the margin."""
         if self.sample_time is None:
             poles = -np.abs(poles.real) + 1j * poles.imag
         else:
@@ -135,6 +135,6 @@ class ModelStructure:
         return np.where(close, poles / np.maximum(np.abs(poles), 1e-300) * (1 - margin), poles)
 
     def allowed_delay(self, delay: float) -> float:
-        """The delay [s] within its bounds."""
+        """The delay [s], limited to its bounds."""
         assert self.delay_bounds is not None
         return float(np.clip(delay, *self.delay_bounds))

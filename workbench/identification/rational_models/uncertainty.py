@@ -25,9 +25,9 @@ from workbench.identification.rational_models.structure import ModelStructure
 class ModelUncertainty:
     """Asymptotic normal distribution of the estimates about a fitted model.
 
-    Coordinates are the numerators and the change of the denominator in the basis of the fit. What
-    a bound holds, a pole at the margin of stability or a delay at an end of its range, counts as
-    known. The variance says nothing of what the model structure cannot follow.
+    Coordinates are the numerators and the change of the denominator in the basis of the fit. A pole
+    at the margin of stability, or a delay at an end of its range, counts as known. The variance
+    does not contain errors of the model structure.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class ModelUncertainty:
 
     @cached_property
     def point(self) -> FitPoint:
-        """The model as a point of the fit: its poles and what its delay adds to the known one."""
+        """The model as a point of the fit: its poles, and its delay minus the known one."""
         extra = float(np.mean(self.model.delay - self.structure.delay))
         return FitPoint(self.structure, self.model.poles / self.structure.unit, extra)
 
@@ -76,7 +76,8 @@ class ModelUncertainty:
         size = np.linalg.norm(reduced, axis=0)
         size[size == 0] = 1.0
         _, s, Vt = np.linalg.svd(reduced / size, full_matrices=False)
-        s = np.maximum(s, UNSEEN * s.max(initial=0.0))  # of what no data tell, the variance is huge
+        # directions that the data do not determine have a huge variance
+        s = np.maximum(s, UNSEEN * s.max(initial=0.0))
         together = 1 if structure.data.independent else structure.data.response[0].size
         factor = np.sqrt(spread_factor(self.degrees, together))
         found: RealArray = free @ (Vt.T / s / size[:, None]) * factor
@@ -112,10 +113,10 @@ class ModelUncertainty:
     def radius(
         self, omega: ArrayLike, confidence: float = 0.95, *, everywhere: bool = False
     ) -> RealArray:
-        """Radius (F, p, m) of a disc about each entry that holds the true one.
+        """Radius (F, p, m) of a disc about each entry that contains the true one.
 
-        ``confidence`` is the least probability that the disc at one frequency does; or, if
-        ``everywhere``, that all discs do together, of every entry and at every frequency.
+        ``confidence`` is the least probability of that for each disc at one frequency or, if
+        ``everywhere``, for all entries and all frequencies simultaneously.
         """
         dimension = self.root.shape[1] if everywhere else 2
         return disc_radius(self.response_covariance(omega), confidence, dimension)
@@ -130,7 +131,7 @@ class ModelUncertainty:
         return two_sided_normal(confidence) * self._along(omega, 1j) / np.abs(values)
 
     def _along(self, omega: ArrayLike, turn: complex) -> RealArray:
-        """Standard deviations (F, p, m) along the response turned by a factor of modulus 1."""
+        """Standard deviations (F, p, m) along the response, rotated by a factor of modulus 1."""
         values = turn * self.model.response(np.atleast_1d(np.asarray(omega, float)))
         unit = values / np.maximum(np.abs(values), 1e-300)
         way = np.stack([unit.real, unit.imag], axis=-1)
@@ -139,9 +140,9 @@ class ModelUncertainty:
         return found
 
     def pole_covariance(self) -> RealArray:
-        """Covariance (n, 2, 2) of real and imaginary part of each pole; NaN where poles coincide.
+        """Covariance (n, 2, 2) of the two parts of each pole; NaN if poles coincide.
 
-        Of a pole on the real axis only the real part varies, to first order.
+        For a pole on the real axis only the real part varies, to first order.
         """
         n, point = self.model.order, self.point
         last = self.root.shape[0] - self.structure.free_delay
@@ -151,7 +152,7 @@ class ModelUncertainty:
         return np.where(np.isfinite(found), found, np.nan)
 
     def delay_deviation(self) -> float:
-        """Standard deviation [s] of a fitted delay; 0 where none is fitted."""
+        """Standard deviation [s] of a fitted delay; 0 if none is fitted."""
         if not self.structure.free_delay:
             return 0.0
         return float(np.linalg.norm(self.root[-1]))

@@ -1,4 +1,4 @@
-"""Measured responses with the covariance of their errors, as a fit uses them: whitened."""
+"""Measured responses with the covariance of their errors, whitened for a fit."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from workbench.fitting.samples import as_frequencies
 from workbench.input_checks import as_array
 
 HERMITIAN_ROUNDING = 1e-9
-"""Relative distance of a covariance from a Hermitian one that is rounding."""
+"""Relative distance of a covariance from a Hermitian matrix that counts as rounding."""
 LEAST_EIGENVALUE = 1e-12
-"""Smallest eigenvalue of a covariance scaled to a unit diagonal, below which it is singular."""
+"""A covariance, scaled to a unit diagonal, counts as singular if an eigenvalue is below this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,8 @@ class WeightedResponse:
     Parameters
     ----------
     covariance
-        Variances E|error|^2 (F, p, m) of errors that are independent of each other; or matrices
-        E[error error^H] (F, p m, p m) of the entries of each response, row by row.
+        Variances E|error|^2 (F, p, m) if the entries have independent errors; or matrices E[error
+        error^H] (F, p m, p m) of the entries of each response, row by row.
 
     Raises
     ------
@@ -35,7 +35,7 @@ class WeightedResponse:
         Other shapes, values that are not finite, or a covariance that is not positive definite.
     """
 
-    omega: Any  # arrays after construction
+    omega: Any  # arrays, after construction
     response: Any
     covariance: Any
 
@@ -95,8 +95,10 @@ class WeightedResponse:
         return found
 
     def whitened(self, values: ComplexArray) -> ComplexArray:
-        """Values (F, p, m, ...) in units in which real and imaginary part of an error have
-        variance 1, and all are independent."""
+        """Values (F, p, m, ...), scaled so that all errors are independent.
+
+        Real and imaginary part of an error have variance 1.
+        """
         if self.independent:
             scale = np.sqrt(2) / self.deviation
             return values * scale.reshape(*scale.shape, *[1] * (values.ndim - 3))
@@ -115,7 +117,7 @@ class WeightedResponse:
 
 
 def _refuse_indefinite(covariance: ComplexArray, variances: bool, omega: RealArray) -> None:
-    """Raise `InputError` where a covariance is not Hermitian positive definite."""
+    """Raise `InputError` unless every covariance is Hermitian positive definite."""
     bad = ~np.isfinite(covariance).all(axis=(1, 2))
     if variances:
         real = np.abs(covariance.imag) <= HERMITIAN_ROUNDING * covariance.real

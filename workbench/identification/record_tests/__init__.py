@@ -1,1 +1,1 @@
-"""Tests of a record before anything is estimated from it: assumptions, results, findings."""
+"""Tests of a record before any estimation: assumptions, results, findings."""

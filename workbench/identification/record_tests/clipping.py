@@ -1,7 +1,8 @@
-"""Clipping: an output that stays at an end of its converter's range while it heads beyond.
+"""Clipping: an output that stays at an end of its converter's range although it would go further.
 
-A signal that settles at its largest value, or has few levels, is not clipped. So either its values
-never repeat elsewhere, or a short regression, fitted inside the range, must say that it goes on.
+A signal that settles at its largest value, or that has few levels, is not clipped. So one more sign
+is needed: either its values never repeat elsewhere, or a short regression, fitted inside the range,
+predicts a value beyond the end.
 """
 
 from __future__ import annotations
@@ -16,29 +17,30 @@ from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.record import RecordData
 
 PASTS = (4, 2, 1)
-"""Lags of the outputs and inputs in the regressions."""
+"""Numbers of lags of outputs and inputs in the regressions."""
 ROWS = 20_000
-"""Rows of the regression at most."""
+"""Most rows of the regression."""
 ROWS_EACH = 10
-"""Fewest rows for each of its coefficients."""
+"""Fewest rows for each coefficient of the regression."""
 FEWEST_ARRIVALS = 3
-"""Fewest times that the output arrives at the end of its range."""
+"""Fewest times that the output must arrive at the end of its range."""
 CERTAIN = 5.0
-"""Standard errors by which the output must be expected beyond."""
+"""Least number of standard errors by which the output must be predicted beyond the end."""
 FEWEST_REPEATS, REPEATED = 10, 0.01
-"""Samples at the end of the range at least, and share of equal neighbours elsewhere at most, from
-which on exact repetition is no chance."""
+"""Fewest samples at the end of the range, and largest share of equal neighbours elsewhere, for
+which exact repetition is not chance.
+"""
 ROUNDING = 1e-6
-"""Error of a regression, relative to the output, that is no noise."""
+"""Error of a regression, relative to the output, that counts as rounding and not as noise."""
 STRONG = 0.05
-"""Share of clipped samples from which on nothing may be estimated."""
+"""Share of clipped samples above which nothing may be estimated."""
 
 
 def held_share(signal: RealArray) -> float:
-    """Share of samples at the largest value, 0 unless the signal was cut off there.
+    """Share of samples at the largest value; 0 unless the signal was cut off there.
 
-    It was if it stays there for two samples or more and the line through the two samples before
-    exceeds it by more than the converter's step.
+    It was cut off if it stays there for two samples or more and the line through the two samples
+    before exceeds it by more than the converter's step.
     """
     top = np.nanmax(signal)
     at_top = signal == top
@@ -52,19 +54,19 @@ def held_share(signal: RealArray) -> float:
 
 
 def _arrivals(at_top: BoolArray) -> IntegerArray:
-    """Samples at which a signal arrives at its largest value, to stay for another sample."""
+    """Samples at which a signal reaches its largest value and then stays there."""
     return np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 2
 
 
 def clipping(record: RecordData) -> Tested:
-    """Whether outputs stay inside the range of their converters."""
+    """Test whether outputs stay inside the range of their converters."""
     clean = unflagged(record)
     found = []
     for i, name in enumerate(record.outputs):
         for end, sign in (("largest", 1.0), ("least", -1.0)):
             signal = sign * clean.y[:, i]
             share = held_share(signal)
-            if share and _beyond(clean, signal, i):
+            if share and _would_exceed(clean, signal, i):
                 value = sign * float(np.nanmax(signal))
                 found.append(
                     Finding(
@@ -82,10 +84,10 @@ def clipping(record: RecordData) -> Tested:
     return Tested("outputs stay inside their range", told, findings=tuple(found))
 
 
-def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
-    """Whether an output (N,) would go beyond its largest value where it arrives there.
+def _would_exceed(record: RecordData, signal: RealArray, output: int) -> bool:
+    """Whether an output (N,) would exceed its largest value when it arrives there.
 
-    Shorter regressions are asked where longer ones have too few rows inside the range.
+    Shorter regressions are used if longer ones have too few rows inside the range.
     """
     waits = [one.most or 0 for one in delays(record) if one.output == output]
     top, bottom = np.nanmax(signal), np.nanmin(signal)
@@ -93,9 +95,10 @@ def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
     if held_share(-signal):
         outside |= signal == bottom
     at = np.arange(len(signal))
-    since = at - np.maximum.accumulate(np.where(outside, at, -1))  # samples since the last one
+    # number of samples since the last arrival
+    since = at - np.maximum.accumulate(np.where(outside, at, -1))
     arrivals = _arrivals(signal == top)
-    noisy = _never_repeats(signal, outside) and np.sum(signal == top) >= FEWEST_REPEATS
+    noisy = _is_not_rounded(signal, outside) and np.sum(signal == top) >= FEWEST_REPEATS
     for past in PASTS:
         begin = np.zeros(len(signal), dtype=bool)
         for piece in record.pieces():
@@ -119,8 +122,8 @@ def _beyond(record: RecordData, signal: RealArray, output: int) -> bool:
     return False
 
 
-def _never_repeats(signal: RealArray, outside: BoolArray) -> bool:
-    """Whether the values of a signal (N,) inside its range are noisy and not of a converter.
+def _is_not_rounded(signal: RealArray, outside: BoolArray) -> bool:
+    """Whether the values of a signal (N,) inside its range are noisy, and not rounded.
 
     Then a largest value that repeats exactly is an end of the range.
     """

@@ -1,4 +1,4 @@
-"""Inputs that move together: what each of them does alone cannot be told from the record.
+"""Inputs that move together: the record does not show the effect of each of them alone.
 
 Source: D. Belsley, E. Kuh, R. Welsch, Regression Diagnostics, 1980, chapter 3 (the variance of a
 gain grows as one over the share of its input that the other inputs do not explain).
@@ -15,15 +15,17 @@ from workbench.identification.record_tests.levels import resolution
 from workbench.identification.record_tests.record import RecordData
 
 TOGETHER = 1e-2
-"""Share of an input's variance that is its own, below which its gain is hard to tell."""
+"""An input's gain is hard to determine if less than this share of its variance is independent of
+the other inputs.
+"""
 INSEPARABLE = 1e-10
-"""Share below which it is the rounding of a number."""
+"""An independent share below this counts as rounding."""
 WEIGHTY = 1e-3
-"""Share of another input in an input, by which that one is named."""
+"""Another input is named if it has at least this share in an input."""
 
 
 def apart(record: RecordData) -> Tested:
-    """Whether each input moves in a way of its own."""
+    """Test whether the inputs move independently of each other."""
     assumption = "inputs move apart"
     record = unflagged(record)
     if record.u.shape[1] < 2:
@@ -59,15 +61,15 @@ def apart(record: RecordData) -> Tested:
 
 
 def own_shares(u: RealArray) -> tuple[RealArray, list[list[int]], list[bool]]:
-    """Share (nu,) of the variance of inputs (N, nu) that no other input explains.
+    """Share (nu,) of each input's variance (N, nu) that the other inputs do not explain.
 
-    Then, for each input, the others that explain it, and whether what is its own lies within the
-    steps of its converter.
+    Also returned for each input: the other inputs that explain it, and whether its independent part
+    lies within the steps of its converter.
     """
     spread = u.std(axis=0)
     spread[spread == 0] = 1.0
     scaled = (u - u.mean(axis=0)) / spread
-    # The triangular factor keeps digits that squares of the inputs would lose.
+    # The triangular factor keeps digits that the squares of the inputs would lose.
     triangle = np.asarray(np.linalg.qr(scaled / np.sqrt(len(u)), mode="r"))
     nu = u.shape[1]
     share, partners, coarse = np.ones(nu), [], []

@@ -1,8 +1,9 @@
-"""Delays: how long an output waits before it answers an input.
+"""Delays: the time before an output responds to an input.
 
-A slow start is no delay. The step response of n equal lags reaches in a time d about 2^-n of what
-it reaches in 2 d, while d is short against the lags. So d counts as delay when less than `STARTED`
-of that is there, for certain. Records are averaged over ever longer blocks until it is found.
+A slow start is not a delay. As long as d is short compared with the lags, the step response of n
+equal lags at time d is about 2^-n of that at 2 d. So d counts as a delay if, with certainty, less
+than `STARTED` of the response at 2 d has arrived by d. Records are averaged over longer and longer
+blocks until a delay is found.
 """
 
 from __future__ import annotations
@@ -24,24 +25,24 @@ from workbench.identification.record_tests.impulse import (
 from workbench.identification.record_tests.record import RecordData, once
 
 STARTED = 1 / 8
-"""Share of the answer within 2 d that has come within d, at most, for d to be a delay."""
+"""For d to be a delay, at most this share of the response within 2 d may arrive within d."""
 CERTAIN = 3.0
-"""Standard deviations by which the answer within d may be larger than it was found."""
+"""Number of standard deviations that are added to the response within d, for certainty."""
 FOUND = 8.0
-"""Standard deviations of the answer within 2 d that it must have at least."""
+"""Least response within 2 d, in standard deviations."""
 COARSER = 4
-"""Factor between the lengths of blocks."""
+"""Factor between successive lengths of blocks."""
 FEWEST_BLOCKS, FEWEST_WAITED = 200, 4
-"""Blocks of a record that are needed to look for a delay, and blocks of a delay."""
+"""Fewest blocks in a record, and fewest blocks in a delay, for the search."""
 TOLD = 10
-"""Delay [samples] from which on a model needs to know it."""
+"""Delay [samples] from which a model needs to know it."""
 
 
 @dataclass(frozen=True)
 class Delay:
-    """A delay from an input to an output: at least and at most so many samples; None: not found.
+    """Lower and upper bound of a delay from input to output [samples]; None: not found.
 
-    ``tested`` is whether the answer could be seen at all.
+    ``tested`` is whether the response could be seen at all.
     """
 
     input: int
@@ -61,7 +62,7 @@ def first_impulses(record: RecordData) -> tuple[tuple[Impulse | None, ...], slic
 
 @once
 def explained(record: RecordData) -> RealArray:
-    """What impulse responses at full rate explain of the outputs (N, ny)."""
+    """Outputs (N, ny) as explained by impulse responses at full rate."""
     u, made = unflagged(record).u, np.zeros(record.y.shape)
     for i, response in enumerate(first_impulses(record)[0]):
         if response is not None:
@@ -71,7 +72,7 @@ def explained(record: RecordData) -> RealArray:
 
 
 def known_past(record: RecordData, response: Impulse | None) -> BoolArray:
-    """Where (N,) the inputs are known for as long as they act at full rate."""
+    """Mask (N,) of samples before which the inputs are known for the whole impulse response."""
     lags = 0 if response is None else response.response.shape[1]
     known = np.ones(len(record.u), dtype=bool)
     for piece in record.pieces():
@@ -81,7 +82,7 @@ def known_past(record: RecordData, response: Impulse | None) -> BoolArray:
 
 @once
 def delays(record: RecordData) -> tuple[Delay, ...]:
-    """The delay of each output behind each input."""
+    """The delay from each input to each output."""
     clean = unflagged(record)
     first, part = first_impulses(record)
     u = clean.u[part]
@@ -92,13 +93,13 @@ def delays(record: RecordData) -> tuple[Delay, ...]:
         while response is not None:
             for j in range(u.shape[1]):
                 if found[j, i].least is None:
-                    found[j, i] = _waited(response, found[j, i])
+                    found[j, i] = _delay_in_response(response, found[j, i])
             size *= COARSER
             response = impulse(u, y, size) if len(u) >= FEWEST_BLOCKS * size else None
     return tuple(found[pair] for pair in sorted(found))
 
 
-def _waited(response: Impulse, known: Delay) -> Delay:
+def _delay_in_response(response: Impulse, known: Delay) -> Delay:
     """A delay, if an impulse response shows one within its lags."""
     lags, size = response.response.shape[1], response.block
     own = slice(known.input * lags, (known.input + 1) * lags)
@@ -119,7 +120,7 @@ def _waited(response: Impulse, known: Delay) -> Delay:
 
 
 def prompt_outputs(record: RecordData) -> Tested:
-    """Whether outputs answer soon."""
+    """Test whether outputs respond soon."""
     assumption = "outputs answer inputs within few samples"
     found, told = [], []
     several = delays(record)

@@ -1,7 +1,7 @@
-"""Excitation: does each input move at enough frequencies, and often enough.
+"""Excitation: whether each input moves at enough frequencies, and often enough.
 
 A sum of k sines determines 2 k numbers of a response and no more: it is persistently exciting of
-order 2 k. A model of order n of one input has 2 n + 1 numbers.
+order 2 k. A model of order n with one input has 2 n + 1 numbers.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 13.2.
 """
@@ -18,23 +18,25 @@ from workbench.identification.record_tests.levels import runs
 from workbench.identification.record_tests.record import RecordData
 
 LEAST_ORDER = 2
-"""Order of a model that is asked of every record: one resonance."""
+"""Model order for which every record must be sufficient: one resonance."""
 UNEXPLAINED = 1e-4
-"""Share of an input's variance beside a few sines that is noise or rounding."""
+"""Share of an input's variance that counts as noise or rounding if a few sines explain the rest."""
 LOBE = 5
-"""Lines by which a sine spreads in a spectrum with a Hann window, more than which share it."""
+"""Number of lines over which a Hann window spreads a sine."""
 SCREENED = 0.98
-"""Share of the energy in the largest lines, below which an input is no sum of few sines."""
+"""If the largest lines hold less than this share of the energy, an input is not a sum
+of few sines.
+"""
 FEWEST_TURNS = 1.5
-"""Turns of a sine in the record, below which it is a slow movement and no sine."""
+"""A sine with fewer turns in the record than this counts as a slow movement."""
 REFINED, REFINED_ON = 8, 50_000
-"""Rounds in which the frequencies of sines are improved, and samples on which they are."""
+"""Number of rounds that refine the frequencies of sines, and number of samples that are used."""
 STILL = 0.9
-"""Share of a record in which an input stands still that is too much."""
+"""Share of the record above which a constant input is reported."""
 
 
 def excitation(record: RecordData) -> Tested:
-    """Whether each input moves at enough frequencies, and often enough."""
+    """Test whether each input moves at enough frequencies, and often enough."""
     record = unflagged(record)
     needed = 2 * (LEAST_ORDER if record.order is None else record.order) + 1
     longest = max(record.pieces(), key=lambda piece: piece.stop - piece.start)
@@ -53,7 +55,7 @@ def excitation(record: RecordData) -> Tested:
 
 
 def _few_lines(name: str, frequency: RealArray, needed: int) -> Finding:
-    """The finding of an input that is a sum of a few sines."""
+    """The finding for an input that is a sum of a few sines."""
     where = ", ".join(f"{f:.6g} Hz" for f in frequency)
     order = max((2 * frequency.size - 1) // 2, 0)
     one = frequency.size == 1
@@ -70,7 +72,7 @@ def _few_lines(name: str, frequency: RealArray, needed: int) -> Finding:
 
 
 def _seldom_moved(name: str, u: RealArray, record: RecordData, needed: int) -> list[Finding]:
-    """Findings of an input that hardly ever moves, or stands still for most of the record."""
+    """Findings for an input that hardly ever moves, or is constant for most of the record."""
     moves = np.diff(u) != 0
     moves[[first - 1 for first in record.starts if first]] = False
     count = int(moves.sum())
@@ -107,9 +109,9 @@ def _seldom_moved(name: str, u: RealArray, record: RecordData, needed: int) -> l
 
 
 def sines(u: RealArray, most: int) -> RealArray:
-    """Frequencies [cycles/sample] of the sines whose sum an input (N,) is; none if it is no such.
+    """Frequencies [cycles/sample] of the sines that make up an input (N,); empty if none fit.
 
-    Beside at most so many sines there may be a level and a slope.
+    There may be at most ``most`` sines, and in addition a level and a slope.
     """
     n = len(u)
     if n < 8 * (most + 1) or np.ptp(u) == 0:
@@ -134,7 +136,7 @@ def sines(u: RealArray, most: int) -> RealArray:
 
 
 def _peak(signal: RealArray) -> float:
-    """Frequency [cycles/sample] of the largest line of a signal (N,), between the lines."""
+    """Frequency [cycles/sample] of the largest line of a signal (N,), interpolated."""
     n = len(signal)
     size = np.abs(np.fft.rfft(signal * hann(n, sym=False)))
     k = int(np.clip(np.argmax(size), 1, size.size - 2))
@@ -144,7 +146,7 @@ def _peak(signal: RealArray) -> float:
 
 
 def _refined(frequency: RealArray, u: RealArray) -> tuple[RealArray, RealArray]:
-    """Frequencies of sines that fit an input best, and what they leave of it, by Gauss-Newton."""
+    """Frequencies of sines that fit an input best, and the remainder, by Gauss-Newton."""
     time = np.arange(len(u)) - len(u) / 2
     for _ in range(REFINED):
         turns = 2 * np.pi * np.outer(time, frequency)

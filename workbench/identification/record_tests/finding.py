@@ -1,4 +1,4 @@
-"""What a test of a record says: a finding, and what became of the assumption that was tested."""
+"""Results of a test of a record: a finding, and the state of the tested assumption."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Finding:
-    """Something in a record that harms what is estimated from it.
+    """A property of a record that harms estimates from it.
 
     Parameters
     ----------
     kind
-        What it is, in a word or two: "feedback", "spikes", "clipped".
+        A word or two: "feedback", "spikes", "clipped".
     message
         What was found, in a sentence without a full stop.
     where
         Channel and samples, such as "output 'speed', samples 17 and 230".
     strength
-        How strong it is, as a number.
+        The size of the effect, as a number.
     measure
-        What that number is, such as "share of the input's variance that comes from the output".
+        Meaning of that number, such as "share of the input's variance that comes from the output".
     remedy
         What to do.
     forbids
@@ -52,19 +52,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class Tested:
-    """An assumption on a record, and what its test gave.
+    """An assumption about a record, and the result of its test.
 
     Parameters
     ----------
     assumption
         What is assumed, such as "open loop".
     result
-        What was found, such as "at most 4 % of the variance of 'u' can come from 'y'", or why it
-        cannot be tested.
+        The result, such as "at most 4 % of the variance of 'u' can come from 'y'", or the reason
+        why it cannot be tested.
     testable
         Whether the record allows the test.
     findings
-        What stands against the assumption.
+        Findings that contradict the assumption.
 
     Examples
     --------

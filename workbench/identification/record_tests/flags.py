@@ -1,7 +1,7 @@
-"""Flags: one value far outside of all others that stands for "no value".
+"""Flags: one value far outside all others that stands for "no value".
 
-Loggers write -9999, 32767 or 0 where they have nothing to write. A value that a signal really took
-comes with values between, or with the same move of the other channel.
+Loggers write -9999, 32767 or 0 if they have no value. A value that a signal really took has others
+in between, or comes with a similar move of another channel.
 """
 
 from __future__ import annotations
@@ -19,24 +19,28 @@ CUSTOMARY = (
 )  # fmt: skip
 """Values that loggers write for "no value"."""
 FAR = 3.0
-"""Distance of a flag from the nearest other value, over the range of all others."""
+"""Least distance of a flag from the nearest other value, in units of the range of all others."""
 FEWEST_VALUES = 5
-"""Different values that all others must have: a signal of few levels tells nothing of its range."""
+"""Fewest different values among all others: a signal with few levels says nothing about
+its range.
+"""
 CHANCE = 1e-3
-"""Probability that measured values repeat exactly by chance, below which they are a flag."""
+"""A value counts as a flag if measured values would repeat exactly with less than this
+probability.
+"""
 EVENTS = 50
-"""Occurrences, far from each other, at which the other channel is looked at."""
+"""Number of well separated occurrences at which another channel is examined."""
 LAGS = 400
-"""Samples around an occurrence in which another channel is expected to show the same move."""
+"""Number of samples around an occurrence in which another channel would show the same move."""
 ANSWERED = 6.0
-"""Mean of another channel around the occurrences, in standard errors, that is no chance."""
+"""Mean of another channel around the occurrences, in standard errors, that is not chance."""
 SHARED = 0.8
-"""Share of occurrences in the same rows of two channels from which on the row has no values."""
+"""If two channels share this fraction of occurrences, whole rows are without values."""
 
 
 @once
 def flagged(record: RecordData) -> tuple[BoolArray, BoolArray]:
-    """Masks of u (N, nu) and of y (N, ny) that are True at flags."""
+    """Masks of u (N, nu) and of y (N, ny), True at flags."""
     suspected: list[BoolArray] = [
         np.column_stack([_far_outside(column, record) for column in table.T])
         for table in (record.u, record.y)
@@ -55,7 +59,7 @@ def flagged(record: RecordData) -> tuple[BoolArray, BoolArray]:
 
 @once
 def unflagged(record: RecordData) -> RecordData:
-    """The record without flags: of y they are missing, of u the value before them holds."""
+    """The record without flags: in y they become missing; in u the previous value is held."""
     u_mask, y_mask = flagged(record)
     if not (u_mask.any() or y_mask.any()):
         return record
@@ -70,7 +74,7 @@ def unflagged(record: RecordData) -> RecordData:
 
 
 def flags(record: RecordData) -> Tested:
-    """Whether values stand for "no value"."""
+    """Test whether some values stand for "no value"."""
     found = []
     for kind, table, names, masks in (
         ("input", record.u, record.inputs, flagged(record)[0]),
@@ -101,7 +105,7 @@ def flags(record: RecordData) -> Tested:
 
 
 def _far_outside(column: RealArray, record: RecordData) -> BoolArray:
-    """Where a channel (N,) takes one value, the least or the largest, far outside of the others."""
+    """Mask of samples where a channel (N,) takes an extreme value far from all others."""
     mask = np.zeros(len(column), dtype=bool)
     ends = np.nanmin(column), np.nanmax(column)
     at_end: list[BoolArray] = [np.asarray(column == end) for end in ends]
@@ -109,7 +113,7 @@ def _far_outside(column: RealArray, record: RecordData) -> BoolArray:
     between = known & ~at_end[0] & ~at_end[1]
     for k, end in enumerate(ends):
         here = at_end[k]
-        # The other end may be a flag itself, so that the range is tried without it first.
+        # The other extreme may be a flag itself, so the range is first computed without it.
         for rest in (between, known & ~here):
             if here.sum() < 2 or not rest.any():
                 continue
@@ -128,7 +132,7 @@ def _far_outside(column: RealArray, record: RecordData) -> BoolArray:
 
 
 def _between_values(here: BoolArray, record: RecordData) -> BoolArray:
-    """A mask without what reaches to an end of an experiment: 0 before something is switched on."""
+    """A mask without stretches at an end of an experiment: 0 before something is switched on."""
     kept = here.copy()
     for piece in record.pieces():
         first, length = runs(here[piece])
@@ -141,9 +145,10 @@ def _between_values(here: BoolArray, record: RecordData) -> BoolArray:
 def _is_flag(
     mask: BoolArray, column: RealArray, others: RealArray, suspected: BoolArray, after: bool
 ) -> bool:
-    """Whether the other channels (channels, N) do not show what a channel does at a mask.
+    """Whether no other channel (channels, N) moves with a channel at the masked samples.
 
-    They are looked at ``after`` it, or before. Rows in which all channels have flags are no answer.
+    Other channels are examined ``after`` the samples, or before. Rows in which all channels have
+    flags do not count as moves.
     """
     value = float(column[mask][0]) if mask.any() else 0.0
     for other, theirs in zip(others, suspected, strict=True):
@@ -156,7 +161,7 @@ def _is_flag(
 
 
 def _moves_with(events: IntegerArray, other: RealArray, after: bool) -> bool:
-    """Whether a channel (N,) moves at events, after them or before, by more than chance."""
+    """Whether a channel (N,) moves after the events, or before them, by more than chance."""
     apart = max(1, len(other) // EVENTS)
     events = events[np.unique(events // apart, return_index=True)[1]]
     lags = np.arange(min(LAGS, len(other) // 10))

@@ -1,4 +1,4 @@
-"""Gaps and instants: samples that are missing, and stamps that are not even."""
+"""Gaps and instants: missing samples, and uneven time stamps."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from workbench.identification.record_tests.levels import runs, told_samples
 from workbench.identification.record_tests.record import RecordData
 
 MANY = 0.02
-"""Share of missing samples that is worth a word."""
+"""Share of missing samples above which they are reported."""
 UNEVEN = 0.1
-"""Largest distance of an instant from an even one, in steps, that does no harm."""
+"""Largest harmless distance of an instant from an even one, in steps."""
 ROUNDED = 0.6
-"""The same in units of the last digit of the stamps: rounding to it."""
+"""Largest such distance, in units of the stamps' last digit, that rounding explains."""
 WHOLE = 0.1
-"""Distance of a step from a multiple of the usual one, in usual ones, that is rounding."""
+"""Distance of a step from a multiple of the usual step, in usual steps, that counts as rounding."""
 FEWEST_ROUNDED = 3
-"""Steps of one more digit from which on they are told from missing rows."""
+"""Fewest different steps from which rounding of the stamps is distinguished from missing rows."""
 
 
 def complete_outputs(record: RecordData) -> Tested:
-    """Whether outputs were measured at all samples."""
+    """Test whether outputs were measured at all samples."""
     found, told = [], []
     for name, y in zip(record.outputs, record.y.T, strict=True):
         first, length = runs(np.isnan(y))
@@ -50,7 +50,7 @@ def complete_outputs(record: RecordData) -> Tested:
 
 
 def instants(record: RecordData) -> Tested:
-    """Whether samples were taken at even instants."""
+    """Test whether samples were taken at even instants."""
     assumption = "samples are even"
     if record.times is None:
         return Tested(assumption, "no instants were given", testable=False)
@@ -64,14 +64,14 @@ def instants(record: RecordData) -> Tested:
         usual, digit = float(np.median(steps)), _last_digit(np.diff(times))
         turns = np.round(steps / usual)
         lost = (turns > 1) & (np.abs(steps - turns * usual) < WHOLE * usual)
-        away = _from_even(times, number)
+        away = _distance_from_even(times, number)
         if np.abs(away).max() < ROUNDED * digit and not 0 < lost.sum() < FEWEST_ROUNDED:
             rounded = f"; they are rounded to {digit:.3g} s: give the sample rate"
         elif lost.any():
             missing += int((turns[lost] - 1).sum())
             places += [piece.start + int(k) + 1 for k in np.flatnonzero(lost)]
             number = np.concatenate([[0], np.cumsum(np.where(lost, turns, 1))])
-            away = _from_even(times, number)
+            away = _distance_from_even(times, number)
         far = float(np.abs(away).max()) / usual
         if far > UNEVEN and not rounded:
             places.append(piece.start + int(np.argmax(np.abs(away))))
@@ -105,14 +105,14 @@ def instants(record: RecordData) -> Tested:
     return Tested(assumption, told, findings=tuple(found))
 
 
-def _from_even(times: RealArray, number: Array) -> RealArray:
-    """Distance of instants (N,) from the even ones of these numbers that fit best."""
+def _distance_from_even(times: RealArray, number: Array) -> RealArray:
+    """Distance of instants (N,) from the best-fitting even instants with these numbers."""
     line = np.polynomial.polynomial.polyfit(number, times, 1)
     return np.asarray(times - np.polynomial.polynomial.polyval(number, line))
 
 
 def _last_digit(steps: RealArray) -> float:
-    """The unit to which stamps were rounded, where a few different steps show it; else 0."""
+    """The unit to which stamps were rounded, if a few different steps show it; otherwise 0."""
     usual = float(np.median(steps))
     different = np.unique(np.round(steps / usual, 6)) * usual
     return float(np.diff(different).min()) if 1 < different.size <= 4 else 0.0

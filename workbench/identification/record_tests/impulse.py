@@ -1,7 +1,8 @@
-"""Impulse responses by least squares, with their covariance whatever the colour of the noise.
+"""Impulse responses by least squares, with a covariance valid for noise of any colour.
 
-The record is averaged over blocks first, so that few hundred lags reach over any time. Sums over
-samples come from FFTs and are corrected at the ends, so that the fit is that of least squares.
+The record is first averaged over blocks, so that a few hundred lags cover any time. Sums over
+samples are computed by FFT and corrected at the ends, so that the fit is exactly that of least
+squares.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.2 and 9.3 (the covariance of
 least squares under coloured noise).
@@ -19,23 +20,23 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.record import RecordData
 
 LAGS = 400
-"""Most lags, of all inputs together."""
+"""Most lags, all inputs together."""
 SAMPLES_EACH = 4
 """Fewest samples for each lag."""
 DEGREES = 3
-"""Largest degree of polynomials of time that are fitted beside, for what drifts."""
+"""Largest degree of polynomials of time that are fitted in addition, for drift."""
 RIDGE = 1e-9
-"""Weight of what keeps the lags small, relative to the inputs' variance."""
+"""Weight of the regularisation of the lags, relative to the inputs' variance."""
 MOST_SAMPLES = 100_000
-"""Samples in which an impulse response is sought: those in which the inputs move most."""
+"""Most samples from which an impulse response is estimated: those in which the inputs move most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Impulse:
     """Impulse responses (nu, lags) of blocks, for one output.
 
-    ``covariance`` (nu lags, nu lags) belongs to them, ``noise`` is the standard deviation of what
-    they leave of the output, and ``block`` the samples in each block.
+    ``covariance`` (nu lags, nu lags) is that of the responses, ``noise`` is the standard deviation
+    of the unexplained output, and ``block`` the number of samples in each block.
     """
 
     response: RealArray
@@ -45,7 +46,7 @@ class Impulse:
 
 
 def gaps_filled(y: RealArray) -> RealArray:
-    """A channel (N,) with straight lines across what is missing."""
+    """A channel (N,) with missing samples interpolated linearly."""
     known = np.isfinite(y)
     if known.all() or not known.any():
         return np.nan_to_num(y)
@@ -54,7 +55,7 @@ def gaps_filled(y: RealArray) -> RealArray:
 
 
 def busiest(record: RecordData, most: int = MOST_SAMPLES) -> slice:
-    """The part of the longest experiment, of at most so many samples, where inputs move most."""
+    """The part of the longest experiment, with at most ``most`` samples, where inputs move most."""
     longest = max(record.pieces(), key=lambda piece: piece.stop - piece.start)
     if longest.stop - longest.start <= most:
         return longest
@@ -68,13 +69,13 @@ def busiest(record: RecordData, most: int = MOST_SAMPLES) -> slice:
 
 
 def blocks(signal: RealArray, size: int) -> RealArray:
-    """Means of a signal (N, ...) over blocks of so many samples."""
+    """Means of a signal (N, ...) over blocks of ``size`` samples."""
     count = len(signal) // size
     return signal[: count * size].reshape(count, size, *signal.shape[1:]).mean(axis=1)
 
 
 def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
-    """Impulse responses from inputs (N, nu) to an output (N,), none missing; None if too short."""
+    """Impulse responses from inputs (N, nu) to an output (N,); None if too short."""
     if block > 1:
         u, y = blocks(u, block), blocks(y, block)
     (count, nu), lags = u.shape, min(LAGS // u.shape[1], len(u) // (SAMPLES_EACH * u.shape[1]))
@@ -84,7 +85,8 @@ def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
     u_size, y_size = u.std(axis=0), float(y.std())
     if not (y_size > 0 and u_size.any()):
         return None
-    u_size[u_size == 0] = 1.0  # an input that rests here explains nothing, as the ridge says
+    # an input at rest explains nothing: the ridge makes its response zero
+    u_size[u_size == 0] = 1.0
     u, y = u / u_size, y / y_size
     rows = count - lags + 1
     trend = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, rows), DEGREES))[0]
@@ -96,10 +98,11 @@ def impulse(u: RealArray, y: RealArray, block: int = 1) -> Impulse | None:
     left = y[lags - 1 :] - made
     left = left - trend @ (trend.T @ left)
     inverse = cho_solve(factor, np.eye(len(matrix)))
-    # Degrees of freedom that the lags took from the noise.
+    # The lags use up degrees of freedom of the noise.
     free = rows / max(rows - nu * lags, 1)
     middle = _noise_part(u[lags - 1 :], left, lags) * free
-    # What the inputs leave open is as uncertain as an answer of the output's own size.
+    # Directions that the inputs leave undetermined get the uncertainty of a response as large as
+    # the output.
     covariance = inverse @ middle @ inverse + RIDGE * rows * inverse
     scale = y_size / np.repeat(u_size, lags)
     return Impulse(
@@ -115,7 +118,7 @@ def _normal_equations(
 ) -> tuple[RealArray, RealArray]:
     """Matrix (nu lags, nu lags) and right side of the fit of y_t to u_(t - l).
 
-    Orthonormal trends (rows, K) are fitted beside, and taken out.
+    Orthonormal trends (rows, K) are fitted in addition, and eliminated.
     """
     count, nu = u.shape
     start = lags - 1
@@ -153,7 +156,7 @@ def _noise_part(u: RealArray, left: RealArray, lags: int) -> RealArray:
     """Covariance (nu lags, nu lags) of the sums of u_(t - l) v_t, for noise v of any colour."""
     size = 1 << int(np.ceil(np.log2(2 * len(u))))
     colour = np.fft.irfft(np.abs(np.fft.rfft(left, size)) ** 2, size)
-    # Lags beyond a few hundred hold nothing but chance.
+    # Beyond a few hundred lags there is nothing but chance.
     window = np.zeros(size)
     reach = min(len(left) // 4, lags)
     window[: reach + 1] = 1 - np.arange(reach + 1) / (reach + 1)

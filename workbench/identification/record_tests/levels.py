@@ -1,4 +1,4 @@
-"""Sizes of channels that no outlier moves, resolution of converters, and words for samples."""
+"""Robust sizes of channels, resolution of converters, and lists of samples in words."""
 
 from __future__ import annotations
 
@@ -9,28 +9,30 @@ import numpy as np
 from workbench.arrays import BoolArray, IntegerArray, RealArray
 
 LOOKED_AT = 100_000
-"""Samples, evenly taken from the whole record, from which the spread of a channel is found."""
+"""Number of samples, evenly spaced over the record, from which the spread of a channel
+is computed.
+"""
 GRID_ROUNDING = 0.05
-"""Distance from a multiple of the step, in steps, that is rounding of a converter's values."""
+"""Distance from a multiple of the step, in steps, that counts as rounding."""
 MOST_DIGITS = 1e-12
-"""Step of a channel, relative to its largest value, below which it is rounding of numbers."""
+"""A step below this, relative to the channel's largest value, counts as rounding of numbers."""
 FEWEST_REPEATS = 2.0
-"""Times that a value of a converter occurs at least, on average."""
+"""Least average number of times that each value of a converter occurs."""
 NAMED = 6
-"""Samples that a finding names."""
+"""Most samples that a finding lists."""
 
 
 def evenly_chosen(column: RealArray, most: int = LOOKED_AT) -> RealArray:
-    """At most so many measured samples of a channel (N,), evenly taken."""
+    """At most ``most`` measured samples of a channel (N,), evenly spaced."""
     known = column[:: max(1, -(-len(column) // most))]
     return known[np.isfinite(known)]
 
 
 def robust_spread(column: RealArray) -> float:
-    """Spread of a channel that outliers do not move, its standard deviation if it is normal.
+    """Spread of a channel, insensitive to outliers; the standard deviation for normal values.
 
-    Half the distance between the quantiles of 16 and 84 %; where a channel rests more often than
-    that, the standard deviation.
+    Half the distance between the 16 % and 84 % quantiles; if a channel rests so often that this is
+    zero, the standard deviation.
     """
     known = evenly_chosen(column)
     if not known.size:
@@ -40,7 +42,7 @@ def robust_spread(column: RealArray) -> float:
 
 
 def resolution(column: RealArray) -> float:
-    """Step of the converter that a channel came from; 0 where its values show none."""
+    """Step of a channel's converter; 0 if its values show none."""
     known = evenly_chosen(column)
     values = np.unique(known)
     if values.size < 2 or known.size < FEWEST_REPEATS * values.size:
@@ -55,7 +57,7 @@ def resolution(column: RealArray) -> float:
 
 
 def told_samples(samples: Sequence[int] | IntegerArray) -> str:
-    """Numbers of samples in words: the first few."""
+    """Numbers of samples as text: the first few."""
     named = ", ".join(str(int(k)) for k in samples[:NAMED])
     word = "sample" if len(samples) == 1 else "samples"
     return f"{word} {named}" + (", ..." if len(samples) > NAMED else "")

@@ -1,4 +1,4 @@
-"""Nonlinear distortion: an output that answers a periodic input at lines which the input lacks.
+"""Nonlinear distortion: responses to a periodic input at lines that the input does not contain.
 
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
 2012, section 4.3.
@@ -18,27 +18,29 @@ from workbench.identification.record_tests.periods import period
 from workbench.identification.record_tests.record import RecordData
 
 FEWEST_PERIODS = 3
-"""Periods that are needed: one to settle, and two to tell noise."""
+"""Fewest periods: one to settle, and two to determine the noise."""
 EXCITED = 1e-3
-"""Amplitude of an excited line, relative to the largest."""
+"""Amplitude from which a line counts as excited, relative to the largest."""
 HARMONICS = 3
-"""Multiple of the highest excited line up to which distortion is looked for."""
+"""Distortion is searched up to this multiple of the highest excited line."""
 LEAST = 0.01
-"""Size of distortion relative to what is excited, from which on it does harm."""
+"""Distortion relative to the excited lines above which it is harmful."""
 OVER_CHANGES = 3.0
-"""Size of distortion over the change between the periods, which noise and settling make."""
+"""Least ratio of distortion to the change between periods, which noise and settling cause."""
 OVER_STEPS = 2.0
-"""Size of distortion over the rounding errors of a converter."""
+"""Least ratio of distortion to the rounding error of a converter."""
 OVER_INPUT = 10.0
-"""Size of distortion over what the largest gain makes of the input at the same lines."""
+"""Least ratio of distortion to the response that the largest gain would give to the input at the
+same lines.
+"""
 HELD = 0.3
-"""Share of samples like the one before, from which on a sensor that holds them is no linear one."""
+"""Share of samples equal to the previous one, from which a sensor counts as holding its values."""
 CHANCE = 1e-6
-"""Probability of so much at lines where there is noise alone."""
+"""Probability of so much distortion if there is only noise."""
 
 
 def nonlinearity(record: RecordData) -> Tested:
-    """Whether the plant is linear, as far as a periodic input tells."""
+    """Test whether the plant is linear, as far as a periodic input shows it."""
     assumption = "the plant is linear"
     clean = unflagged(record)
     if len(record.starts) > 1:
@@ -84,7 +86,7 @@ def nonlinearity(record: RecordData) -> Tested:
 
 
 def _lines(signal: RealArray, samples: int) -> ComplexArray:
-    """Amplitudes (periods, lines) of a signal (N,), without the first period and a slope."""
+    """Amplitudes (periods, lines) of a signal (N,), without its first period and its slope."""
     count = len(signal) // samples
     periods = signal[len(signal) - count * samples :].reshape(count, samples)[1:]
     levels = periods.mean(axis=1)
@@ -96,7 +98,7 @@ def _lines(signal: RealArray, samples: int) -> ComplexArray:
 def _distortion(
     Y: ComplexArray, sizes: RealArray, excited: IntegerArray, silent: IntegerArray, step: float
 ) -> tuple[float, bool]:
-    """Size at silent lines over that at excited ones, and whether only distortion can make it."""
+    """Size at silent lines over that at excited ones, and whether only distortion explains it."""
     mean = Y.mean(axis=0)
 
     def size(values: Array) -> float:

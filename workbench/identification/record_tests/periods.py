@@ -1,4 +1,4 @@
-"""How often an input repeats itself, and what differs between its periods."""
+"""The period of an input, and the differences between its periods."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ import numpy as np
 from workbench.arrays import RealArray
 
 SHORTEST_PERIOD = 16
-"""Samples of the shortest period that is looked for."""
+"""Shortest period that is searched for [samples]."""
 FORGOTTEN = 0.5
-"""Correlation below which the input has left its first state: a period is longer."""
+"""An input has left its initial state once the correlation falls below this; a period is longer."""
 ROUNDING = 1e-9
-"""Energy of a part of an input, relative to the whole, that is rounding."""
+"""Energy of a part of an input, relative to the whole, that counts as rounding."""
 PERIODIC = 0.99
-"""Correlation of the input with itself, a period later, from which it counts as periodic."""
+"""Correlation of an input with itself one period later, from which it counts as periodic."""
 
 FEWEST_PERIODS = 4
-"""Periods from which on it is told whether their differences are noise."""
+"""Fewest periods from which it is decided whether their differences are noise."""
 ALIKE = 3.0
-"""Standard deviations that the correlation of neighbouring periods may be above that of noise."""
+"""Number of standard deviations by which the correlation of neighbouring periods may exceed that of
+noise.
+"""
 
 
 def period(u: RealArray) -> int | None:
-    """Samples of a record's period, of which it holds two at least; None where it has none."""
+    """A record's period [samples], which it must contain at least twice; None if it has none."""
     u = u - u.mean()
     n, longest = len(u), len(u) // 2
     if longest < SHORTEST_PERIOD or not u.any():
@@ -34,7 +36,7 @@ def period(u: RealArray) -> int | None:
     energy = np.concatenate([[0.0], np.cumsum(u**2)])
     lags = np.arange(longest + 1)
     size = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
-    # Where an input hardly moves it is like anything.
+    # An input that hardly moves resembles anything.
     like = np.where(size > ROUNDING * energy[n], product, 0.0)
     like = np.minimum(like / np.maximum(size, ROUNDING * energy[n]), 1.0)
     left = np.flatnonzero(like < FORGOTTEN)
@@ -44,7 +46,7 @@ def period(u: RealArray) -> int | None:
     best = like[start:].max(initial=-1.0)
     if best < PERIODIC:
         return None
-    # Every multiple of the period is as good: take the first one that is as near as the best.
+    # Every multiple of the period fits equally well: take the first that is as good as the best.
     near = np.flatnonzero(like[start:] >= 1.0 - 2.0 * (1.0 - best) - 1e-9)
     first = start + int(near[0])
     last = first
@@ -54,9 +56,9 @@ def period(u: RealArray) -> int | None:
 
 
 def common_period(u: RealArray, periods: Sequence[int | None]) -> int | None:
-    """Samples after which all channels of an input (N, nu) repeat themselves; None if they do not.
+    """Common period [samples] of all channels of an input (N, nu); None if there is none.
 
-    It is the longest of the channels' own `periods`, if the others repeat themselves after it too.
+    It is the longest of the channels' own `periods`, if the other channels also repeat after it.
     """
     found = [samples for samples in periods if samples is not None]
     if not found or len(found) < u.shape[1]:
@@ -69,10 +71,10 @@ def common_period(u: RealArray, periods: Sequence[int | None]) -> int | None:
 
 
 def between_periods(u: RealArray, samples: int) -> RealArray | None:
-    """What differs between the periods of an input (N, nu), without the first one.
+    """Differences between the periods of an input (N, nu), without the first period.
 
-    None if it is no noise: too few periods to tell, or neighbouring periods are more alike than
-    noise is, as those of a sine whose period is no whole number of samples.
+    None if they are not noise: there are too few periods, or neighbouring periods are more alike
+    than noise is, as for a sine whose period is not a whole number of samples.
     """
     count = len(u) // samples - 1
     if count < FEWEST_PERIODS - 1:
@@ -80,13 +82,13 @@ def between_periods(u: RealArray, samples: int) -> RealArray | None:
     apart = without_periodic_part(u[-count * samples :], samples)
     energy = np.sum(apart**2, axis=0)
     alike = np.sum(apart[samples:] * apart[:-samples], axis=0) * count / (count - 1)
-    # What is left of noise when its mean over the periods is taken off is correlated by as much.
+    # Noise minus its mean over the periods is correlated by this much.
     noise = -1.0 / (count - 1) + ALIKE / np.sqrt(len(apart))
     return apart if np.all(alike <= noise * energy) else None
 
 
 def without_periodic_part(signal: RealArray, samples: int) -> RealArray:
-    """A signal (periods * samples, channels) less the mean of its periods, but for NaN."""
+    """A signal (periods * samples, channels) minus the mean of its periods, ignoring NaN."""
     periods = signal.reshape(-1, samples, signal.shape[1])
     there = ~np.isnan(periods)
     mean = np.where(there, periods, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)

@@ -1,4 +1,4 @@
-"""Quantisation: outputs whose converter has so coarse steps that they are no noise any more.
+"""Quantisation: outputs whose converter steps are too coarse to act like noise.
 
 Source: B. Widrow, I. Kollar, Quantization Noise, 2008, chapter 4: rounding to steps q is like white
 noise of variance q^2/12 where the signal moves over many steps.
@@ -15,15 +15,15 @@ from workbench.identification.record_tests.levels import evenly_chosen, resoluti
 from workbench.identification.record_tests.record import RecordData
 
 COARSE = 0.1
-"""Rounding error of a converter, over the standard deviation of the output, that is too large."""
+"""Rounding error of a converter, relative to the output's standard deviation, that is too large."""
 ROUNDED = 0.5
-"""What inputs leave of an output, over the rounding error of a converter, at least."""
+"""Least unexplained part of an output, relative to the rounding error of a converter."""
 FEWEST_CHANGES = 20
-"""Changes of the output from which on its values are known to be those of a converter."""
+"""Fewest changes of the output from which its values are taken for those of a converter."""
 
 
 def quantisation(record: RecordData) -> Tested:
-    """Whether converters resolve the outputs."""
+    """Test whether converters resolve the outputs."""
     clean = unflagged(record)
     found, told = [], []
     for name, y, made in zip(record.outputs, clean.y.T, explained(record).T, strict=True):
@@ -33,7 +33,7 @@ def quantisation(record: RecordData) -> Tested:
             continue
         share = step / np.sqrt(12) / size
         told.append(f"{name!r} has steps of {step:.4g}, {size / step:.3g} in its deviation")
-        # An output with few levels follows an input with few levels, if that explains it.
+        # An output with few levels may simply follow an input with few levels.
         rounded = float(np.nanstd(y - made)) > ROUNDED * step / np.sqrt(12)
         if share > COARSE and rounded and np.count_nonzero(np.diff(y)) >= FEWEST_CHANGES:
             found.append(

@@ -1,4 +1,4 @@
-"""A record as its tests see it: samples, what drove the loop, and what is known beforehand."""
+"""A record as its tests see it: samples, excitation, and prior knowledge."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 def once(function: Callable[[RecordData], T]) -> Callable[[RecordData], T]:
-    """A function of a record that is computed once for each record: several tests need it."""
+    """Compute a function of a record only once for each record: several tests need the result."""
 
     @wraps(function)
     def kept(record: RecordData) -> T:
@@ -38,7 +38,7 @@ class RecordData:
     u, y
         Finite inputs; NaN in y is a missing sample.
     r
-        What drove a closed loop from outside; None: not recorded.
+        External signal that drove a closed loop; None: not recorded.
     starts
         First sample of each experiment, rising from 0.
     sample_time
@@ -46,12 +46,13 @@ class RecordData:
     inputs, outputs
         Names of the channels.
     direct
-        Whether y may answer to u within the same sample. False: the plant, or its converters,
-        delays by a sample at least, so that what of u answers to y at once is the controller's.
+        Whether y may respond to u within the same sample. False: the plant, or its converters,
+        delay by at least a sample, so that an immediate dependence of u on y comes from the
+        controller.
     order
-        Order of the model that is asked of the record, None: not known yet.
+        Order of the model to be estimated; None: not known yet.
     times
-        Instants (N,) [s] that were stamped on the samples; None: none were, or they are even.
+        Time stamps (N,) [s] of the samples; None: there are none, or they are even.
     """
 
     u: RealArray
@@ -66,7 +67,7 @@ class RecordData:
     times: RealArray | None = None
 
     def key(self) -> Hashable:
-        """What tells records apart: a hash of the samples, and all that is known beside them."""
+        """Identifies the record: a hash of the samples and all other fields."""
         hashed = blake2b(digest_size=16)
         for signal in (self.u, self.y, self.r, self.times):
             known = None if signal is None else np.ascontiguousarray(signal)

@@ -1,4 +1,4 @@
-"""The report of a record: every test, every finding, and what the user vouches for."""
+"""The report of a record: all tests and findings, and assumptions that the user vouches for."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ TESTS: tuple[Callable[[RecordData], Tested], ...] = (
     prompt_outputs,
     nonlinearity,
 )
-"""Each test takes a record and says what became of one assumption."""
+"""Each test takes a record and returns the state of one assumption."""
 REMEMBERED = 32
-"""Number of reports that are remembered: several estimators often take one record."""
+"""Number of reports that are cached, since several estimators often use one record."""
 _KNOWN: dict[Hashable, RecordReport] = {}
 
 
 @dataclass(frozen=True, repr=False)
 class RecordReport:
-    """What was tested of a record, and what was found.
+    """Tests of a record, and their findings.
 
     Parameters
     ----------
     tested
-        Each assumption and what its test gave.
+        Each assumption with the result of its test.
     settled
-        Assumptions that need no test, by name, and why: the user vouches for them, or what is
-        estimated does not rest on them.
+        Assumptions, by name, that need no test, with the reason: the user vouches for them, or the
+        estimate does not depend on them.
 
     Examples
     --------
@@ -71,18 +71,21 @@ class RecordReport:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found, what forbids the use of the record first."""
+        """All findings; those that forbid the use of the record come first."""
         found = [finding for one in self.tested for finding in one.findings]
         return tuple(sorted(found, key=lambda finding: not finding.forbids))
 
     @property
     def usable(self) -> bool:
-        """Whether no finding forbids to estimate from the record; those against settled do not."""
+        """Whether no finding forbids estimates.
+
+        Findings against settled assumptions do not count.
+        """
         return not self._forbidding
 
     @property
     def _forbidding(self) -> list[tuple[Tested, Finding]]:
-        """What forbids the use of the record, each with the assumption that it is against."""
+        """Findings that forbid the use of the record, each with the assumption it contradicts."""
         return [
             (one, finding)
             for one in self.tested
@@ -92,14 +95,14 @@ class RecordReport:
         ]
 
     def assuming(self, assumptions: str | Sequence[str]) -> RecordReport:
-        """The report where the user vouches for these assumptions too.
+        """The report when the user also vouches for these assumptions.
 
-        Raises `UnknownNameError` for one that no test is of.
+        Raises `UnknownNameError` for a name that belongs to no test.
         """
         return self.settling(dict.fromkeys(as_names(assumptions), "assumed by the user"))
 
     def settling(self, reasons: Mapping[str, str]) -> RecordReport:
-        """The report where these assumptions, by name, need no test for these reasons."""
+        """The report in which these assumptions, by name, need no test for the given reasons."""
         known = [one.assumption for one in self.tested]
         for name in reasons:
             if name not in known:
@@ -107,7 +110,7 @@ class RecordReport:
         return replace(self, settled={**self.settled, **reasons})
 
     def need_usable(self, *, name: str = "the record") -> None:
-        """Raise `InputError` with what forbids the use of the record, if anything does."""
+        """Raise `InputError` with the findings that forbid the use of the record, if any."""
         if not self.usable:
             against = ", ".join(dict.fromkeys(repr(one.assumption) for one, _ in self._forbidding))
             told = "; ".join(str(finding) for _, finding in self._forbidding)
@@ -115,7 +118,7 @@ class RecordReport:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Each assumption with what its test gave, for certificates."""
+        """Each assumption with the result of its test, for certificates."""
         return tuple(self._sentence(one) for one in self.tested)
 
     def _sentence(self, one: Tested) -> str:
@@ -137,7 +140,7 @@ class RecordReport:
 
 
 def together(reports: Mapping[str, RecordReport]) -> tuple[str, ...]:
-    """Each assumption with what its tests gave for several records; like results told once."""
+    """Each assumption with its results for several records; equal results are stated once."""
     names: dict[str, list[str]] = {}
     for name, report in reports.items():
         for sentence in report.sentences:
@@ -149,7 +152,7 @@ def together(reports: Mapping[str, RecordReport]) -> tuple[str, ...]:
 
 
 def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of assumptions, given as one or several; raises `InputError` for what are none."""
+    """Names of assumptions, one or several, as a tuple; raises `InputError` for others."""
     given = [assumptions] if isinstance(assumptions, str) else as_list(assumptions, "assume")
     if not all(isinstance(name, str) for name in given):
         raise InputError(f"assume is {assumptions!r}; names of assumptions are needed")
@@ -157,7 +160,7 @@ def as_names(assumptions: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def reported(record: RecordData) -> RecordReport:
-    """The report of a record; that of one that was reported lately is remembered."""
+    """The report of a record; recent reports are cached."""
     key = (TESTS, record.key())
     found = _KNOWN.get(key)
     if found is None:

@@ -1,9 +1,9 @@
-"""What is slow in a record: the slowest mode that answers the inputs, and drift that does not.
+"""Slow parts of a record: the slowest mode that responds to the inputs, and drift.
 
 Means over blocks are fitted by lags and fast modes of the inputs, one slow mode, and polynomials of
-time for drift. The slow mode's time constant comes from the profile of the sum of squares. Where a
-plant was before the record is not known: a slow mode that is still on its way looks like drift, so
-drift must be larger than all that the slow modes, as the inputs show them, can make of that.
+time for drift. The slow mode's time constant comes from the profile of the sum of squares. The
+plant's state before the record is unknown, and a slow mode that has not settled looks like drift.
+So drift must be larger than everything that slow modes of the size found can cause in this way.
 
 Source: W. Murphy, A. van der Vaart, "On profile likelihood", Journal of the American Statistical
 Association 95, 2000.
@@ -26,46 +26,52 @@ from workbench.identification.record_tests.impulse import blocks, gaps_filled
 from workbench.identification.record_tests.record import RecordData, once
 
 MOST_BLOCKS = 600
-"""Blocks of a record at most."""
+"""Most blocks of a record."""
 BLOCKS_EACH = 4
-"""Fewest blocks for each number that is fitted."""
+"""Fewest blocks for each fitted number."""
 TAPS = 3
-"""Lags of each input for what is as fast as a block or two."""
+"""Number of lags of each input, for responses that take a block or two."""
 FAST = (3.0, 8.0, 20.0)
 """Time constants [blocks] of modes that settle within the record."""
 CONSTANTS = np.append(np.geomspace(30.0, 10.0 * MOST_BLOCKS, 40), np.inf)
-"""Time constants [blocks] that are tried for a slow mode; infinite: an integrator."""
+"""Time constants [blocks] that are tried for the slow mode; infinite: an integrator."""
 FEWEST_MOVES = 30.0
-"""Moves of an input at least: fewer of them resemble drift."""
+"""Fewest moves of an input; with fewer, its response resembles drift."""
 FEW_SINES = 2
-"""Sines in an input that tell nothing slow."""
+"""An input with at most this many sines says nothing about slow modes."""
 DEGREES = 3
-"""Largest degree of the polynomials that drift may follow."""
+"""Largest degree of the polynomials for drift."""
 SURE = float(chi2.isf(1e-6, DEGREES))
-"""Twice the gain of log likelihood from which on drift, or a slow mode, is no chance."""
+"""Twice the gain of log likelihood above which drift, or a slow mode, is not chance."""
 ALLOWED = float(chi2.isf(1e-3, 1))
-"""The same, up to which a time constant is as good as the best one."""
+"""Twice the loss of log likelihood up to which a time constant is as good as the best one."""
 FEWEST_CONSTANTS = 5.0
-"""Time constants that a record must last to settle."""
+"""Fewest time constants that a record must last for a mode to settle."""
 LARGE = 0.2
-"""Movement of a drift over the standard deviation of the output, from which on it does harm."""
+"""Movement of a drift, relative to the standard deviation of the output, above which it
+is harmful.
+"""
 BEFORE = 2.0
-"""Standard deviations by which an input before the record may differ from its mean, at least."""
+"""Standard deviations by which an input before the record is assumed to differ from its mean, at
+least.
+"""
 FARTHEST = 5.0
-"""The same at most, where an input was off and its mean is far from 0."""
+"""The same at most, for an input that was off and whose mean is far from 0."""
 SINGULAR, ROUNDING = 1e-9, 1e-7
-"""Least singular value that counts, relative to the largest, and rounding of fitted outputs."""
+"""Least singular value that counts, relative to the largest; and rounding error of
+fitted outputs.
+"""
 CERTAIN = 3.0
-"""Standard deviations by which slow modes may be larger than they were found."""
+"""Number of standard deviations that are added to the size of slow modes, for certainty."""
 
 
 @dataclass(frozen=True)
 class Slow:
     """The slowest mode and the drift of one output.
 
-    ``least`` and ``most`` [samples] enclose the time constant; None where no slow mode answers.
-    ``drift`` is the movement that polynomials of time make, over the output's standard deviation;
-    ``certain`` says that neither chance nor a slow mode can make it.
+    ``least`` and ``most`` [samples] enclose the time constant; None if no slow mode responds.
+    ``drift`` is the movement of the fitted polynomials of time, relative to the output's standard
+    deviation; ``certain`` says that neither chance nor a slow mode explains it.
     """
 
     least: float | None
@@ -76,7 +82,7 @@ class Slow:
 
 @once
 def slow_parts(record: RecordData) -> tuple[Slow | None, ...]:
-    """The slow part of each output in the longest experiment; None where it is too short."""
+    """The slow part of each output in the longest experiment; None if that is too short."""
     clean = unflagged(record)
     longest = max(clean.pieces(), key=lambda piece: piece.stop - piece.start)
     count = longest.stop - longest.start
@@ -87,7 +93,7 @@ def slow_parts(record: RecordData) -> tuple[Slow | None, ...]:
     for i, y in enumerate(clean.y[longest].T):
         waits = [one.least or 0 for one in delays(record) if one.output == i]
         u = np.column_stack(
-            [_late(column, wait) for wait, column in zip(waits, clean.u[longest].T, strict=True)]
+            [_delayed(column, wait) for wait, column in zip(waits, clean.u[longest].T, strict=True)]
         )
         response = first_impulses(record)[0][i]
         soon = explained(record)[longest, i]
@@ -98,13 +104,13 @@ def slow_parts(record: RecordData) -> tuple[Slow | None, ...]:
 
 
 def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: int) -> Slow | None:
-    """The slow part of an output (B,) of blocks of so many samples, and of inputs (B, nu).
+    """The slow part of an output (B,) and inputs (B, nu), averaged over blocks.
 
-    ``soon`` (B,) is what the inputs make soon, by their impulse responses at full rate; it is known
-    from the ``first`` block on.
+    ``soon`` (B,) is the fast response to the inputs, by impulse responses at full rate; it is known
+    from the ``first`` block on. ``size`` is the number of samples in a block.
     """
     spread, u_size = float(y.std()), u.std(axis=0)
-    # An input that only ripples within the blocks tells nothing slow.
+    # An input that only ripples within the blocks says nothing about slow modes.
     moving = u_size > 0
     u, u_size = u[:, moving], u_size[moving]
     time = np.arange(len(y))
@@ -117,7 +123,7 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
     trends = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(y)), DEGREES)[:, 1:]
     fast = np.column_stack(
         [np.ones(len(y)), soon / (float(np.abs(soon).max()) or 1.0)]
-        + [_late(column, k)[first:] for column in u.T for k in range(TAPS)]
+        + [_delayed(column, k)[first:] for column in u.T for k in range(TAPS)]
         + [answered_lines(u, constant)[first:] for constant in FAST]
         + [np.exp(-time / constant) for constant in FAST]
     )
@@ -137,7 +143,7 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
     ]
     chance = free * np.log(min(left @ left for left in plain) / sums.min()) < SURE
     movement = float(np.ptp(trends @ fits[int(np.argmin(sums))][1][-DEGREES:]))
-    # What a slow mode makes of inputs that were elsewhere before the record.
+    # The response of a slow mode if the inputs had other values before the record.
     ones = np.repeat(BEFORE + np.minimum(away, FARTHEST)[None], len(u), axis=0)
     made, own = 0.0, slice(u.shape[1])
     for k in np.flatnonzero(accepted):
@@ -148,24 +154,24 @@ def _slow_part(u: RealArray, y: RealArray, soon: RealArray, size: int, first: in
 
 
 def moves(u: RealArray) -> RealArray:
-    """Number (nu,) of moves that the changes of inputs (B, nu) are worth: large ones count most."""
+    """Effective number (nu,) of moves in the changes of inputs (B, nu): large ones count most."""
     squares = np.diff(u, axis=0) ** 2
     return np.asarray(squares.sum(axis=0) ** 2 / np.maximum((squares**2).sum(axis=0), 1e-300))
 
 
-def _late(column: RealArray, wait: int) -> RealArray:
-    """A signal (N,) later by so many samples, after its first value."""
+def _delayed(column: RealArray, wait: int) -> RealArray:
+    """A signal (N,) delayed by ``wait`` samples; it starts with its first value."""
     return np.concatenate([np.full(wait, column[0]), column[: len(column) - wait]])
 
 
 def answered_lines(u: RealArray, constant: float) -> RealArray:
-    """Answers (B, nu) of a mode of a time constant to inputs, from rest."""
+    """Responses (B, nu), from rest, of a mode with a time constant to the inputs."""
     pole = np.exp(-1 / constant)
     return np.asarray(lfilter([1 / min(constant, len(u))], [1.0, -pole], u, axis=0))
 
 
 def _fitted(basis: RealArray, y: RealArray) -> tuple[RealArray, RealArray, RealArray]:
-    """What least squares leave of an output, the weights, and their covariance for white noise."""
+    """Residual of an output in least squares, the weights, and their covariance in white noise."""
     left_vectors, sizes, right = np.linalg.svd(basis, full_matrices=False)
     kept = sizes > SINGULAR * sizes[0]
     inverse = right[kept].T / sizes[kept]
@@ -177,14 +183,14 @@ def _fitted(basis: RealArray, y: RealArray) -> tuple[RealArray, RealArray, RealA
 
 
 def _independent(left: RealArray) -> float:
-    """Number of independent samples that have the information of correlated ones (B,)."""
+    """Number of independent samples with the information of the correlated ones (B,)."""
     near = float(left[1:] @ left[:-1]) / float(left @ left)
     near = min(max(near, 0.0), 0.99)
     return len(left) * (1 - near) / (1 + near)
 
 
 def long_record(record: RecordData) -> Tested:
-    """Whether the record lasts long against the slowest mode that answers the inputs."""
+    """Test whether the record is long compared with the slowest mode."""
     assumption = "the record lasts long against the slowest mode"
     parts = slow_parts(record)
     found, told = [], []
@@ -217,7 +223,7 @@ def long_record(record: RecordData) -> Tested:
 
 
 def drift(record: RecordData) -> Tested:
-    """Whether outputs stay where the inputs hold them."""
+    """Test whether outputs stay where the inputs hold them."""
     assumption = "outputs do not drift"
     parts = slow_parts(record)
     found, told = [], []

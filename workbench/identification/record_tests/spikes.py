@@ -1,7 +1,7 @@
-"""Spikes: outputs that leave for a sample or two, without a cause in the inputs, and come back.
+"""Spikes: outputs that jump for one or two samples without a cause in the inputs, and return.
 
-What the inputs explain by an impulse response is taken off first, and then the median of five
-samples. Heavy tails are no spikes: the bulk of what is left tells its own tail.
+The response to the inputs, by an impulse response, is subtracted first, and then the median of five
+samples. Heavy tails are not spikes: the bulk of the remainder determines its own tail.
 
 Source: R. Pearson, "Outliers in process modeling and identification", IEEE Transactions on Control
 Systems Technology 10(1), 2002 (the median filter).
@@ -24,21 +24,21 @@ from workbench.identification.record_tests.levels import (
 from workbench.identification.record_tests.record import RecordData
 
 BULK = (0.1, 0.03)
-"""Shares of samples from whose sizes the tail is told."""
+"""Shares of samples from whose sizes the tail is extrapolated."""
 EXPECTED = 0.05
-"""Samples that the tail lets beyond the limit, in the whole record."""
+"""Expected number of samples, in the whole record, that the tail puts beyond the limit."""
 LEAST = 1.0
-"""Size of a spike at least, in standard deviations of the output: smaller ones do no harm."""
+"""Least size of a spike in standard deviations of the output; smaller ones are harmless."""
 STEPS = 4.0
-"""Size of a spike at least, in steps of the converter."""
+"""Least size of a spike in steps of the converter."""
 RARE = 0.01
-"""Largest share of samples that can be spikes; what is more frequent belongs to the signal."""
+"""Largest share of samples that can be spikes; more frequent events belong to the signal."""
 FEWEST = 100
-"""Samples of a record in which spikes are looked for."""
+"""Fewest samples of a record in which spikes are searched."""
 
 
 def spikes(record: RecordData) -> Tested:
-    """Whether outputs hold single samples that no input and no noise explains."""
+    """Test whether outputs have single samples that no input and no noise explains."""
     assumption = "outputs hold no spikes"
     clean = unflagged(record)
     if len(clean.y) < FEWEST:
@@ -48,7 +48,7 @@ def spikes(record: RecordData) -> Tested:
         y, name = clean.y[:, i], record.outputs[i]
         signals = gaps_filled(y), gaps_filled(y) - explained(record)[:, i]
         own, left = (signal - median_of_five(signal) for signal in signals)
-        # A spike is one in the output itself and in what no input explains.
+        # A spike shows both in the output itself and in its unexplained part.
         away = np.where(own * left > 0, np.minimum(np.abs(own), np.abs(left)), 0.0)
         away[~np.isfinite(y) | ~known_past(clean, response)] = 0.0
         away[_after_pulses(clean.u, response)] = 0.0
@@ -76,7 +76,7 @@ def spikes(record: RecordData) -> Tested:
 
 
 def _after_pulses(u: RealArray, response: Impulse | None) -> BoolArray:
-    """Where (N,) an output may answer to single pulses of the inputs, which hardly repeat."""
+    """Mask (N,) of samples where an output may respond to single pulses of the inputs."""
     reach = 1 if response is None else response.response.shape[1]
     answering = np.zeros(len(u), dtype=bool)
     for column in u.T:
@@ -93,15 +93,15 @@ def median_of_five(signal: RealArray) -> RealArray:
     a, b, c, d, e = (np.pad(signal, 2, "edge")[k : k + len(signal)] for k in range(5))
     low, high = np.minimum(a, b), np.maximum(a, b)
     other_low, other_high = np.minimum(d, e), np.maximum(d, e)
-    # Neither the least nor the largest of four is their median, whatever the fifth is.
+    # Among four values, the least and the largest cannot be the median, whatever the fifth is.
     inner, outer = np.maximum(low, other_low), np.minimum(high, other_high)
     return np.asarray(np.maximum(np.minimum(inner, outer), np.minimum(np.maximum(inner, outer), c)))
 
 
 def tail_limit(sizes: RealArray) -> float:
-    """Size beyond which a tail, as the bulk of sizes (N,) tells it, lets hardly any sample.
+    """Size that the tail, extrapolated from the bulk of sizes (N,), hardly ever exceeds.
 
-    It is infinite where the bulk is 0 and tells nothing.
+    It is infinite if the bulk is 0, which says nothing.
     """
     near, far = np.quantile(evenly_chosen(sizes), [1 - share for share in BULK])
     if not near > 0:

@@ -16,23 +16,23 @@ from workbench.identification.record_tests.levels import resolution, robust_spre
 from workbench.identification.record_tests.record import RecordData
 
 LONGER = 10
-"""Length of a stuck run at least, over that of nearly all others."""
+"""Least ratio of a stuck run's length to that of nearly all others."""
 SHORTEST, SHORTEST_OF_STEPS = 5, 20
-"""Samples of a stuck run at least, where no converter makes values equal, and where one does."""
+"""Least length [samples] of a stuck run, without and with a converter that makes values equal."""
 FEWEST_RUNS = 20
-"""Runs of an experiment from which their usual length is known."""
+"""Fewest runs of an experiment that determine the usual length."""
 JUMP = 4.0
-"""Steps of the converter by which a stuck output jumps at its end at least."""
+"""Least jump of a stuck output at its end, in steps of the converter."""
 EXPECTED = 0.5
-"""Movement that the inputs make meanwhile, in spreads of the output, at least."""
+"""Least movement that the inputs cause meanwhile, in spreads of the output."""
 EXPLAINED = 0.4
-"""Standard deviation of what the inputs leave of the output, over the output's, at most."""
+"""Largest standard deviation of the unexplained output, relative to the output's."""
 OVER_WRONG = 3.0
-"""The same, in standard deviations of what the inputs leave of the output."""
+"""Least movement, in standard deviations of the unexplained output."""
 
 
 def stuck(record: RecordData) -> Tested:
-    """Whether outputs move where inputs move."""
+    """Test whether outputs move when inputs move."""
     clean = unflagged(record)
     found = []
     for i, name in enumerate(record.outputs):
@@ -63,12 +63,13 @@ def _stuck_runs(
 ) -> list[tuple[int, int]]:
     """First sample and length of each run in which an output (N,) is stuck.
 
-    ``made`` is what the inputs make of it, where they are ``known`` for long enough.
+    ``made`` is the response to the inputs, ``known`` the mask of samples at which they are known
+    long enough.
     """
     ends, step = (np.nanmin(y), np.nanmax(y)), resolution(y)
     wrong = float(np.nanstd((y - made)[known])) if known.any() else np.inf
     if not wrong < EXPLAINED * float(np.nanstd(y)):
-        return []  # too little is known of what the inputs make
+        return []  # the response to the inputs is known at too few samples
     expected = max(EXPECTED * robust_spread(y), JUMP * step, OVER_WRONG * wrong)
     found = []
     for piece in record.pieces():

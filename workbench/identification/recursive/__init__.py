@@ -1,1 +1,1 @@
-"""Models that are estimated sample by sample, for plants that change."""
+"""Models that are updated sample by sample, for plants that change."""

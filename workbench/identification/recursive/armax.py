@@ -1,9 +1,9 @@
 """The recursive prediction-error method for ARMAX models.
 
-Every sample moves the estimate by a Gauss-Newton step of the prediction errors so far; the gradient
-of a prediction is its regressors, filtered by 1/C. C is kept stable: a step that would make it
-unstable is shortened. Source: L. Ljung, System Identification, 2nd ed., 1999, sections 11.4 (the
-method), 11.5 (its projection) and 11.6 (forgetting that begins fast).
+With each sample the estimate makes a Gauss-Newton step on the prediction errors so far. The
+gradient of a prediction consists of its regressors, filtered by 1/C. C is kept stable: a step that
+would make it unstable is shortened. Source: L. Ljung, System Identification, 2nd ed., 1999,
+sections 11.4 (the method), 11.5 (its projection) and 11.6 (forgetting that begins fast).
 """
 
 from __future__ import annotations
@@ -18,24 +18,26 @@ from workbench.identification.recursive.arx import as_sample, need_forgetting
 from workbench.input_checks import need_count, need_whole
 
 PRIOR_VARIANCE = 10.0
-"""Variance of the coefficients before the first sample, in units of that of the errors.
+"""Variance of the coefficients before the first sample, in units of the errors' variance.
 
-Steps of a criterion that is not quadratic must not be large at the start.
+The first steps must be small, since the criterion is not quadratic.
 """
 FIRST_FORGETTING = 0.95
-"""Forgetting at the first sample, where errors are those of a poor model."""
+"""Forgetting factor at the first sample, where errors come from a poor model."""
 FORGETTING_RATE = 0.99
-"""Share of the distance to the lasting forgetting that is left after each sample."""
+"""Factor by which the distance to the final forgetting factor shrinks with each sample."""
 LARGEST_NOISE_POLE = 0.995
-"""Largest modulus of a root of C, the poles of the predictor."""
+"""Largest modulus of a root of C, which is a pole of the predictor."""
 FIRST_SAMPLES = 30
-"""Samples that tell the units of the channels: so long, each new one is followed by a new start."""
+"""Number of first samples that determine the units of the channels; during them the estimation
+restarts after each sample.
+"""
 HALVINGS = 10
-"""Times that a step is halved to keep C stable, before it is not taken."""
+"""Number of times that a step is halved to keep C stable, before it is dropped."""
 
 
 class RecursiveARMAX:
-    """ARMAX model of one output, updated with every sample by the recursive prediction errors.
+    """ARMAX model with one output, updated with every sample by recursive prediction errors.
 
         A(q) y(t) = level + B(q) u(t) + C(q) e(t),   A, B and C of the same degree
 
@@ -48,14 +50,14 @@ class RecursiveARMAX:
     forgetting
         Factor by which the weight of a sample shrinks with each later one, above 0 and at most 1.
     direct
-        Whether inputs may act at once.
+        Whether inputs may act within the sample.
     sample_time
         Sampling time [s] of the model.
 
     Raises
     ------
     InputError
-        The number of inputs or the order is no count, or the factor is out of range.
+        The number of inputs or the order is not valid, or the factor is out of range.
 
     Examples
     --------
@@ -91,7 +93,7 @@ class RecursiveARMAX:
         self._start()
 
     def _start(self) -> None:
-        """Forget all samples but their units."""
+        """Forget everything except the units of the samples."""
         n = self.order
         self._scaled = np.zeros(self._count)
         self._covariance = PRIOR_VARIANCE * np.eye(self._count)
@@ -102,7 +104,7 @@ class RecursiveARMAX:
 
     @property
     def coefficients(self) -> RealArray:
-        """The level, A, the lags of u, latest first, u of the same sample where it acts, and C."""
+        """The level, A, the lags of u from the latest, u of the same sample if it acts, and C."""
         n, unit, units = self.order, self._units[-1], self._units[:-1]
         inputs = np.tile(unit / units, n + int(self._direct))
         return self._scaled * np.concatenate([[unit], np.ones(n), inputs, np.ones(n)])
@@ -113,9 +115,9 @@ class RecursiveARMAX:
         return np.concatenate([[1.0], self._scaled[self._count - self.order :]])
 
     def update(self, u: ArrayLike, y: float) -> float:
-        """Take in a sample u (nu,), y; return the error of its prediction.
+        """Process a sample u (nu,), y and return its prediction error.
 
-        Before `order` samples are known there is nothing to predict from: the error is NaN.
+        The error is NaN for the first `order` samples, since there is no past to predict from.
         """
         now, measured = as_sample(u, self._nu, "u"), float(as_sample(y, 1, "y")[0])
         if len(self._first) < FIRST_SAMPLES:
@@ -126,14 +128,14 @@ class RecursiveARMAX:
             self._start()
             for earlier in self._first[:-1]:
                 self._take(*earlier)
-        else:  # what has been zero so far may have any unit: no state depends on it
+        else:  # a channel that has been zero so far may have any unit: no state depends on it
             values = np.abs([*now, measured])
             self._units = np.where(self._unmoved, np.where(values > 0, values, 1.0), self._units)
             self._unmoved = np.asarray(self._unmoved & (values == 0))
         return self._take(now, measured)
 
     def _take(self, u: RealArray, y: float) -> float:
-        """Take in a sample; return the error of its prediction, in units of y."""
+        """Process a sample and return its prediction error, in units of y."""
         now, measured = u / self._units[:-1], y / self._units[-1]
         error, left = np.nan, 0.0
         if self._seen >= self.order:
@@ -167,7 +169,7 @@ class RecursiveARMAX:
         self._scaled = before
 
     def model(self) -> InnovationsModel:
-        """The model at this sample."""
+        """The present model."""
         n, nu = self.order, self._nu
         level, a = self.coefficients[0], self.coefficients[1 : 1 + n]
         b = self.coefficients[1 + n : 1 + n + n * nu].reshape(n, nu)
@@ -185,7 +187,7 @@ class RecursiveARMAX:
 
 
 def _units(samples: RealArray) -> RealArray:
-    """Spreads of channels (N, channels); of one that has not moved its size, of none 1."""
+    """Spreads of channels (N, channels); the size of a constant channel; 1 without samples."""
     spread, size = samples.std(axis=0), np.abs(samples).max(axis=0)
     rounding = np.finfo(float).eps * len(samples) * size
     return np.asarray(np.where(spread > rounding, spread, np.where(size > 0, size, 1.0)))

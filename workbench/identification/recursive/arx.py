@@ -1,8 +1,8 @@
-"""Recursive least squares with forgetting: ARX models that follow a plant sample by sample.
+"""Recursive least squares with forgetting: ARX models that track a plant sample by sample.
 
-The triangular factor of the weighted regression is updated, never a covariance: the estimate is
-exactly that of weighted least squares of all samples so far, and nothing is lost by rounding.
-Source: L. Ljung, System Identification, 2nd ed., 1999, sections 11.2 and 11.7.
+The triangular factor of the weighted regression is updated, never a covariance. So the estimate is
+exactly that of weighted least squares on all samples so far, without accumulated rounding. Source:
+L. Ljung, System Identification, 2nd ed., 1999, sections 11.2 and 11.7.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def need_forgetting(forgetting: float) -> float:
 
 
 def as_sample(values: ArrayLike, count: int, name: str) -> RealArray:
-    """One sample (count,) of finite numbers; raises `InputError` for what is none."""
+    """One sample (count,) of finite numbers; raises `InputError` for anything else."""
     found = np.atleast_1d(np.asarray(values, dtype=float))
     if found.shape != (count,) or not np.isfinite(found).all():
         raise InputError(
@@ -53,16 +53,16 @@ class RecursiveARX:
         Numbers of channels nu and ny.
     forgetting
         Factor by which the weight of a sample shrinks with each later one, above 0 and at most 1;
-        1 / (1 - forgetting) is the number of samples that count.
+        about 1 / (1 - forgetting) samples have weight.
     direct
-        Whether inputs may act at once: without, B_0 = 0.
+        Whether inputs may act within the sample; otherwise B_0 = 0.
     sample_time
         Sampling time [s] of the model.
 
     Raises
     ------
     InputError
-        A number of channels or the order is no count, or the factor is out of range.
+        A number of channels or the order is not valid, or the factor is out of range.
 
     Examples
     --------
@@ -100,17 +100,17 @@ class RecursiveARX:
 
     @property
     def coefficients(self) -> RealArray:
-        """Estimate (ny, p): the level, the lags (u, y) latest first, and u of the same sample.
+        """Estimate (ny, p): the level, the lags (u, y) from the latest, and u of the same sample.
 
-        What the samples so far do not tell apart has the least coefficients, in units of the data.
+        Coefficients that the samples do not determine have minimum norm, in units of the data.
         """
         count = len(self._factor)
         return least_squares(self._factor[:, :count], self._factor[:, count:])
 
     def update(self, u: ArrayLike, y: ArrayLike) -> RealArray:
-        """Take in a sample u (nu,), y (ny,); return the error (ny,) of its prediction.
+        """Process a sample u (nu,), y (ny,) and return its prediction error (ny,).
 
-        Before `order` samples are known there is nothing to predict from: the error is NaN.
+        The error is NaN for the first `order` samples, since there is no past to predict from.
         """
         now, measured = as_sample(u, self._nu, "u"), as_sample(y, self._ny, "y")
         error = np.full(self._ny, np.nan)
@@ -126,7 +126,7 @@ class RecursiveARX:
         return error
 
     def model(self) -> InnovationsModel:
-        """The model at this sample."""
+        """The present model."""
         found, m = self.coefficients, self._nu + self._ny
         lags = found[:, 1 : 1 + self.order * m].reshape(self._ny, self.order, m)
         D = found[:, 1 + self.order * m :] if self._direct else np.zeros((self._ny, self._nu))

@@ -1,1 +1,1 @@
-"""Frequency responses with the region that holds the true one."""
+"""Frequency responses with confidence regions for the true response."""

@@ -1,9 +1,9 @@
-"""Rational functions of the output error in narrow bands of lines, polynomials among them.
+"""Rational functions, polynomials among them, fitted by output error in narrow bands of lines.
 
-About each line the response of each input and the transient are rational functions with one
-denominator, which both have in a linear plant; without poles they are polynomials. The denominator
-is sought by linear fits that the last one weights, then by Gauss-Newton steps of the output error,
-so that noise of the output does not pull it off.
+Near each line the response of each input and the transient are rational functions with a common
+denominator, as in a linear plant; without poles they are polynomials. The denominator is found by
+linear fits, each weighted by the denominator of the last, then by Gauss-Newton steps of the output
+error, so that output noise does not bias it.
 
 Sources: T. McKelvey and G. Guérin, Non-parametric frequency response estimation using a local
 rational model, 16th IFAC Symposium on System Identification, 2012; C. K. Sanathanan and J. Koerner,
@@ -23,24 +23,26 @@ from workbench.arrays import BoolArray, ComplexArray, IntegerArray, RealArray
 from workbench.identification.responses.local_polynomial import SILENT, UNEXCITED
 
 REWEIGHTED, STEPS = 3, 8
-"""Linear fits that are weighted by the last denominator, and Gauss-Newton steps after them."""
+"""Number of reweighted linear fits, and of Gauss-Newton steps after them."""
 SETTLED = 1e-4
-"""Share of the squared residuals below which a step changes nothing."""
+"""Steps end when they change the squared residuals by less than this share."""
 FIRST_DAMPING, DAMPING_FACTOR = 1e-3, 10.0
-"""Damping of the first step, of slopes of length 1, and what it changes by after each."""
+"""Damping of the first step, for slopes of length 1, and factor by which it changes after each
+step.
+"""
 SINGULAR = 1e-13
-"""Damping at which equations of slopes of length 1 can be solved whatever they are."""
+"""Damping at which the equations, for slopes of length 1, can always be solved."""
 LARGEST_LEVERAGE = 0.98
-"""Share of a line in its own fit from which its residual tells nothing of its noise."""
+"""Leverage of a line above which its residual says nothing about its noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class BandFits:
-    """What bands about F lines tell of one output.
+    """Results of the bands about F lines for one output.
 
-    ``response`` (F, nu), ``variance`` (F, nu) of its error by noise, ``free`` (F,), the lines of
-    each band beyond its unknowns, of which mirrored ones count once, ``left`` (F,), the sum of
-    squared residuals, and ``mirrored`` (F,), the share of lines that a band has twice.
+    ``response`` (F, nu); ``variance`` (F, nu) of its error due to noise; ``free`` (F,), number of
+    lines minus unknowns of each band, mirrored lines counted once; ``left`` (F,), sum of squared
+    residuals; ``mirrored`` (F,), share of lines that a band contains twice.
     """
 
     response: ComplexArray
@@ -63,20 +65,20 @@ def fitted_bands(
     width: int,
     models: Sequence[tuple[int, int]],
 ) -> list[BandFits]:
-    """Fits of nested models about places (F,) in the spectra of a record of so many samples.
+    """Fits of nested models about the chosen lines, from the spectra of a record.
 
     Parameters
     ----------
     U, y
-        Spectra (L, nu) and (L,), from line 0 on. That line is not used: it is the mean.
+        Spectra (L, nu) and (L,), from line 0 on, which is not used: it is the mean.
     chosen
-        Numbers of lines, or places between them.
+        Numbers of lines, or places between lines, (F,).
     width
-        Lines of a band. BandFits go on beyond both ends of the spectrum, where the lines are the
-        mirrored ones' conjugates, so that no line stands at the edge of its band.
+        Number of lines in a band. Bands extend beyond both ends of the spectrum by mirrored,
+        conjugate lines, so that no line is at the edge of its band.
     models
-        Degrees of the numerators and of the denominator; each contains the one before, from whose
-        coefficients it begins where a linear fit is worse.
+        Degrees of the numerators and of the denominator; each model contains the one before, and
+        starts from its coefficients if a linear fit is worse.
     """
     nu = U.shape[1]
     lines = np.round(chosen[:, None]).astype(int) - width // 2 + np.arange(width)
@@ -97,7 +99,7 @@ def fitted_bands(
         last, slopes, left = fit.solved(last)
         free = width - unknowns(nu, degree, poles)
         variance = _variance(slopes, left, nu, free)
-        variance[_dark(fit.above, degree, U)] = np.inf
+        variance[_unexcited_bands(fit.above, degree, U)] = np.inf
         share = once / width
         found.append(
             BandFits(last[0][:, :nu], variance, free * share, _square(left), 2.0 * (1.0 - share))
@@ -105,8 +107,8 @@ def fitted_bands(
     return found
 
 
-def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
-    """BandFits (F,) that an input excites at too few lines to tell numerators of this degree."""
+def _unexcited_bands(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
+    """Mask (F,) of bands in which an input excites too few lines for numerators of this degree."""
     size = np.linalg.norm(above, axis=1).reshape(len(above), degree + 1, -1)
     few = (size <= UNEXCITED * size[:, :1]).any(axis=(1, 2))
     silent = size[:, 0, :-1] <= SILENT * np.linalg.norm(U[1:], axis=0)
@@ -116,7 +118,7 @@ def _dark(above: ComplexArray, degree: int, U: ComplexArray) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Rational functions of F bands.
+    """Rational functions in F bands.
 
     The numerators' regressors are ``columns`` (F, width, nu + 1) times powers of the offset up to
     ``degree``; those of the denominator are powers from 1 to ``poles``. ``powers`` (F, width, ...)
@@ -144,9 +146,9 @@ class _Fit:
     def solved(
         self, smaller: tuple[ComplexArray, ComplexArray] | None
     ) -> tuple[tuple[ComplexArray, ComplexArray], ComplexArray, ComplexArray]:
-        """Coefficients above (F, n) and below (F, poles), the model's slopes by both, residuals.
+        """Numerator (F, n) and denominator (F, poles) coefficients, their slopes, and residuals.
 
-        ``smaller`` are coefficients of a model that this one contains.
+        ``smaller`` holds the coefficients of a model that this one contains.
         """
         theta = np.zeros((len(self.values), self.count + self.poles), complex)
         for _ in range(REWEIGHTED if self.poles else 1):
@@ -163,9 +165,10 @@ class _Fit:
     def _better(
         self, theta: ComplexArray, smaller: tuple[ComplexArray, ComplexArray]
     ) -> ComplexArray:
-        """Of each band the coefficients that leave less.
+        """For each band, the coefficients with smaller residuals.
 
-        Poles beside lines, which follow the noise of one, trap the linear fits of large models.
+        Linear fits of large models can get trapped with poles beside a line, which follow its
+        noise.
         """
         sizes = self.count, self.poles
         parts = [
@@ -198,7 +201,7 @@ class _Fit:
         return theta
 
     def _denominator(self, theta: ComplexArray) -> ComplexArray:
-        """Denominators (F, width), kept off zero at the lines."""
+        """Denominators (F, width), kept away from zero at the lines."""
         below = self.powers[..., 1 : self.poles + 1]
         found = 1.0 + (below @ theta[:, self.count :, None])[..., 0]
         tiny = np.sqrt(np.finfo(float).eps)
@@ -219,11 +222,11 @@ class _Fit:
         values: ComplexArray,
         damping: RealArray | float,
     ) -> ComplexArray:
-        """Coefficients (F, n) of damped least squares of values by the slopes of a model.
+        """Coefficients (F, n) by damped least squares of the values on the slopes of a model.
 
-        ``over`` is the model's share with the denominator. All slopes are powers of the offset
-        times few signals, so that their products are moments of the products of these; damping is
-        that of slopes of length 1.
+        ``over`` is the model divided by the denominator. All slopes are powers of the offset times
+        a few signals, so their products are moments of products of these signals; the damping is
+        that for slopes of length 1.
         """
         signals = [self.columns / denominator[..., None], -over[..., None]]
         right = np.concatenate([*signals, values[..., None]], axis=2)
@@ -252,7 +255,7 @@ class _Fit:
 
     @cached_property
     def _places(self) -> tuple[IntegerArray, IntegerArray]:
-        """Of each coefficient the power of the offset, and the signal that it belongs to."""
+        """For each coefficient, the power of the offset and the signal to which it belongs."""
         columns = self.columns.shape[2]
         power = [*np.repeat(np.arange(self.degree + 1), columns), *range(1, self.poles + 1)]
         signal = [*np.tile(np.arange(columns), self.degree + 1), *[columns] * self.poles]
@@ -265,17 +268,17 @@ def _square(x: ComplexArray) -> RealArray:
 
 
 def _unit(slopes: ComplexArray) -> tuple[ComplexArray, RealArray]:
-    """Columns of length 1, and their lengths: inputs may differ by orders of magnitude."""
+    """Columns scaled to length 1, and their lengths: inputs may differ by orders of magnitude."""
     scale = np.linalg.norm(slopes, axis=1)
     scale[scale == 0] = 1.0
     return slopes / scale[:, None], scale
 
 
 def _variance(slopes: ComplexArray, left: ComplexArray, nu: int, free: int) -> RealArray:
-    """E|error|^2 (F, nu) of the first coefficients: the larger one of two estimates.
+    """E|error|^2 (F, nu) of the first coefficients: the larger of two estimates.
 
-    One takes the noise as of one size over the band, one as of its own at each line, so that it
-    counts slow noise, and distortions at excited lines alone.
+    One assumes equal noise over the band, the other separate noise at each line, which covers slow
+    noise, and distortions at excited lines only.
     """
     unit, scale = _unit(slopes)
     Q, R = np.linalg.qr(unit)

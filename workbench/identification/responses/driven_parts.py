@@ -1,8 +1,8 @@
-"""What an excitation makes of the inputs and of the outputs of closed loops, line by line.
+"""Responses of inputs and outputs of closed loops to an excitation, line by line.
 
-Beside the responses Y / R and U / R stands the covariance of their errors, all together. Where the
-excitation repeats itself, whole periods are averaged and the noise is told between its lines;
-elsewhere local polynomials tell both.
+Besides the responses Y / R and U / R there is the joint covariance of their errors. If the
+excitation is periodic, whole periods are averaged, and the noise is estimated between the lines;
+otherwise local polynomials estimate both.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ from workbench.identification.responses.periodic_local import periodic_local_pol
 from workbench.identification.responses.ratios import seen
 
 DEGREE, FINER, SPARE_LINES = 2, 4, 20
-"""Degree of local polynomials, one that tells their bias, and lines beyond the unknowns. Bands are
-wide, because a region of U / R with few degrees of freedom seldom ends."""
+"""Degree of local polynomials, a higher degree that shows their bias, and number of lines minus
+unknowns. Bands are wide, because with few degrees of freedom the region of U / R is seldom bounded.
+"""
 FEWEST_SEEN = 2
 """Fewest lines that make a response."""
 ITSELF = 1e-12
-"""Correlation of an excitation with an input, less than 1 by this, from which they are one."""
+"""An excitation and an input are the same signal if their correlation differs from 1 by less than
+this.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +45,9 @@ class DrivenRecord:
     u, y, r
         Inputs (N, nu, experiments), outputs (N, ny, experiments), excitations (N, nu, experiments).
     period_samples
-        Samples after which the excitation repeats itself; None where it does not.
+        Period of the excitation [samples]; None if it is not periodic.
     recorded
-        Whether r was recorded; if not, it is a pulse in each period, in experiment k at input k.
+        Whether r was recorded; if not, r is a pulse in each period, at input k in experiment k.
     """
 
     u: RealArray
@@ -55,7 +58,7 @@ class DrivenRecord:
 
 
 def driven_record(u: ArrayLike, y: ArrayLike, excitation: ArrayLike | int) -> DrivenRecord:
-    """A record whose excitation can be used; raises `InputError` for another."""
+    """A record with a usable excitation; raises `InputError` for any other."""
     given = _experiments(u), _experiments(y)
     experiments = given[0].shape[-1]
     if given[1].shape[-1] != experiments:
@@ -95,7 +98,7 @@ def driven_record(u: ArrayLike, y: ArrayLike, excitation: ArrayLike | int) -> Dr
 
 
 def _experiments(signal: ArrayLike) -> Any:
-    """A signal as (N, channels, experiments); what is none is refused later."""
+    """A signal as (N, channels, experiments); invalid ones are refused later."""
     try:
         given = np.asarray(signal)
     except ValueError:
@@ -105,17 +108,17 @@ def _experiments(signal: ArrayLike) -> Any:
 
 
 def one_after_another(signal: Any) -> Any:
-    """A signal (N, channels, experiments) as (N experiments, channels)."""
+    """A signal (N, channels, experiments) as (N experiments, channels), one after another."""
     if np.ndim(signal) != 3:
         return signal
     return np.concatenate(np.moveaxis(signal, -1, 0))
 
 
 def pulses(count: int, samples: int, experiments: int = 1) -> RealArray:
-    """An excitation (count, experiments, experiments) that repeats itself and excites every line.
+    """A periodic excitation (count, experiments, experiments) that excites every line.
 
-    Of loops whose excitation was not recorded the last whole periods tell the same, whatever
-    signal of that period drove them, since it cancels in (Y / R) / (U / R).
+    If the excitation of a loop was not recorded, the last whole periods give the same result
+    whatever signal of that period drove them, since it cancels in (Y / R) / (U / R).
     """
     if not 1 < samples <= count // 2:
         raise InputError(
@@ -136,7 +139,7 @@ def _need_experiments(inputs: int, experiments: int) -> None:
 
 
 def _need_other(u: RealArray, r: RealArray) -> None:
-    """Raise `InputError` where an excitation of r (N, n) is an input of u (N, n)."""
+    """Raise `InputError` if an excitation of r (N, n) equals an input of u (N, n)."""
     alike = np.corrcoef(u, r, rowvar=False)[: u.shape[1], u.shape[1] :]
     if (np.abs(alike) > 1 - ITSELF).any():
         raise InputError(
@@ -149,8 +152,8 @@ def _need_other(u: RealArray, r: RealArray) -> None:
 class DrivenParts:
     """Responses (F, outputs + inputs, inputs) of the outputs and of the inputs to the excitations.
 
-    ``noise`` (F, outputs + inputs, outputs + inputs) and ``spread`` (F, inputs, inputs) are such
-    that E[error_ai conj(error_bj)] = noise_ab spread_ij.
+    ``noise`` (F, outputs + inputs, outputs + inputs) and ``spread`` (F, inputs, inputs) give
+    E[error_ai conj(error_bj)] = noise_ab spread_ij.
     """
 
     frequency: RealArray
@@ -165,30 +168,30 @@ class DrivenParts:
 
     @property
     def visible(self) -> BoolArray:
-        """Where U / R is distinguishable from a matrix that has no inverse (F,)."""
+        """Mask (F,) of frequencies at which U / R is distinguishable from a singular matrix."""
         U = self.response[:, -self.inputs :]
         apart = np.linalg.svd(U, compute_uv=False)
         whole = apart[:, -1] > np.finfo(float).eps * apart[:, 0]
         inverse: Any = np.linalg.inv(np.where(whole[:, None, None], U, np.eye(self.inputs)))
         noise: Any = self.noise[:, -self.inputs :, -self.inputs :]
-        own = noise @ _after(self.spread, inverse)
+        own = noise @ _inverse_covariance(self.spread, inverse)
         largest = np.abs(np.linalg.eigvals(own)).max(axis=1)
         with np.errstate(divide="ignore"):
             power = np.where(whole, 1.0 / largest, 0.0)
         return seen(power, self.degrees)
 
 
-def _after(spread: ComplexArray, inverse: ComplexArray) -> ComplexArray:
-    """Covariance S of rows times an inverse, from that of the rows: E[conj(e_i) e_j]."""
+def _inverse_covariance(spread: ComplexArray, inverse: ComplexArray) -> ComplexArray:
+    """Covariance S of rows multiplied by an inverse, from that of the rows: E[conj(e_i) e_j]."""
     found: ComplexArray = inverse.conj().swapaxes(1, 2) @ spread.conj() @ inverse
     return found
 
 
 def rows_after(parts: DrivenParts, chosen: BoolArray) -> tuple[ComplexArray, ...]:
-    """Of the chosen lines the plant's response (F, outputs, inputs), and J and S of its rows.
+    """The plant's response (F, outputs, inputs) at chosen lines, and J and S of its rows.
 
-    J (F, outputs, 1 + inputs, 1 + inputs) is the noise of an output and of the inputs,
-    S (F, inputs, inputs) what the inverse of U / R makes of it (see `row_reach`).
+    J (F, outputs, 1 + inputs, 1 + inputs) is the noise covariance of an output and of the inputs; S
+    (F, inputs, inputs) is the factor by which the inverse of U / R changes it (see `row_reach`).
     """
     n = parts.inputs
     both, noise = parts.response[chosen], parts.noise[chosen]
@@ -196,13 +199,13 @@ def rows_after(parts: DrivenParts, chosen: BoolArray) -> tuple[ComplexArray, ...
     inverse: Any = np.linalg.inv(both[:, outputs:])
     ways = np.array([[o, *range(outputs, outputs + n)] for o in range(outputs)])
     joint = noise[:, ways[:, :, None], ways[:, None, :]]
-    return both[:, :outputs] @ inverse, joint, _after(parts.spread[chosen], inverse)
+    return both[:, :outputs] @ inverse, joint, _inverse_covariance(parts.spread[chosen], inverse)
 
 
 def parts_of_bands(
     records: Sequence[DrivenRecord], rate: float, most: int
 ) -> tuple[list[DrivenParts], str]:
-    """Responses to the excitations by local polynomials, from records cut to one length."""
+    """Responses to the excitations by local polynomials, from records cut to the same length."""
     length = min(len(one.u) for one in records)
     unknowns = (DEGREE + 1) * (records[0].r.shape[1] + 1)
     lines = unknowns + SPARE_LINES
@@ -216,7 +219,7 @@ def parts_of_bands(
             polynomials_in_bands(one.r[-length:, :, 0], both, degree, lines, at=at)
             for degree in (DEGREE, FINER)
         )
-        spread, more = (_spread(fit.covariance, fit.noise) for fit in (local, finer))
+        spread, more = (_covariance_factor(fit.covariance, fit.noise) for fit in (local, finer))
         noise = local.noise + _bias(finer.response - local.response, local.noise, spread, more)
         found.append(
             DrivenParts(local.frequency * rate, local.response, noise, spread, 2.0 * SPARE_LINES)
@@ -229,7 +232,7 @@ def parts_of_bands(
 def parts_of_periods(
     records: Sequence[DrivenRecord], samples: int, rate: float, most: int
 ) -> tuple[list[DrivenParts], str]:
-    """Responses to excitations of one period, transients taken off."""
+    """Responses to excitations of one period, with transients subtracted."""
     each = [
         excited_together(_periods(one.r if one.recorded else one.u, samples)) for one in records
     ]
@@ -249,7 +252,7 @@ def parts_of_periods(
         columns = one.r.shape[1]
         parts = local.covariance.reshape(-1, both.shape[1], columns, both.shape[1], columns)
         noise = np.einsum("faibi->fab", parts)
-        spread = _spread(local.covariance, noise)
+        spread = _covariance_factor(local.covariance, noise)
         found.append(DrivenParts(local.frequency, local.response, noise, spread, local.degrees))
     thin = f", {at.size} taken" if at.size < lines.size else ""
     said = f"an excitation of period {samples} samples; {lines.size} excited lines{thin}"
@@ -267,11 +270,11 @@ def _periods(signal: RealArray, samples: int) -> ComplexArray:
 def _bias(
     apart: ComplexArray, noise: ComplexArray, spread: ComplexArray, more: ComplexArray
 ) -> ComplexArray:
-    """Bias (F, a, b) of responses, in the place of noise, from what separates a finer fit.
+    """Bias (F, a, b) of responses, in the form of noise, from the difference to a finer fit.
 
-    ``apart`` (F, rows, columns) is the difference of the fits of one band. Noise makes one of the
-    covariance of the finer fit, noise x ``more``, less that of the coarse one, noise x ``spread``;
-    what of each row is beyond that is bias.
+    ``apart`` (F, rows, columns) is the difference between the fits of one band. Noise alone gives
+    it the covariance of the finer fit, noise x ``more``, minus that of the coarse one, noise x
+    ``spread``; the excess of each row is bias.
     """
     inner = np.linalg.inv(spread)
     square = apart @ inner.conj() @ apart.conj().swapaxes(1, 2)
@@ -283,8 +286,11 @@ def _bias(
     return found
 
 
-def _spread(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
-    """The factor (F, i, j) of a covariance (F, a i, b j) beside the noise (F, a, b)."""
+def _covariance_factor(covariance: ComplexArray, noise: ComplexArray) -> ComplexArray:
+    """The factor (F, i, j) of a covariance (F, a i, b j).
+
+    The other factor is the noise (F, a, b).
+    """
     rows = noise.shape[1]
     columns = covariance.shape[1] // rows
     parts = covariance.reshape(-1, rows, columns, rows, columns)

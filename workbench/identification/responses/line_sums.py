@@ -1,8 +1,8 @@
 """Lines of the Fourier transform of a long periodic record, summed period by period.
 
-A record of P periods has its excitation at every P-th line; noise and transients are at all. The
-lines k P + r near each of some harmonics k are all that a local method needs, and their sums take a
-memory that depends on the period alone, however long the record is.
+A record of P periods has its excitation at every P-th line; noise and transients are at all lines.
+A local method needs only the lines k P + r near some harmonics k. The memory for their sums depends
+on the period alone, however long the record is.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from workbench.input_checks import need_count
 
 
 class LineSums:
-    """The transform of records at lines k P + r, from samples that arrive in pieces.
+    """The transform of records at the lines k P + r, from samples that arrive in pieces.
 
     Parameters
     ----------
     period
-        Samples of a period.
+        Period of the record [samples].
     periods
-        Number P of periods that will arrive.
+        Total number P of periods in the record.
     harmonics
-        Numbers k (F,) of the lines of one period, from 1 to below half the period.
+        Harmonics k (F,) of the period, from 1 to below half the period in samples.
     reach
         Largest r.
 
@@ -59,7 +59,8 @@ class LineSums:
         Raises
         ------
         InputError
-            Samples of another number of channels, not finite, or more than were announced.
+            The number of channels has changed, samples are not finite, or there are more than
+            announced.
         """
         piece = np.asarray(samples, float)
         if piece.ndim != 2 or not np.isfinite(piece).all():

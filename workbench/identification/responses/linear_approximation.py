@@ -1,10 +1,11 @@
 """Best linear approximation of a nonlinear plant from several realisations of its excitation.
 
-With random phases and one amplitude spectrum, a nonlinear plant answers as its best linear
-approximation and a distortion that looks like noise, but is the same in every period. Only other
-realisations make it vary. So the scatter over realisations is distortion and noise, the scatter
-over periods noise alone (J. Schoukens, R. Pintelon, T. Dobrowiecki and Y. Rolain, Automatica 41(3),
-2005; R. Pintelon and J. Schoukens, System Identification, 2nd ed., 2012, section 4.3).
+With random phases and a fixed amplitude spectrum, the response of a nonlinear plant is that of its
+best linear approximation plus a distortion. The distortion looks like noise, but is the same in
+every period; it varies only between realisations. So the scatter over realisations is distortion
+and noise, and the scatter over periods is noise alone (J. Schoukens, R. Pintelon, T. Dobrowiecki
+and Y. Rolain, Automatica 41(3), 2005; R. Pintelon and J. Schoukens, System Identification, 2nd ed.,
+2012, section 4.3).
 """
 
 from __future__ import annotations
@@ -21,17 +22,18 @@ from workbench.identification.responses.periodic import ResponseEstimate
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearApproximation(ResponseEstimate):
-    """The mean of responses to several realisations; its variance is by noise and distortion.
+    """The mean of responses to several realisations, with its variance by noise and distortion.
 
     Parameters
     ----------
     covariance
-        Covariance (F, ny nu, ny nu) of the entries of the mean, row by row, by both.
+        Covariance (F, ny nu, ny nu) of the entries of the mean, row by row, due to noise and
+        distortion.
     noise_variance
-        Variance (F, ny, nu) of the mean by noise alone.
+        Variance (F, ny, nu) of the mean due to noise alone.
     distortion_variance
-        Variance (F, ny, nu) that distortion gives to the response of one realisation: unbiased, so
-        that it is negative about as often as positive where there is none.
+        Variance (F, ny, nu) of a single realisation's response due to distortion. It is unbiased,
+        so without distortion it is negative about as often as positive.
     realisations
         Number of realisations.
 
@@ -61,13 +63,13 @@ def best_linear_approximation(responses: Sequence[ResponseEstimate]) -> LinearAp
     Parameters
     ----------
     responses
-        At least two responses at the same frequencies, each to another realisation of random phases
-        and with the variance of its noise alone, as of `periodic_local_polynomial`.
+        At least two responses at the same frequencies, each to a different realisation of random
+        phases and with the variance due to its noise alone, as from `periodic_local_polynomial`.
 
     Raises
     ------
     InputError
-        Fewer than two responses, or other frequencies or sizes in one of them.
+        Fewer than two responses, or responses with different frequencies or sizes.
 
     Examples
     --------

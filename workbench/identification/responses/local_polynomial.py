@@ -65,15 +65,17 @@ class LocalPolynomial:
 
 
 UNEXCITED = 1e-8
-"""Size of an input's slope over a band, relative to the input there, that is rounding."""
+"""Slope of an input over a band, relative to the input there, that counts as rounding."""
 SILENT = 1e-13
-"""Size of an input over a band, relative to that over all lines, that is rounding."""
+"""Size of an input over a band, relative to that over all lines, that counts as rounding."""
 UNTOLD = 1e-14
-"""Smallest eigenvalue of the products of regressors of length 1 from which they are independent."""
+"""Regressors of length 1 are independent if the smallest eigenvalue of their products
+exceeds this.
+"""
 SPARE_LINES = 8
-"""Lines of a band beyond the unknowns, where their number is not given."""
+"""Default number of lines in a band minus the number of unknowns."""
 LINES_AT_ONCE = 8192
-"""Lines whose bands are held at once."""
+"""Number of lines whose bands are in memory at once."""
 
 
 def local_polynomial(
@@ -87,8 +89,8 @@ def local_polynomial(
 ) -> LocalPolynomial:
     """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
 
-    The loop must be open: of a plant in a closed loop take `driven_response`. Beside the record,
-    its spectra and the result it takes a memory that does not grow with N.
+    The loop must be open; for a plant in a closed loop use `driven_response`. The memory used,
+    apart from the record, its spectra and the result, does not grow with N.
 
     Parameters
     ----------
@@ -100,18 +102,19 @@ def local_polynomial(
     at
         Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Raises
     ------
     InputError
-        The same as for `checked_record`; a finding forbids to use the record; too few lines in the
-        band for its unknowns, or in the record for the band; or numbers that are not such lines.
+        The same as for `checked_record`; a finding forbids the use of the record; the band has too
+        few lines for its unknowns, or the record for the band; or the numbers are not such lines.
 
     Warns
     -----
     IdentificationWarning
-        An input excites too few lines of a band, as a periodic one does: the response is NaN there.
+        An input excites too few lines of a band, as a periodic input does: the response is NaN
+        there.
 
     Examples
     --------
@@ -138,7 +141,7 @@ def polynomials_in_bands(
     *,
     at: ArrayLike | None = None,
 ) -> LocalPolynomial:
-    """As `local_polynomial`, of a record that was checked."""
+    """As `local_polynomial`, for a record that has been checked."""
     unknowns = (degree + 1) * (u.shape[1] + 1)
     width = unknowns + SPARE_LINES if lines is None else lines
     return fitted_in_bands(u, y, degree, unknowns, width, at, _at_lines)
@@ -148,8 +151,9 @@ FitInBands = Callable[
     [ComplexArray, ComplexArray, np.ndarray, int, int],
     tuple[ComplexArray, ComplexArray, ComplexArray],
 ]
-"""Of the spectra of input and output, lines, a degree and the width of bands: the responses, their
-covariances and those of the noise."""
+"""Function of the spectra of input and output, lines, a degree and the width of bands; it returns
+the responses, their covariances and those of the noise.
+"""
 
 
 def fitted_in_bands(
@@ -161,9 +165,10 @@ def fitted_in_bands(
     at: ArrayLike | None,
     fit: FitInBands,
 ) -> LocalPolynomial:
-    """What a fit with so many unknowns finds in bands of so many lines around those asked for."""
+    """Results of a fit with this number of unknowns, in bands about the lines asked for."""
     samples, nu = u.shape
-    # Leave out line 0, the mean, which is removed, and the last line of an even record, a real one.
+    # Omit line 0, the mean, which has been removed, and the last line of an even record, which is
+    # real.
     U, Y = (spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
     if width <= unknowns or width > len(U):
         raise InputError(
@@ -191,7 +196,7 @@ def spectrum(x: RealArray) -> ComplexArray:
 
 
 def line_numbers(at: ArrayLike, last: int) -> np.ndarray:
-    """Rising whole numbers from 1 to the last line, or an InputError."""
+    """Rising whole numbers from 1 to the last line; raises InputError for others."""
     given = np.asarray(at)
     whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
     if not whole or given[0] < 1 or given[-1] > last or (np.diff(given) <= 0).any():
@@ -204,7 +209,7 @@ def line_numbers(at: ArrayLike, last: int) -> np.ndarray:
 def _at_lines(
     U: ComplexArray, Y: ComplexArray, chosen: np.ndarray, degree: int, width: int
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Responses, their covariances and noise covariances at lines of these numbers (F,), from 0."""
+    """Responses, their covariances and noise covariances at lines (F,), numbered from 0."""
     nu, unknowns = U.shape[1], (degree + 1) * (U.shape[1] + 1)
     first = np.clip(chosen - width // 2, 0, len(U) - width)
     band = first[:, None] + np.arange(width)
@@ -233,7 +238,7 @@ def _at_lines(
 def dark_bands(
     U: ComplexArray, regressors: ComplexArray, scale: RealArray, chosen: np.ndarray, degree: int
 ) -> BoolArray:
-    """Bands (F,) that an input excites at too few lines to tell a polynomial; warns of them.
+    """Mask (F,) of bands where an input excites too few lines; warns of them.
 
     ``regressors`` (F, width, (degree + 1) (nu + 1)) are those of inputs and transient, ``scale``
     their norms.

@@ -1,9 +1,9 @@
 """Frequency response and its variance from one arbitrary record, by the local rational method.
 
 In a narrow band around each frequency, response and transient of an output are rational functions
-with one denominator, which both have in a linear plant. A resonance as narrow as a few lines, which
-polynomials blur, is followed exactly. The equation error is linear in the coefficients, so that the
-output's noise enters the regressors: where noise is large, polynomials of more lines are better.
+with a common denominator, as in a linear plant. A resonance only a few lines wide, which
+polynomials blur, is followed exactly. The equation error is linear in the coefficients, but the
+output's noise enters the regressors: if the noise is large, polynomials over more lines are better.
 
 Source: T. McKelvey and G. Guérin, Non-parametric frequency response estimation using a local
 rational model, 16th IFAC Symposium on System Identification, 2012.
@@ -26,7 +26,7 @@ from workbench.identification.responses.local_polynomial import (
 )
 
 SPARE_LINES = 12
-"""Lines of a band beyond the unknowns, where their number is not given."""
+"""Default number of lines in a band minus the number of unknowns."""
 
 
 def local_rational(
@@ -49,7 +49,7 @@ def local_rational(
     at
         Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def local_rational(
 def _in_bands(
     U: ComplexArray, Y: ComplexArray, chosen: np.ndarray, degree: int, width: int
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Responses, their covariances and noise covariances at lines of these numbers (F,), from 0."""
+    """Responses, their covariances and noise covariances at lines (F,), numbered from 0."""
     nu, ny = U.shape[1], Y.shape[1]
     unknowns = (degree + 1) * (nu + 1) + degree
     first = np.clip(chosen - width // 2, 0, len(U) - width)

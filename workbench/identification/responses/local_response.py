@@ -1,10 +1,10 @@
 """Response from one arbitrary record: local models of several kinds and widths, averaged.
 
-About each frequency the record is fitted by polynomials and by rational functions, in bands from
-narrow to wide. A fit is left out whose residuals a larger one of the same band explains. The bias
-of the others is what separates each from those of larger variance, beyond what noise explains; the
-smaller a fit's expected error, the more it counts in the average. The variance counts how far the
-fits lie apart, so that a region is wide where they disagree.
+Near each frequency the record is fitted by polynomials and by rational functions, in bands from
+narrow to wide. A fit is dropped if a larger model in the same band explains its residuals. The bias
+of a remaining fit is estimated by its distance from those of larger variance, beyond the distance
+that noise explains. In the average, fits with smaller expected errors have more weight. The
+variance includes the distance between the fits, so that a region is wide where they disagree.
 
 Sources: A. Goldenshluger, O. Lepski, "Bandwidth selection in kernel density estimation: oracle
 inequalities and adaptive minimax optimality", Annals of Statistics 39(3), 2011 (bias by
@@ -32,30 +32,33 @@ from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import need_positive
 
 MODELS = ((2, 0), (2, 1), (2, 2), (4, 4))
-"""Degrees of numerators and of denominators, each kind containing the one before."""
+"""Degrees of numerators and of denominators; each kind contains the one before."""
 LINES_FOR_EACH, DOUBLINGS = 10, 4
-"""Lines of the narrowest band for each input and for the transient; widths, each twice the last."""
+"""Number of lines of the narrowest band for each input and for the transient; number of widths,
+each twice the last.
+"""
 SPARE_LINES = 6
-"""Fewest lines of a band beyond the unknowns."""
+"""Fewest lines in a band minus the number of unknowns."""
 DEGREES = 40.0
-"""Degrees of freedom that the variance of an average is given with."""
+"""Degrees of freedom that are assigned to the variance of an average."""
 CHANCE = 1e-4
-"""Chance at which residuals of noise alone let a larger fit of the same band replace a smaller."""
+"""Probability with which noise alone makes a larger fit of the same band replace a smaller one."""
 BIAS_WEIGHT = 0.5
-"""Weight of the squared bias of a fit beside its variance: it is itself an uncertain number."""
+"""Weight of a fit's squared bias relative to its variance: the bias is itself uncertain."""
 SHARPNESS = 1.5
-"""Power of the inverse of the expected squared error with which a fit counts in the average."""
+"""A fit's weight in the average is its expected squared error to the power of minus this."""
 MIRRORED = float(stats.chi2.ppf(0.95, 1) / stats.chi2.ppf(0.95, 2) * 2.0)
-"""Factor of the variance where a band lies about frequency 0: errors are real there, and a real
-error leaves a disc more often than a complex one of the same variance."""
+"""Factor of the variance in a band about frequency 0: errors are real there, and a real error
+leaves a disc more often than a complex one of the same variance.
+"""
 ROUNDING = 1e-9
-"""Relative error of a response that rounding may leave."""
+"""Relative error of a response that rounding may cause."""
 TINY = float(np.finfo(float).tiny)
-"""Least sum of squared residuals by which another one is divided."""
+"""Least sum of squared residuals that is used as a divisor."""
 MOST_LINES = 200
-"""Most frequencies, where none are given."""
+"""Most frequencies, if none are given."""
 LINES_AT_ONCE = 256
-"""Frequencies whose bands are held at once."""
+"""Number of frequencies whose bands are in memory at once."""
 
 
 Places = TypeVar("Places", RealArray, IntegerArray)
@@ -69,31 +72,32 @@ def local_response(
     frequency_hz: ArrayLike | None = None,
     assume: str | Sequence[str] = (),
 ) -> ResponseEstimate:
-    """Response from inputs u (N, nu) to outputs y (N, ny), whose regions count bias and noise.
+    """Response from inputs u (N, nu) to outputs y (N, ny), with regions for bias and noise.
 
-    The loop must be open: of a plant in a closed loop take `driven_response`.
+    The loop must be open; for a plant in a closed loop use `driven_response`.
 
     Parameters
     ----------
     dt
         Sampling time [s].
     frequency_hz
-        Frequencies (F,) [Hz], rising, between that of one period a record and half the sampling
-        frequency; they need not be lines of the record. None: at most 200 lines, at equal steps of
-        log frequency.
+        Frequencies (F,) [Hz], rising, from one period per record to half the sampling frequency;
+        they need not be lines of the record. None: at most 200 lines, equally spaced in log
+        frequency.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Returns
     -------
     ResponseEstimate
-        Its variance is infinite where the record tells nothing: an input excites too few lines.
+        Its variance is infinite at frequencies without information, where an input excites too few
+        lines.
 
     Raises
     ------
     InputError
-        The same as for `checked_record`; a record that is too short, or that a finding forbids to
-        use; or other frequencies.
+        The same as for `checked_record`; the record is too short, or a finding forbids its use; or
+        the frequencies are invalid.
 
     Examples
     --------
@@ -117,7 +121,7 @@ def local_response(
 def averaged_models(
     u: ArrayLike, y: ArrayLike, dt: float, *, frequency_hz: ArrayLike | None = None
 ) -> ResponseEstimate:
-    """As `local_response`, of a record that may be used."""
+    """As `local_response`, for a record that has been checked."""
     u, y = checked_record(u, y)
     samples, nu = u.shape
     last = (samples - 1) // 2
@@ -143,8 +147,7 @@ def averaged_models(
 
 
 def spaced_in_log(places: Places, most: int) -> Places:
-    """At most so many of the rising places, at equal steps of their logarithms where there are
-    enough."""
+    """At most ``most`` of the rising places, equally spaced in their logarithms if possible."""
     if places.size <= most:
         return places
     log = np.log(places)
@@ -155,7 +158,7 @@ def spaced_in_log(places: Places, most: int) -> Places:
 
 
 def _places(frequency_hz: ArrayLike, duration: float, last: int) -> RealArray:
-    """Places among the lines of a record, or an InputError."""
+    """Places among the lines of a record; raises InputError for invalid frequencies."""
     try:
         places = np.asarray(frequency_hz, dtype=float) * duration
     except (TypeError, ValueError):
@@ -179,24 +182,25 @@ def _places(frequency_hz: ArrayLike, duration: float, last: int) -> RealArray:
 def _candidates(
     U: ComplexArray, y: ComplexArray, samples: int, places: RealArray
 ) -> list[BandFits]:
-    """Fits of all kinds and widths for which the record has lines."""
+    """Fits of all kinds and widths for which the record has enough lines."""
     nu, last = U.shape[1], (samples - 1) // 2
     widths = [LINES_FOR_EACH * (nu + 1) * 2**k for k in range(DOUBLINGS)]
     found: list[BandFits] = []
     for width in [width for width in widths if width <= last] or [last]:
         models = [one for one in MODELS if unknowns(nu, *one) + SPARE_LINES <= width]
-        found += _not_rejected(fitted_bands(U, y, samples, places, width, models))
+        found += _reject_smaller_fits(fitted_bands(U, y, samples, places, width, models))
     return found
 
 
-def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
-    """Nested fits of one band, of infinite variance where the residuals speak for a larger one.
+def _reject_smaller_fits(nested: list[BandFits]) -> list[BandFits]:
+    """Nested fits of one band; rejected ones get infinite variance.
 
-    A larger one that leaves its coefficients open takes no place: without noise the largest one
-    always leaves less, by coefficients that nothing determines.
+    A fit is rejected if its residuals favour a larger one. A larger fit whose coefficients are
+    undetermined does not count: without noise the largest fit always has smaller residuals, by
+    coefficients that nothing determines.
 
-    A fit has no less variance than a smaller one that stands, for the same noise: to linear order
-    a pole beside a line, which follows the noise of that line, promises more than it keeps.
+    A fit gets at least the variance of a smaller accepted one, for the same noise. To linear order,
+    a pole beside a line, which follows that line's noise, seems more accurate than it is.
     """
     found: list[BandFits] = []
     for k, fit in enumerate(nested):
@@ -218,8 +222,8 @@ def _not_rejected(nested: list[BandFits]) -> list[BandFits]:
 
 
 def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
-    """Average (F, nu) of fits, and its variance, infinite where none tells anything."""
-    variance = np.array([_as_of_one_size(one) for one in bands])
+    """Average (F, nu) of fits, and its variance; infinite if no fit has information."""
+    variance = np.array([_variance_of_same_radius(one) for one in bands])
     told = np.isfinite(variance)
     response: ComplexArray = np.where(told, [one.response for one in bands], 0j)
     known = told.any(axis=0)
@@ -234,8 +238,8 @@ def _average(bands: list[BandFits]) -> tuple[ComplexArray, RealArray]:
     return mean * np.sqrt(scale), np.where(known, total * scale, np.inf)
 
 
-def _as_of_one_size(band: BandFits) -> RealArray:
-    """Variances (F, nu) that give the radius at 95 % with the degrees of freedom of an average."""
+def _variance_of_same_radius(band: BandFits) -> RealArray:
+    """Variances (F, nu) with the same 95 % radius at the degrees of freedom of an average."""
     factor = stats.f.ppf(0.95, 2, 2 * band.free) / stats.f.ppf(0.95, 2, DEGREES)
     factor *= 1.0 + (MIRRORED - 1.0) * band.mirrored
     floor = (ROUNDING * np.abs(band.response)) ** 2
@@ -244,10 +248,11 @@ def _as_of_one_size(band: BandFits) -> RealArray:
 
 
 def _squared_bias(response: ComplexArray, variance: RealArray, told: BoolArray) -> RealArray:
-    """Squared bias (C, F, nu) of each fit, from those of larger variance.
+    """Squared bias (C, F, nu) of each fit, by comparison with fits of larger variance.
 
-    What separates two fits of one record, the noise aside, is bias of the one with less variance.
-    Noise separates them by the difference of their variances, if the better one is efficient.
+    Apart from noise, the difference between two fits of one record is the bias of the one with less
+    variance. The variance of the noise part is the difference of their variances, if the better fit
+    is efficient.
     """
     found = np.zeros(variance.shape)
     for k, (value, own) in enumerate(zip(response, variance, strict=True)):

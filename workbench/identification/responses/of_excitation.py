@@ -1,9 +1,9 @@
-"""Responses of plants in closed loops, by what an excitation from outside makes of u and y.
+"""Responses of plants in closed loops, from the responses of u and y to an excitation.
 
-Feedback carries the noise of y into u, so that the response from u to y is pulled towards that of
-the inverse controller, with the sign changed. An excitation r that does not depend on the noise
-makes Y / R of y and U / R of u, each without that pull, and the plant is their ratio. Its regions
-are Fieller's sets (`ratios`), since U / R is uncertain too.
+Feedback carries the noise of y into u, so the estimated response from u to y is biased towards
+minus the inverse of the controller. For an excitation r that does not depend on the noise, the
+estimates of Y / R and of U / R have no such bias, and the plant is their ratio. Its regions are
+Fieller's sets (`ratios`), since U / R is uncertain too.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 13.5 (joint input-output
 identification).
@@ -36,27 +36,29 @@ from workbench.identification.responses.ratios import of_chosen, row_reach, row_
 from workbench.input_checks import need_positive, need_whole
 
 FROM_OUTSIDE = "excitation from outside"
-"""The assumption on an excitation."""
+"""Name of the assumption about an excitation."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivenResponse(ResponseEstimate):
-    """A response (Y / R) / (U / R) at the lines at which the excitation R is seen in U.
+    """A response (Y / R) / (U / R) at the lines at which U shows the excitation R.
 
-    Its `radius` is that of the disc about the estimate that holds Fieller's set. Of these discs,
-    all together, a share ``confidence`` holds the true response in the mean; some have no end. Of
-    several inputs those of an output hold all their responses at once.
+    Its `radius` is that of the disc about the estimate that contains Fieller's set. On average a
+    share ``confidence`` of all these discs together contains the true response; some discs are
+    unbounded. With several inputs, the discs of one output hold for all its inputs simultaneously.
 
     Parameters
     ----------
     joint
-        Covariance (F, outputs, 1 + inputs, 1 + inputs) of the noise of an output and of the inputs;
-        of a single input over |U / R|^2, so that it is that of the errors of Y / R and U / R.
+        Covariance (F, outputs, 1 + inputs, 1 + inputs) of the noise of an output and of the inputs.
+        For a single input it is divided by |U / R|^2, and so is that of the errors of Y / R and U /
+        R.
     spread
-        What the inverse of U / R makes of that noise (F, inputs, inputs); 1 of a single input.
+        Factor (F, inputs, inputs) by which the inverse of U / R changes that noise; 1 for a single
+        input.
     chosen
-        Share of all lines that were looked at; at the others U / R is not told from zero, and they
-        are left out.
+        Share of the examined lines that are used; at the others U / R is not distinguishable from
+        zero.
 
     Examples
     --------
@@ -77,13 +79,13 @@ class DrivenResponse(ResponseEstimate):
     chosen: float
 
     def _radius(self, confidence: float) -> RealArray:
-        """Radius (F, outputs, inputs) of the disc about the estimate that holds Fieller's set."""
+        """Radius (F, outputs, inputs) of the disc about the estimate with Fieller's set in it."""
         single = of_chosen(confidence, np.asarray(self.chosen))
         spread = self.spread[:, None]
         return row_reach(self.response, self.joint, spread, np.asarray(self.degrees), single)
 
     def _half_width(self, confidence: float) -> RealArray:
-        """As `radius`, which bounds the errors of the real and of the imaginary part."""
+        """As `radius`, which also bounds the errors of the real and of the imaginary part."""
         return self._radius(confidence)
 
 
@@ -96,7 +98,7 @@ def driven_response(
     most: int = 200,
     assume: str | Sequence[str] = (),
 ) -> DrivenResponse:
-    """Response from u to y of a plant in a closed loop that an excitation drives from outside.
+    """Response from u to y of a plant in a closed loop that an external excitation drives.
 
     Parameters
     ----------
@@ -105,28 +107,28 @@ def driven_response(
     y
         Outputs (N,), (N, outputs) or (N, outputs, experiments).
     excitation
-        What was added from outside, such as the set-point; of the shape of u, one for each input.
-        It must not depend on the noise of y. Where it repeats itself whole periods are averaged,
-        and several inputs need as many experiments. If it was not recorded but repeats itself, the
-        samples of its period tell enough.
+        Signal added from outside, such as the set-point; of the shape of u, one for each input. It
+        must not depend on the noise of y. If it is periodic, whole periods are averaged, and
+        several inputs need as many experiments. If it was not recorded but is periodic, its period
+        in samples is sufficient.
     dt
         Sampling time [s].
     most
-        Largest number of frequencies; more are thinned to equal steps of log frequency.
+        Largest number of frequencies; more are thinned to equal spacing in log frequency.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Returns
     -------
     DrivenResponse
-        At the frequencies at which the excitation is seen in u.
+        At the frequencies at which u shows the excitation.
 
     Raises
     ------
     InputError
-        A record that is broken or too short, or that a finding forbids to use; an excitation that
-        is the input itself, or that is seen in u at fewer than two lines; or several inputs with
-        another number of excitations, or of experiments with periodic ones.
+        The record is faulty or too short, or a finding forbids its use; the excitation is the input
+        itself, or u shows it at fewer than two lines; or, with several inputs, the number of
+        excitations differs from theirs, or for periodic ones the number of experiments.
 
     Examples
     --------
@@ -158,7 +160,7 @@ def driven_response(
 
 
 def unrecorded(report: RecordReport, samples: object) -> RecordReport:
-    """The report where the excitation was not recorded, but is stated to repeat itself."""
+    """The report for an excitation that was not recorded, but is stated to be periodic."""
     return report.settling(
         {FROM_OUTSIDE: f"not recorded, and stated to repeat itself after {samples} samples"}
     )
@@ -167,10 +169,10 @@ def unrecorded(report: RecordReport, samples: object) -> RecordReport:
 def driven_responses(
     records: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike | int]], rate: float, most: int
 ) -> tuple[list[DrivenResponse], str]:
-    """Responses of plants from records (u, y, excitation), and what was found.
+    """Responses of plants from records (u, y, excitation), and a report.
 
-    All are at the same frequencies: those at which the excitation is seen in the inputs of every
-    plant. ``rate`` [Hz] is the sampling frequency. Raises as `driven_response`.
+    All have the same frequencies: those at which the inputs of all plants show the excitation.
+    ``rate`` [Hz] is the sampling frequency. Raises as `driven_response`.
     """
     return responses_of_driven([driven_record(*record) for record in records], rate, most)
 
@@ -178,7 +180,7 @@ def driven_responses(
 def responses_of_driven(
     records: Sequence[DrivenRecord], rate: float, most: int
 ) -> tuple[list[DrivenResponse], str]:
-    """As `driven_responses`, of records that were checked."""
+    """As `driven_responses`, for records that have been checked."""
     need_whole(most, "most")
     if most < FEWEST_SEEN:
         raise InputError(f"most is {most}; two frequencies or more are needed")

@@ -1,7 +1,7 @@
-"""Responses of several plants from their records, each with its variance, on common frequencies.
+"""Responses of several plants from their records, with variances, at common frequencies.
 
-Where the inputs have many periods, whole periods are averaged (`from_periods`); other records are
-estimated by local models (`local_response`). What was found out of the records is said.
+If the inputs have many periods, whole periods are averaged (`from_periods`); other records are
+estimated by local models (`local_response`). A report says what was done.
 """
 
 from __future__ import annotations
@@ -29,46 +29,53 @@ from workbench.identification.responses.repeated_rounding import (
 from workbench.identification.responses.silent_lines import with_neighbours
 
 EXCITED = 1e-3
-"""Amplitude of an excited line, relative to the largest."""
+"""Least amplitude of an excited line, relative to the largest."""
 OF_NEIGHBOURS, PER_OCTAVE = 0.03, 4
-"""Amplitude of an excited line, relative to the largest within half an octave, and bands of an
-octave in which that is looked for. Weaker ones are distortions of a loop and roundings of a
-converter: they repeat in every period as the excitation does, and hardly move the plant."""
+"""Least amplitude of an excited line, relative to the largest within half an octave; and number of
+bands per octave in which that is searched. Weaker lines are distortions of a loop and rounding of a
+converter: they repeat in every period as the excitation does, and hardly move the plant.
+"""
 EXCITED_OVER_NOISE = 5.0
-"""Amplitude of an excited line over the standard deviation of its mean."""
+"""Least ratio of an excited line's amplitude to the standard deviation of its mean."""
 SETTLED = 2.0
-"""Distance of the first period from the later ones, over their own, up to which it is settled."""
+"""The first period counts as settled if its distance from the later ones, relative to theirs, is at
+most this.
+"""
 MANY_PERIODS = 6
-"""Periods whose scatter alone tells the noise well enough."""
+"""Number of periods whose scatter alone determines the noise well enough."""
 DENSE = 2
-"""Distance of neighbouring excited lines up to which bands of lines tell what lies between."""
+"""If neighbouring excited lines are at most so far apart, bands of lines show the response between
+them.
+"""
 LARGER_BY_FAR = 30.0
-"""Radius of a region over the largest sure response from which it says nothing of a plant."""
+"""A region says nothing about a plant if its radius, relative to the largest certain response,
+exceeds this.
+"""
 NAMED = 4
-"""Most frequencies that a sentence names."""
+"""Most frequencies that a sentence lists."""
 TOLD = 0.95
-"""Confidence of the regions by which frequencies are left out."""
+"""Confidence of the regions that decide which frequencies are left out."""
 FEWEST_SAMPLES = 29
-"""Samples of the shortest record from which a response is estimated."""
+"""Fewest samples of a record from which a response is estimated."""
 
 
 def record_responses(
     records: Sequence[tuple[RealArray, RealArray]], sample_rate: float, most: int
 ) -> tuple[list[ResponseEstimate], str]:
-    """Responses from u to y of single-channel records (u (N,), y (N,)), and what was found out.
+    """Responses of single-channel records (u (N,), y (N,)), and a report.
 
     Parameters
     ----------
     sample_rate
         Sampling frequency [Hz] of all records.
     most
-        Largest number of frequencies; more are thinned to equal steps of log frequency.
+        Largest number of frequencies; more are thinned to equal spacing in log frequency.
 
     Raises
     ------
     InputError
-        As `checked_record`, `from_periods` and `local_response`; or the records have no excited
-        lines in common, or tell of no common frequency.
+        As `checked_record`, `from_periods` and `local_response`; or the records have no common
+        excited lines, or no common frequency with information.
     """
     pairs = [
         tuple(part[:, 0] for part in checked_record(u[:, None], y[:, None])) for u, y in records
@@ -84,7 +91,7 @@ def record_responses(
 def _periodic(
     pairs: Sequence[tuple[RealArray, ...]], samples: int, count: int, rate: float, most: int
 ) -> tuple[list[ResponseEstimate], str]:
-    """Responses from whole periods, without a first one that has not settled."""
+    """Responses from whole periods, without the first period if it has not settled."""
     spectra = [
         tuple(np.fft.rfft(x[-count * samples :].reshape(count, samples)).T for x in pair)
         for pair in pairs
@@ -123,7 +130,7 @@ def _periodic(
 def _with_rounding(
     estimate: PeriodicResponse, U: np.ndarray, pair: tuple[RealArray, ...], samples: int
 ) -> PeriodicResponse:
-    """The estimate of amplitudes U (F, periods) whose variance counts rounding that repeats."""
+    """The estimate with the variance of repeated rounding added, for amplitudes U (F, periods)."""
     u, y = (repeated_rounding(x, samples, k) for x, k in zip(pair, (FEWEST_LEVELS, 2), strict=True))
     size = samples / np.abs(U.mean(axis=1)[:, None, None]) ** 2
     more = size * (y + np.abs(estimate.response) ** 2 * u)
@@ -135,8 +142,8 @@ def _with_rounding(
 def mean_of_periods(x: RealArray, samples: int) -> RealArray:
     """Mean (samples,) of the last whole periods of a signal.
 
-    Its lines are those that the input excites, so that the scatter about a local model tells the
-    distortions of a nonlinear plant, too, which stand at these lines alone.
+    It contains only the lines that the input excites. So the scatter about a local model includes
+    the distortions of a nonlinear plant, which are at these lines only.
     """
     count = len(x) // samples
     mean: RealArray = x[-count * samples :].reshape(count, samples).mean(axis=0)
@@ -146,9 +153,9 @@ def mean_of_periods(x: RealArray, samples: int) -> RealArray:
 def _arbitrary(
     pairs: Sequence[tuple[RealArray, ...]], frequency: RealArray, rate: float
 ) -> tuple[list[ResponseEstimate], str]:
-    """Responses by local models, each from its whole record, at common frequencies (F,) [Hz].
+    """Responses by local models, each from a whole record, at common frequencies (F,) [Hz].
 
-    A frequency of which a record tells nothing is left out.
+    Frequencies at which a record has no information are left out.
     """
     found = [
         averaged_models(u[:, None], y[:, None], 1.0 / rate, frequency_hz=frequency)
@@ -181,7 +188,7 @@ def _arbitrary(
 
 
 def _told_narrow(estimates: Sequence[ResponseEstimate]) -> list[str]:
-    """A sentence about resonances that the frequencies are too far apart for; none without them."""
+    """A sentence about resonances too narrow for the spacing of frequencies; None without them."""
     narrow = np.unique(np.concatenate([_narrow_resonances(one) for one in estimates]))
     if not narrow.size:
         return []
@@ -193,7 +200,7 @@ def _told_narrow(estimates: Sequence[ResponseEstimate]) -> list[str]:
 
 
 def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
-    """Frequencies [Hz] whose neighbours lie below half their power, regions counted."""
+    """Resonance frequencies [Hz]: both neighbours have less than half their power, with regions."""
     size, radius = np.abs(estimate.response[:, 0, 0]), estimate.radius(TOLD)[:, 0, 0]
     beside = np.maximum((size + radius)[:-2], (size + radius)[2:])
     peaks = (size - radius)[1:-1] > np.sqrt(2.0) * beside
@@ -202,7 +209,7 @@ def _narrow_resonances(estimate: ResponseEstimate) -> RealArray:
 
 
 def informative(estimate: ResponseEstimate) -> BoolArray:
-    """Frequencies (F,) at which no region is far larger than any sure response of its channel."""
+    """Mask (F,) of frequencies at which all regions are small enough to be informative."""
     radius = estimate.radius(TOLD)
     sure = np.where(np.isfinite(radius), np.abs(estimate.response) - radius, 0.0).max(axis=0)
     known: BoolArray = (radius < LARGER_BY_FAR * sure).all(axis=(1, 2))
@@ -210,7 +217,7 @@ def informative(estimate: ResponseEstimate) -> BoolArray:
 
 
 def _unsettled(Y: np.ndarray) -> bool:
-    """Whether the first period differs from the mean of the others by more than they do."""
+    """Whether the first period is farther from the mean of the others than these are."""
     rest = Y[:, 1:]
     middle = rest.mean(axis=1, keepdims=True)
     count = rest.shape[1]
@@ -221,13 +228,16 @@ def _unsettled(Y: np.ndarray) -> bool:
 
 
 def excited(U: np.ndarray) -> IntegerArray:
-    """Lines of amplitudes (lines, periods) that the input excites; not 0, and not the last one."""
+    """Lines that the input excites, from amplitudes (lines, periods); without first and last."""
     return excited_together(U[..., None, None])
 
 
 def excited_together(U: np.ndarray) -> IntegerArray:
-    """Lines of amplitudes (lines, periods, channels, experiments) at which the experiments excite
-    all channels, each in a way of its own; not 0, and not the last one."""
+    """Lines at which the experiments excite all channels independently of each other.
+
+    U holds amplitudes (lines, periods, channels, experiments); the first and the last line never
+    count.
+    """
     mean = np.linalg.svd(U.mean(axis=1), compute_uv=False)[:, -1]
     scatter = U.std(axis=1, ddof=1) / np.sqrt(U.shape[1]) if U.shape[1] > 1 else 0.0 * U[:, 0]
     spread = np.linalg.norm(scatter, axis=(1, 2))

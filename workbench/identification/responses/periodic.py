@@ -1,7 +1,7 @@
 """Frequency responses from periodic experiments, with regions that contain the true response.
 
-Let the M periods give circular complex normal samples of variance S^2 (real and imaginary part
-together, equation 4.14). Their mean obeys
+Suppose that the M periods give circular complex normal samples of variance S^2 (real and imaginary
+part together, equation 4.14). Their mean obeys
 
     |mean - truth|^2 / (S^2 / M)       ~ F(2, 2 M - 2)
     Re(mean - truth) / (S / sqrt(2 M)) ~ t(2 M - 2), and the same holds for the imaginary part.
@@ -42,7 +42,7 @@ class ResponseEstimate:
     degrees
         Number of real degrees of freedom of the variance.
     report
-        Report of the record, where one was made.
+        Report of the record, if there is one.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class ResponseEstimate:
         )
 
     def plot(self, confidence: float = 0.95) -> Figure:
-        """Bode plot of all entries, each with the band in which its magnitude lies."""
+        """Bode plot of all entries, each with a band for its magnitude."""
         _, outputs, inputs = self.response.shape
         named = {
             f"input {i + 1} to output {o + 1}": (o, i)
@@ -86,7 +86,7 @@ class ResponseEstimate:
         top, radius = figure.axes[0], self.radius(confidence)
         for name, (o, i) in named.items():
             size, reach = np.abs(curves[name]), radius[:, o, i]
-            low = np.maximum(size - reach, size / 100)  # a band down to 0 has no end to be seen
+            low = np.maximum(size - reach, size / 100)  # a band down to 0 has no visible end
             top.fill_between(self.frequency, low, size + reach, alpha=0.25, linewidth=0)
         top.set_title(f"with {100 * confidence:g} % bands")
         return figure
@@ -104,7 +104,7 @@ class ResponseEstimate:
         return self._radius(confidence)
 
     def _radius(self, confidence: float) -> np.ndarray:
-        """As `radius`; estimates whose errors are not simply complex normal have their own."""
+        """As `radius`; overridden by estimates whose errors are not simply complex normal."""
         radius: np.ndarray = np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
         return radius
 
@@ -113,7 +113,7 @@ class ResponseEstimate:
         return self._half_width(confidence)
 
     def _half_width(self, confidence: float) -> np.ndarray:
-        """As `half_width`, with an own one like `_radius`."""
+        """As `half_width`; overridden like `_radius`."""
         deviations = stats.t.ppf((1 + confidence) / 2, self.degrees)
         half_width: np.ndarray = deviations * np.sqrt(self.variance / 2)
         return half_width
@@ -196,7 +196,7 @@ def from_periods(
     Raises
     ------
     InputError
-        Fewer than two periods are left; a channel is dead; a value is NaN; or the inputs of the
+        Fewer than two periods remain; a channel is dead; a value is NaN; or the inputs of the
         experiments are linearly dependent.
 
     Warns
@@ -262,7 +262,7 @@ def from_periods(
 
 
 def _amplitudes(values: ArrayLike, name: str, frequency: np.ndarray) -> np.ndarray:
-    """Amplitudes (F, periods, channels, experiments), or an `InputError`."""
+    """Amplitudes (F, periods, channels, experiments); raises `InputError` for other shapes."""
     array = np.asarray(values, dtype=complex)
     array = array[:, :, None, None] if array.ndim == 2 else array
     if array.ndim != 4 or len(array) != len(frequency):
@@ -294,9 +294,9 @@ def _covariance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _warn_of_weak_input(
     frequency: np.ndarray, mean: np.ndarray, covariance: np.ndarray, periods: int
 ) -> None:
-    """Warn where the input is less than five times its noise.
+    """Warn if the input is less than five times its noise at some frequency.
 
-    The first-order analysis of the error does not hold there.
+    The first-order analysis of the error is not valid there.
     """
     smallest = np.linalg.svd(mean, compute_uv=False)[:, -1]
     noise = np.sqrt(np.einsum("fii->f", covariance).real / periods)

@@ -1,14 +1,14 @@
 """Response to a periodic excitation from a record with transients, by local polynomials.
 
-Between the lines of the excitation a record of several periods has only its transient and noise.
-There the transient, which is smooth over frequency, is fitted by a polynomial in a narrow band
-about each excited line, and taken off at that line; what the fit leaves is the noise. So no period
-is thrown away, two are enough, and the variance is one of noise alone: transients and nonlinear
-distortion do not enter it, since the distortion of a periodic excitation is periodic.
+Between the lines of the excitation, a record of several periods contains only transient and noise.
+There a polynomial in a narrow band about each excited line is fitted to the transient, which is
+smooth over frequency, and subtracted at that line; the residual is the noise. So no period is
+discarded, and two are enough. The variance is due to noise alone: it contains neither transients
+nor nonlinear distortion, since the distortion of a periodic excitation is periodic.
 
 Distortion shows at harmonics that are not excited: an even nonlinearity at even ones, an odd one at
-odd ones. Its part at an excited harmonic is taken from the silent odd ones near by, in proportion
-to the size of the response, since most of it passes the same resonances.
+odd ones. The distortion at an excited harmonic is estimated from the silent odd harmonics near by,
+scaled by the response, since most of it passes through the same resonances.
 
 Source: R. Pintelon, J. Schoukens, G. Vandersteen and K. Barbe, Mechanical Systems and Signal
 Processing 24, 2010, part II ("robust method"); J. Schoukens, R. Pintelon and Y. Rolain, Mastering
@@ -36,29 +36,29 @@ from workbench.identification.responses.transients import without_transient
 from workbench.input_checks import need_count, need_whole
 
 SPARE_LINES = 8
-"""Lines of a band beyond the unknowns of its polynomial."""
+"""Number of lines in a band minus the unknowns of its polynomial."""
 UNEXCITED = 1e-8
-"""Amplitude of an input, relative to the largest at any line, that excites nothing."""
+"""An input whose amplitude, relative to the largest at any line, is below this does not excite."""
 NEAREST_SILENT = 6
-"""Silent odd harmonics from which the distortion at an excited one is taken."""
+"""Number of silent odd harmonics from which the distortion at an excited one is estimated."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PeriodicLocalResponse(ResponseEstimate):
-    """A response at the excited harmonics, with the covariance that noise gives it.
+    """A response at the excited harmonics, with the covariance due to noise.
 
     Parameters
     ----------
     covariance
-        Covariance (F, ny nu, ny nu) of the entries of the response, row by row, by noise alone.
+        Covariance (F, ny nu, ny nu) of the entries of the response, row by row, due to noise alone.
     distorted_variance
-        E|error|^2 (F, ny, nu) of the best linear approximation: by noise and by the distortion that
-        this one realisation of the excitation causes. NaN without silent odd harmonics.
+        E|error|^2 (F, ny, nu) of the best linear approximation, due to noise and to the distortion
+        that this realisation of the excitation causes. NaN without silent odd harmonics.
     distortion
-        Distortion of each output at the silent harmonics; None where not both an odd and an even
-        one between the excited ones are silent.
+        Distortion of each output at the silent harmonics; None unless both odd and even harmonics
+        are silent between the excited ones.
     transient
-        Share (F, ny) of the power at the excited lines that was the transient's.
+        Share (F, ny) of the transient in the power at the excited lines.
 
     Examples
     --------
@@ -80,12 +80,12 @@ class PeriodicLocalResponse(ResponseEstimate):
 
 
 class PeriodicStream:
-    """A periodic record that arrives in pieces, and its response when it is whole.
+    """A periodic record that arrives in pieces, and its response once it is complete.
 
     Parameters
     ----------
     period
-        Samples of a period.
+        Period [samples].
     periods
         Number of periods of the record, at least 2.
     lines
@@ -93,7 +93,7 @@ class PeriodicStream:
     degree
         Degree of the polynomials of the transient.
     rational
-        Transients with poles narrower than a band, as `periodic_local_rational` fits them.
+        Whether transients may have poles narrower than a band, as in `periodic_local_rational`.
 
     Raises
     ------
@@ -157,7 +157,7 @@ class PeriodicStream:
         Raises
         ------
         InputError
-            Other shapes, values that are not finite, or more samples than were announced.
+            Wrong shapes, values that are not finite, or more samples than were announced.
         """
         u, y = (np.asarray(x, float) for x in (u, y))
         if u.ndim != 2 or y.ndim != 2 or len(u) != len(y):
@@ -173,9 +173,9 @@ class PeriodicStream:
         self._records[experiment].add(np.hstack([y, u]))
 
     def _count_rounding(self, variance: RealArray) -> None:
-        """Count rounding of samples (ny + nu,) that repeats itself in each period.
+        """Add to the variance the rounding of samples (ny + nu,) that repeats in each period.
 
-        It is at the excited lines alone, so that those between do not tell it.
+        It is at the excited lines only, so the lines between do not show it.
         """
         self._rounding = self._periods * variance
 
@@ -185,7 +185,8 @@ class PeriodicStream:
         Raises
         ------
         InputError
-            Samples are missing; not as many experiments as inputs; or a band has too few lines.
+            Samples are missing; there are not as many experiments as inputs; or a band has too few
+            lines.
         """
         if len(self._records) != max(self._inputs, 1):
             raise InputError(f"{self._inputs} inputs need as many experiments")
@@ -257,12 +258,12 @@ def periodic_local_polynomial(
     Parameters
     ----------
     u
-        Inputs, (N, nu) of one experiment with a single input, or (N, nu, experiments) of as many
+        Inputs: (N, nu) for one experiment with a single input, or (N, nu, experiments) with as many
         experiments as inputs.
     y
         Outputs, (N, ny) or (N, ny, experiments).
     period
-        Samples of a period. The last whole periods of the record are used, at least two.
+        Period [samples]. The last whole periods of the record are used, at least two.
     lines
         Excited harmonics (F,) of the period, rising; None: every one below half the sampling rate.
     degree
@@ -273,7 +274,7 @@ def periodic_local_polynomial(
     Raises
     ------
     InputError
-        Other shapes, values that are not finite, dead channels, fewer than two periods, inputs that
+        Wrong shapes, values that are not finite, dead channels, fewer than two periods, inputs that
         do not excite a line, or not as many experiments as inputs.
 
     Examples
@@ -301,11 +302,12 @@ def periodic_local_rational(
     *,
     sample_rate: float = 1.0,
 ) -> PeriodicLocalResponse:
-    """The same, where transients of lightly damped modes outlive the record.
+    """As `periodic_local_polynomial`, if transients of lightly damped modes outlive the record.
 
-    Such a transient is a pole in a band, which a polynomial cannot follow. Where residuals speak
-    for one, transients are rational functions of this degree above and below; elsewhere polynomials
-    are kept, which noise disturbs less. Bands are wider by the degree.
+    Such a transient is a pole in a band, which a polynomial cannot follow. If the residuals
+    indicate one, the transient is a rational function with numerator and denominator of this
+    degree; otherwise the polynomial is kept, which is less sensitive to noise. Bands are wider by
+    the degree.
 
     Parameters and errors are those of `periodic_local_polynomial`.
 
@@ -340,14 +342,14 @@ def _of_record(
     *,
     rational: bool,
 ) -> PeriodicLocalResponse:
-    """The response of a record that is there as a whole."""
+    """The response of a record that is given as a whole."""
     pair = []
     for name, given in (("u", u), ("y", y)):
         values = as_record(given, name)
         values = values[..., None] if values.ndim == 2 else values
         if values.ndim != 3:
             raise InputError(f"{name} has shape {values.shape}; (N, channels, experiments) needed")
-        require_alive(np.concatenate(np.moveaxis(values, -1, 0)).T, name)  # in some experiment
+        require_alive(np.concatenate(np.moveaxis(values, -1, 0)).T, name)  # dead in some experiment
         pair.append(values)
     inputs, outputs = pair
     if len(inputs) != len(outputs) or inputs.shape[2] != outputs.shape[2]:
@@ -367,7 +369,7 @@ def _of_record(
 
 
 class _Distortion:
-    """Distortion at the silent harmonics: what the response does not make of the input there."""
+    """Distortion at the silent harmonics: the part that the response does not explain."""
 
     def __init__(
         self,
@@ -393,8 +395,11 @@ class _Distortion:
         self.clean = clean[:, :outputs]
 
     def near(self, lines: IntegerArray) -> RealArray:
-        """Mean square (F, ny) of the distortion in one experiment at the silent odd harmonics near
-        each line, without the noise's share; not negative."""
+        """Mean square (F, ny) of the distortion near each line, in one experiment.
+
+        It is the mean over the nearest silent odd harmonics, without the noise's share, and never
+        negative.
+        """
         silent = np.setdiff1d(self.harmonics, self.lines)
         silent = silent[silent % 2 == 1]
         if not silent.size:
@@ -409,7 +414,7 @@ class _Distortion:
         return found
 
     def tests(self, silent: IntegerArray) -> tuple[LineDistortion, ...] | None:
-        """Distortion of each output; None without silent harmonics of both kinds."""
+        """Distortion of each output; None unless there are silent harmonics of both kinds."""
         parts = [silent[silent % 2 == parity] for parity in (1, 0)]
         if not all(part.size for part in parts):
             return None

@@ -1,15 +1,16 @@
-"""Regions of a ratio of two estimates: Fieller's sets, and which ratios are known at all.
+"""Regions of a ratio of two estimates: Fieller's sets, and the ratios that are known at all.
 
 Let y and u be estimates of two complex numbers with circular normal errors of covariance C and nu
 degrees of freedom. A ratio G is compatible with them where y - G u is with zero,
 
     |y - G u|^2 <= F (C_yy - 2 Re(conj(G) C_yu) + |G|^2 C_uu),   F the quantile of F(2, nu).
 
-All such G fill a disc where |u|^2 > F C_uu; elsewhere they reach to infinity. The set holds the
-true ratio with exactly the stated probability. But a disc is only told where u is seen, and among
-few that are seen many are seen by chance. So lines are chosen by Benjamini's and Hochberg's rule,
-and of a chosen share q of them a region of confidence c is one of 1 - q (1 - c): then the share of
-the told regions that miss their truth is at most 1 - c in the mean.
+All such G form a disc if |u|^2 > F C_uu; otherwise the set is unbounded. The set contains the true
+ratio with exactly the stated probability. But a disc is reported only at lines where u is
+distinguishable from zero, and if there are few such lines, many of them may be chance. So lines are
+chosen by the rule of Benjamini and Hochberg. If a share q of the lines is chosen, a region of
+confidence c is computed with the confidence 1 - q (1 - c); then on average at most a share 1 - c of
+the reported regions misses the truth.
 
 Sources: E. C. Fieller, Some problems in interval estimation, J. Royal Statistical Society B 16(2),
 1954; Y. Benjamini, Y. Hochberg, J. Royal Statistical Society B 57(1), 1995; Y. Benjamini, D.
@@ -25,13 +26,14 @@ from scipy import stats
 from workbench.arrays import BoolArray, ComplexArray, RealArray
 
 FALSELY_SEEN = 1e-3
-"""Share of the chosen lines, in the mean, at which u is zero and was seen by chance."""
+"""Average share of the chosen lines at which u is zero and was chosen by chance."""
 
 
 def seen(power: RealArray, degrees: float) -> BoolArray:
-    """Lines (F,) at which |u|^2 over its variance E|error|^2 (F,) is distinguishable from zero.
+    """Lines (F,) at which |u|^2 is distinguishable from zero, by |u|^2 / E|error|^2 (F,).
 
-    Of a matrix U take the least eigenvalue of U U^H over the covariance of one of its columns.
+    For a matrix U use the least eigenvalue of U U^H relative to the covariance of one of its
+    columns.
     """
     chance = stats.f.sf(power, 2, degrees)
     chance = np.where(np.isnan(chance), 1.0, chance)
@@ -44,7 +46,7 @@ def seen(power: RealArray, degrees: float) -> BoolArray:
 def ratio_reach(
     ratio: ComplexArray, joint: ComplexArray, degrees: RealArray, confidence: RealArray
 ) -> RealArray:
-    """Least radii (...) of discs about ratios that hold Fieller's sets; infinite ones too.
+    """Least radii (...) of discs about ratios that contain Fieller's sets; some are infinite.
 
     ``joint`` (..., 2, 2) is C / |u|^2 of (y, u).
     """
@@ -54,7 +56,7 @@ def ratio_reach(
 
 def row_variance(row: ComplexArray, joint: ComplexArray, spread: ComplexArray) -> RealArray:
     """E|error|^2 (..., n) of rows y U^-1, to first order; arguments as for `row_reach`."""
-    ways = _ways(row)
+    ways = _noise_factors(row)
     own = np.einsum("...a,...ab,...b->...", ways, joint, ways.conj()).real
     found: RealArray = np.maximum(own, 0.0)[..., None] * np.einsum("...ii->...i", spread).real
     return found
@@ -67,10 +69,10 @@ def row_reach(
     degrees: RealArray,
     confidence: RealArray,
 ) -> RealArray:
-    """Least radii (..., n) of discs about the entries of rows G = y U^-1 that hold Fieller's sets.
+    """Least radii (..., n) of discs about the entries of G = y U^-1 that contain Fieller's sets.
 
-    The set of a row holds all of it at once, with this confidence: all G for which y - G U is
-    compatible with zero. With the errors d of G it is an ellipsoid in complex space,
+    The set of a row contains the whole row with this confidence: all G for which y - G U is
+    compatible with zero. In terms of the errors d of G it is an ellipsoid in complex space,
 
         d S^-1 d^H <= n F ((1, -G - d) J (1, -G - d)^H),   F the quantile of F(2 n, nu),
 
@@ -87,7 +89,7 @@ def row_reach(
     """
     n = row.shape[-1]
     quantile = np.asarray(n * stats.f.ppf(confidence, 2 * n, degrees))
-    ways, inner = _ways(row), np.linalg.inv(spread)
+    ways, inner = _noise_factors(row), np.linalg.inv(spread)
     product = np.einsum("...ab,...b->...a", joint, ways.conj())
     variance = np.einsum("...a,...a->...", ways, product).real
     lean = product[..., 1:]
@@ -101,8 +103,8 @@ def row_reach(
     return np.where(ends[..., None], np.abs(shift) + size, np.inf)
 
 
-def _ways(row: ComplexArray) -> ComplexArray:
-    """(1, -G), by which noise enters y - G U."""
+def _noise_factors(row: ComplexArray) -> ComplexArray:
+    """(1, -G), the factors with which noise enters y - G U."""
     return np.concatenate([np.ones_like(row[..., :1]), -row], axis=-1)
 
 
@@ -112,5 +114,5 @@ def _inner(a: ComplexArray, b: ComplexArray) -> RealArray:
 
 
 def of_chosen(confidence: float, share: RealArray) -> RealArray:
-    """Confidence of single regions with which those of a chosen share of all have this one."""
+    """Confidence for single regions that gives the chosen share of them this confidence."""
     return np.asarray(1.0 - share * (1.0 - confidence))

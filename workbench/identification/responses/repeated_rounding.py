@@ -1,7 +1,7 @@
-"""Rounding by converters that repeats itself with the periods, so that no scatter of them tells it.
+"""Converter rounding that repeats with the periods, so that the scatter does not show it.
 
-Noise of a deviation s from period to period turns the rounding to steps q into noise, too. What is
-left of it in the mean of many periods has the variance
+Noise with standard deviation s from period to period turns rounding to steps q into noise too. The
+part that remains in the mean of many periods has the variance
 
     q^2 / (2 pi^2) sum_k exp(-4 pi^2 k^2 s^2 / q^2) / k^2,
 
@@ -18,19 +18,19 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.levels import resolution
 
 FEWEST_LEVELS = 64
-"""Levels of an input from which on it is taken as measured by a converter, not as set."""
+"""Fewest levels from which an input counts as measured by a converter, and not as a set value."""
 TERMS = np.arange(1.0, 200.0)
-"""Terms of the sum."""
+"""Indices k of the terms of the sum."""
 
 
 def repeated_rounding(signal: RealArray, samples: int, fewest_levels: int = 2) -> float:
-    """Variance of a sample's rounding that repeats itself, of whole periods of a signal (N,)."""
+    """Variance of the rounding that repeats in whole periods of a signal (N,)."""
     count = len(signal) // samples
     whole = signal[-count * samples :]
     step = resolution(whole)
     if not step > 0 or np.unique(whole).size < fewest_levels:
         return 0.0
     scatter = whole.reshape(count, samples).var(axis=0, ddof=1).mean() if count > 1 else 0.0
-    noise = max(scatter - step**2 / 12, 0.0)  # rounding that does not repeat is in the scatter
+    noise = max(scatter - step**2 / 12, 0.0)  # rounding that does not repeat is part of the scatter
     terms = np.exp(-4 * np.pi**2 * TERMS**2 * noise / step**2) / TERMS**2
     return float(step**2 / (2 * np.pi**2) * terms.sum())

@@ -1,12 +1,12 @@
-"""Noise and distortion of a periodic record, told by the lines about each excited one.
+"""Noise and distortion of a periodic record, estimated from the lines near each excited one.
 
-Noise hardly differs between neighbouring lines, so that the scatter of a few periods at several of
-them tells it better than at one.
+Noise hardly differs between neighbouring lines, so the scatter of a few periods at several lines
+gives a better estimate than that at one line.
 
-A nonlinear plant answers a multisine at silent lines, too. What stands there and repeats in every
-period is no noise, so periods do not scatter by it; and it stands at excited lines as well, where
-it changes the response with the phases of the excitation. It is as large there as at silent lines
-near by, here in proportion to the output.
+A nonlinear plant responds to a multisine at silent lines too. A response there that repeats in
+every period is not noise, and does not make periods scatter. Distortion is also at excited lines,
+where it changes the response with the phases of the excitation. Its size there is that at silent
+lines near by, relative to the output.
 
 Source: R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, 2nd edition,
 2012, sections 2.5 and 4.3.
@@ -22,9 +22,11 @@ from workbench.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.identification.responses.periodic import PeriodicResponse
 
 NEAR = 8
-"""Lines about an excited one that tell its noise, and silent ones that tell its distortion."""
+"""Number of neighbouring lines that determine an excited line's noise, and of silent ones for its
+distortion.
+"""
 SURE = 3.0
-"""Mean power beyond noise, over its own deviation, from which it counts as distortion."""
+"""Mean power minus noise, in its own standard deviations, above which it counts as distortion."""
 
 
 def with_neighbours(
@@ -34,20 +36,21 @@ def with_neighbours(
     lines: IntegerArray,
     chosen: IntegerArray,
 ) -> PeriodicResponse:
-    """The estimate with the noise and the distortion that lines near by tell in its variance.
+    """The estimate, its variance extended by the noise and distortion of neighbouring lines.
 
-    A line whose own scatter is larger keeps it. Unchanged where too few lines are silent.
+    A line with larger scatter of its own keeps that. The estimate is unchanged if too few lines are
+    silent.
 
     Parameters
     ----------
     estimate
-        Of one input and one output, at the chosen lines (F,).
+        The estimate of one input and one output, at the chosen lines (F,).
     u, y
         Amplitudes (all lines, periods).
     lines
         Excited lines.
     chosen
-        Those that are estimated.
+        The lines that are estimated.
     """
     left = unexplained(u, y, lines)
     silent = np.setdiff1d(np.arange(lines[0], lines[-1]), lines)
@@ -66,7 +69,7 @@ def with_neighbours(
 
 
 def unexplained(u: ComplexArray, y: ComplexArray, lines: IntegerArray) -> ComplexArray:
-    """What the response does not explain (lines from first to last excited, periods).
+    """The part that the response does not explain (lines from first to last excited, periods).
 
     Between excited lines it is interpolated.
     """
@@ -79,7 +82,7 @@ def unexplained(u: ComplexArray, y: ComplexArray, lines: IntegerArray) -> Comple
 
 
 def nearest(those: IntegerArray, chosen: IntegerArray) -> IntegerArray:
-    """The `NEAR` members (F, NEAR) of a sorted set about each chosen number, as the ends allow."""
+    """The `NEAR` nearest members (F, NEAR) of a sorted set to each chosen number."""
     first = np.clip(np.searchsorted(those, chosen) - NEAR // 2, 0, those.size - NEAR)
     found: IntegerArray = those[first[:, None] + np.arange(NEAR)]
     return found
@@ -88,9 +91,9 @@ def nearest(those: IntegerArray, chosen: IntegerArray) -> IntegerArray:
 def distortion(
     left: ComplexArray, y: ComplexArray, lines: IntegerArray, chosen: IntegerArray
 ) -> RealArray:
-    """Power of distortion over that of the output (F,) at the chosen lines; 0 where none is sure.
+    """Power of distortion relative to the output's (F,) at chosen lines; 0 if none is certain.
 
-    ``left`` is what the response leaves, as of `unexplained`.
+    ``left`` is the unexplained part, as from `unexplained`.
     """
     silent = np.setdiff1d(np.arange(lines[0], lines[-1]), lines)
     size = np.interp(np.log(silent), np.log(lines), np.log(np.abs(y[lines].mean(axis=1))))

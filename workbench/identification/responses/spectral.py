@@ -59,10 +59,9 @@ def spectral_response(
     The segments overlap by half and have Hann windows. At each line the estimate is a linear
     regression over the segments, and its residuals give the variance. Overlapping segments count as
     a smaller number of independent ones (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The
-    inputs are assumed to have no noise and no feedback from the output's noise: of a plant in a
-    closed loop take `driven_response`. Resonances narrower
-    than a few sample_rate / segment are flattened, which the variance does not include: compare
-    with a longer segment.
+    inputs are assumed to have no noise and no feedback from the output's noise; for a plant in a
+    closed loop use `driven_response`. Resonances narrower than a few sample_rate / segment are
+    flattened, which the variance does not include: compare with a longer segment.
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ def spectral_response(
     segment
         Number of samples in a segment.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Returns
     -------
@@ -85,8 +84,8 @@ def spectral_response(
     Raises
     ------
     InputError
-        NaN, a dead channel, different lengths, a finding that forbids to use the record, too few
-        segments for the inputs, or inputs that are linearly dependent at some frequency.
+        NaN, a dead channel, different lengths, a finding that forbids the use of the record, too
+        few segments for the inputs, or inputs that are linearly dependent at some frequency.
 
     Examples
     --------
@@ -130,7 +129,7 @@ def spectral_response(
         raise InputError(f"the inputs do not excite at {at:g} Hz, or move together: excite anew")
     inverse = np.linalg.inv(uu)
     response = yu @ inverse
-    # Residuals of each segment: S_yy - G S_uy would lose digits where the coherence is near one.
+    # Residuals of each segment: S_yy - G S_uy would lose digits if the coherence is near one.
     residual = spectra_y - np.einsum("fij,jsf->isf", response, spectra_u)
     unexplained = np.mean(np.abs(residual) ** 2, axis=1).T
     noise = unexplained * segments / spare

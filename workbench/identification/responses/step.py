@@ -1,14 +1,14 @@
 """Frequency response from the response to steps (section 4.1.2 of the thesis, after Ljung).
 
-A step and what follows it do not decay, so that their transforms do not exist. Their differences
-from sample to sample do decay, once the system has settled, and have the same ratio:
-G = sum dy_k z^-k / sum du_k z^-k, without leakage and without a model. A step tells little at high
-frequencies: its differences have the same size at all of them, those of the noise grow with the
-frequency and with the square root of the length of the record.
+A step and the response to it do not decay, so their transforms do not exist. Their differences from
+sample to sample do decay, once the system has settled, and have the same ratio: G = sum dy_k z^-k /
+sum du_k z^-k, without leakage and without a model. A step has little information at high
+frequencies: its differences have the same size at all frequencies, but those of the noise grow with
+the frequency and with the square root of the length of the record.
 
-The noise of the first and of the last sample would add to that of the differences, and at low
-frequencies outweigh it. So the differences fade in before a step and out at the end of its record,
-while the signals are at rest, which averages over those samples.
+The noise of the first and of the last sample would add to that of the differences, and dominate at
+low frequencies. So the differences are faded in before a step and faded out at the end of its
+record, while the signals are at rest; this averages over those samples.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 6.1.
 """
@@ -26,9 +26,11 @@ from workbench.identification.experiments.quality import IdentificationWarning, 
 from workbench.identification.responses.periodic import PeriodicResponse, from_periods
 
 STILL_MOVING = 5.0
-"""Standard deviations by which the last tenth of a record may differ from the tenth before it."""
+"""Number of standard deviations by which the last tenth of a record may differ from the tenth
+before it.
+"""
 SETTLED = 1e-6
-"""Motion that never counts, over the largest change of the output."""
+"""Motion that never counts, relative to the largest change of the output."""
 
 
 def step_response(
@@ -61,13 +63,13 @@ def step_response(
     Raises
     ------
     InputError
-        Fewer than two steps, a step that the record does not hold whole, steps that overlap, a
-        frequency outside the range, or a record without a step.
+        Fewer than two steps, a step that the record does not contain completely, steps that
+        overlap, a frequency outside the range, or a record without a step.
 
     Warns
     -----
     IdentificationWarning
-        The output still moves at the end of the steps.
+        The output is still moving at the end of the steps.
 
     Examples
     --------

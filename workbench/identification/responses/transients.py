@@ -1,8 +1,8 @@
-"""The transient of a periodic record about its excited lines, fitted between them and taken off.
+"""The transient of a periodic record, fitted between its excited lines and subtracted.
 
-Polynomials follow what is smooth over a band. The transient of a mode that outlives the record is a
-pole narrower than the band: there a rational function is taken, fitted to the output error, where
-it explains so much more than the polynomial that noise alone would hardly do it.
+Polynomials follow functions that are smooth over a band. The transient of a mode that outlives the
+record is a pole narrower than the band. There a rational function is fitted to the output error,
+and used if it explains so much more than the polynomial that noise alone is unlikely to cause this.
 
 Source: R. Pintelon, J. Schoukens, G. Vandersteen and K. Barbe, Mechanical Systems and Signal
 Processing 24, 2010, part II; T. McKelvey and G. Guérin, Non-parametric frequency response
@@ -18,11 +18,11 @@ from workbench.arrays import ComplexArray, IntegerArray, RealArray
 from workbench.errors import InputError
 
 LEAST_SPARE = 3
-"""Lines of a band beyond the unknowns at the ends of the spectrum, where a band is cut."""
+"""Fewest lines minus unknowns in a band that is cut at an end of the spectrum."""
 CHANCE = 1e-3
-"""Chance at which a polynomial's residuals of pure noise are taken for those of a pole."""
+"""Probability with which residuals of pure noise are taken for those of a pole."""
 REWEIGHTED, STEPS = 3, 4
-"""Linear fits weighted by the denominator before, and Gauss-Newton steps after them."""
+"""Number of reweighted linear fits, and of Gauss-Newton steps after them."""
 
 
 def without_transient(
@@ -35,20 +35,20 @@ def without_transient(
     *,
     rational: bool,
 ) -> tuple[ComplexArray, ComplexArray, int]:
-    """Amplitudes without transient, the covariance of their errors, spare lines of a band.
+    """Amplitudes without transient, the covariance of their errors, and spare lines of a band.
 
     Parameters
     ----------
     spectra
         (K, offsets, channels, experiments) about the lines ``centres`` (K,).
     rational
-        Whether transients may be rational functions, of this degree above and below.
+        Whether transients may be rational functions with numerator and denominator of this degree.
 
     Returns
     -------
     tuple
         Amplitudes (K, channels, experiments); covariance (K, channels, channels) of their errors in
-        one experiment; and the least number of lines of a band beyond its unknowns.
+        one experiment; and the least number of lines minus unknowns in a band.
 
     Raises
     ------
@@ -87,8 +87,9 @@ def without_transient(
 
 
 Fit = tuple[ComplexArray, ComplexArray, ComplexArray, RealArray]
-"""Of each record of a band the transient at its middle, what is left at its lines, the weights by
-which noise at these enters the transient, and the lines beyond the unknowns."""
+"""For each record of a band: the transient at its middle, the residuals at its lines, the weights
+with which noise at these lines enters the transient, and the lines minus unknowns.
+"""
 
 
 def _by_polynomials(band: ComplexArray, powers: RealArray) -> Fit:
@@ -100,7 +101,7 @@ def _by_polynomials(band: ComplexArray, powers: RealArray) -> Fit:
 
 
 def _by_rational_functions(band: ComplexArray, powers: RealArray, smooth: Fit) -> Fit:
-    """Rational fits where the residuals of the polynomials speak for a pole, else the latter."""
+    """Rational fits if the polynomials' residuals indicate a pole, otherwise the polynomials."""
     degree = powers.shape[1] - 1
     size = np.linalg.norm(band, axis=-1, keepdims=True)
     values = band / np.where(size > 0, size, 1.0)
@@ -125,7 +126,8 @@ def _by_rational_functions(band: ComplexArray, powers: RealArray, smooth: Fit) -
     free = np.full(band.shape[:-1], float(powers.shape[0] - 2 * degree - 1))
     before, after = (np.sum(np.abs(x) ** 2, axis=-1) for x in (smooth[1], left))
     limit = f_distribution.isf(CHANCE, 2 * degree, 2 * free)
-    # A pole close to the middle itself would be followed, and its size there left to the noise.
+    # A pole very close to the middle would be followed, but its size there is determined by noise
+    # only.
     sizes = (1.0 + np.sum(np.abs(x) ** 2, axis=-1) for x in (smooth[2], ahead))
     errors = [s * x / n for s, x, n in zip(sizes, (before, after), (smooth[3], free), strict=True)]
     pole = (before - after > limit * degree * after / free) & (errors[1] < errors[0])
@@ -138,7 +140,7 @@ def _by_rational_functions(band: ComplexArray, powers: RealArray, smooth: Fit) -
 
 
 def _solved(regressors: ComplexArray, values: ComplexArray) -> ComplexArray:
-    """Least squares, of columns that are scaled first."""
+    """Least squares with columns scaled first."""
     scale = np.linalg.norm(regressors, axis=-2, keepdims=True)
     scale = np.where(scale > 0, scale, 1.0)
     found = np.linalg.pinv(regressors / scale) @ values[..., None]
@@ -147,7 +149,7 @@ def _solved(regressors: ComplexArray, values: ComplexArray) -> ComplexArray:
 
 
 def _denominator(theta: ComplexArray, powers: RealArray) -> ComplexArray:
-    """Values of the denominator; a root at a line is moved off it."""
+    """Values of the denominator; a root at a line is moved away from it."""
     degree = powers.shape[1] - 1
     below = 1.0 + theta[..., degree + 1 :] @ powers[:, 1:].T
     tiny = np.sqrt(np.finfo(float).eps)
@@ -158,7 +160,7 @@ def _denominator(theta: ComplexArray, powers: RealArray) -> ComplexArray:
 def _residuals(
     theta: ComplexArray, values: ComplexArray, powers: RealArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Output errors at the lines, and the slopes of the model over its coefficients."""
+    """Output errors at the lines, and derivatives of the model with respect to its coefficients."""
     below = _denominator(theta, powers)
     model = theta[..., : powers.shape[1]] @ powers.T / below
     slopes = np.concatenate(

@@ -1,1 +1,1 @@
-"""State-space models of a record, one to predict and one to simulate it."""
+"""State-space models of a record: one for prediction and one for simulation."""

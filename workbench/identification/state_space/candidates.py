@@ -1,4 +1,4 @@
-"""Candidates of a choice among models: their validation fits, and by how much each one lost."""
+"""Candidates in a choice among models: their validation fits, and by how much each one lost."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.tables import markdown
 
 BLOCKS = 10
-"""Blocks of validation samples, of each fold, whose mean errors give the standard error."""
+"""Number of blocks of validation samples in each fold; their mean errors give the
+standard error.
+"""
 MEMBER_LOSS = 10.0
-"""Points of fit below the best candidate beyond which no other is averaged with it."""
+"""A candidate is averaged with the best one only if its fit is at most so many points lower."""
 PHYSICS = "(physics)"
-"""How kinds of models from physics end."""
+"""Ending of the names of kinds that come from physics."""
 MEMBERS = 10
-"""Candidates whose predictions are averaged: few enough that all of them are good ones."""
+"""Most candidates that are averaged: few enough that all of them are good."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Models of several kinds and orders in validation, for the uses (one-step, free run).
+    """Validation results of models of several kinds and orders, for the uses (one-step, free run).
 
     Parameters
     ----------
@@ -33,11 +35,11 @@ class Candidates:
     fits
         Mean fit over outputs and folds [%], (uses, M).
     lost, deviation
-        How far the fit is below the best one of the use, in points, and the standard error of that
-        difference, (uses, M).
+        Difference between the best fit of the use and this fit, in points, and its standard error,
+        (uses, M).
     averaged
-        Fit [%] in validation of the average of the best candidates, (uses,), where it is the
-        answer; None where the best candidate is.
+        Validation fit [%] of the average of the best candidates, (uses,), if it is the answer; None
+        if the best candidate is.
     """
 
     labels: tuple[str, ...]
@@ -49,9 +51,9 @@ class Candidates:
     def best(self, use: int) -> int:
         """The candidate that fits best in a use.
 
-        A model from physics is taken where it lost by no more than a standard error: the record
-        does not speak against it, and it has fewer parameters than the others. Source of the rule:
-        L. Breiman and others, Classification and Regression Trees, 1984, section 3.4.3.
+        A model from physics is taken if it lost by at most one standard error: then the record does
+        not contradict it, and it has fewer parameters than the others. Source of the rule: L.
+        Breiman and others, Classification and Regression Trees, 1984, section 3.4.3.
         """
         first = int(np.argmax(self.fits[use]))
         as_good = np.isfinite(self.fits[use]) & (self.lost[use] <= self.deviation[use])
@@ -63,12 +65,12 @@ class Candidates:
         return max(physical, key=lambda k: float(self.fits[use, k]), default=first)
 
     def members(self, use: int) -> list[int]:
-        """The candidates of the best fits of a use that an average has, best first."""
+        """The candidates with the best fits for a use that are averaged, best first."""
         order = np.argsort(-self.fits[use], kind="stable")[:MEMBERS]
         return [int(k) for k in order if self.fits[use, k] >= self.fits[use].max() - MEMBER_LOSS]
 
     def runner_up(self, use: int) -> int | None:
-        """The best candidate of another kind than the best one; None where there is none."""
+        """The best candidate of a different kind than the best one; None if there is none."""
         kind = _kind(self.labels[self.best(use)])
         others = [
             k
@@ -78,7 +80,7 @@ class Candidates:
         return max(others, key=lambda k: float(self.fits[use, k]), default=None)
 
     def words(self, use: int, task: str) -> str:
-        """What was chosen, what came second, and by how much it lost."""
+        """A sentence: the choice, the runner-up, and by how much that lost."""
         chosen, second = self.labels[self.best(use)], self.runner_up(use)
         if self.averaged is not None:
             gain = self.averaged[use] - self.fits[use].max()
@@ -123,7 +125,7 @@ def _kind(label: str) -> str:
 def validation_errors(model: InnovationsModel, record: Experiments, washout: int) -> RealArray:
     """Errors (uses, N, ny) of a model on experiments, without the washout of each.
 
-    Samples that are missing count as no error.
+    Missing samples count as no error.
     """
     runs = (model.one_step, model.free_run)
     found = [
@@ -151,10 +153,10 @@ def block_means(errors: RealArray) -> RealArray:
 
 
 def compared_candidates(labels: Sequence[str], errors: RealArray, spreads: RealArray) -> Candidates:
-    """Candidates from square errors (M, folds, uses, blocks, ny) and variances (folds, ny).
+    """Candidates from squared errors (M, folds, uses, blocks, ny) and variances (folds, ny).
 
-    A candidate without a model has infinite errors. The fit of a fold is that of
-    `nrmse_fit`; the standard error of a difference comes from blocks, by first order.
+    A candidate without a model has infinite errors. The fit of a fold is as in `nrmse_fit`; the
+    standard error of a difference comes from the blocks, to first order.
     """
     with np.errstate(all="ignore"):
         relative = errors / spreads[:, None, None, :]
@@ -162,7 +164,8 @@ def compared_candidates(labels: Sequence[str], errors: RealArray, spreads: RealA
         fits = 100 * (1 - root.mean(axis=(1, 3))).T  # uses, M
         fits[~np.isfinite(fits)] = -np.inf
         best = fits.argmax(axis=1)
-        # A change of the mean square of a block changes the root by half its share.
+        # To first order, the relative change of the root is half that of the mean square of a
+        # block.
         pull = 100 * (relative / (2 * root[:, :, :, None, :])).mean(axis=4)
         lost, deviation = np.empty_like(fits), np.empty_like(fits)
         for use, winner in enumerate(best):

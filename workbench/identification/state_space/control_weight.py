@@ -1,9 +1,9 @@
-"""Errors of simulations as a controller of an intended bandwidth feels them.
+"""Errors of simulations, weighted as they affect a controller of an intended bandwidth.
 
 A controller designed on a model Gm of a plant G moves the output of the loop, to first order in the
-error, by S T (G - Gm) / G times the reference: little where the loop has no gain, T = 0, and little
-where its gain is high, S = 0. So errors matter around the bandwidth. The weight S T is that of the
-simplest loop, omega_b / s:
+error, by S T (G - Gm) / G times the reference: little where the loop gain is low, T = 0, and little
+where it is high, S = 0. So errors matter around the bandwidth. The weight S T is that of the
+simplest loop transfer function, omega_b / s:
 
     S T = (s / omega_b) / (1 + s / omega_b)^2
 
@@ -37,7 +37,7 @@ def need_bandwidth(bandwidth: float, sample_time: float) -> None:
 def control_weight(bandwidth: float, sample_time: float) -> tuple[RealArray, RealArray]:
     """Numerator and denominator (3,), in powers of 1/z, of S T at a bandwidth [Hz].
 
-    The bilinear transformation keeps the response at the bandwidth itself, which is 1/2.
+    The bilinear transformation preserves the response at the bandwidth, which is 1/2.
     """
     omega = 2 / sample_time * np.tan(np.pi * bandwidth * sample_time)
     numerator, denominator = bilinear([omega, 0.0], [1.0, 2 * omega, omega**2], fs=1 / sample_time)
@@ -47,9 +47,9 @@ def control_weight(bandwidth: float, sample_time: float) -> tuple[RealArray, Rea
 def weighted_runs(
     model: InnovationsModel, record: Experiments, washout: int, bandwidth: float
 ) -> tuple[RealArray, RealArray]:
-    """Outputs, and errors of free runs, as the weight passes them, both (N, ny), no washout.
+    """Weighted outputs and weighted free-run errors, both (N, ny), without the washout.
 
-    Samples that are missing count as no error and as the mean output.
+    Missing samples count as no error and as the mean output.
     """
     weight = control_weight(bandwidth, record.sample_time)
     mean = np.nanmean(record.y, axis=0)

@@ -1,4 +1,4 @@
-"""Identified state-space models as labelled datasets, and back."""
+"""Conversion of identified state-space models to labelled datasets, and back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MATRICES = {
 }  # fmt: skip
 """Matrices of a model, each with its dimensions in a dataset."""
 FREQUENCIES = 200
-"""Frequencies of the response where the record has none of its own."""
+"""Number of frequencies of the response, if the record has none of its own."""
 
 
 def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
@@ -94,7 +94,7 @@ def to_dataset(program: RecordedQuestion, answer: IdentifiedModels) -> Dataset:
 
 
 def _with_members(name: str, model: InnovationsModel) -> Iterator[tuple[str, InnovationsModel]]:
-    """A model under its name, and the models whose mean it is under numbered ones."""
+    """A model under its name, and the models that it averages under numbered names."""
     yield name, model
     for number, member in enumerate(model.members, 1):
         yield f"{name}_{number}", member
@@ -107,7 +107,7 @@ def _whole_run(model: InnovationsModel, use: str, program: RecordedQuestion) -> 
 
 
 def stored_candidates(data: Dataset) -> Candidates | None:
-    """The candidates of a choice, where the dataset has some."""
+    """The candidates of a choice; None if the dataset has none."""
     if "candidate" not in data.dims:
         return None
     return Candidates(
@@ -120,7 +120,7 @@ def stored_candidates(data: Dataset) -> Candidates | None:
 
 
 def innovations_model_of(program: RecordedQuestion, data: Dataset, name: str) -> InnovationsModel:
-    """The model of a name in a dataset, with the names and the time of the record."""
+    """The model with this name in a dataset, with the record's channel names and sampling time."""
     record, numbers, resting = program.record, count(1), f"{name}_resting"
     stored = takewhile(lambda one: f"{one}_A" in data, (f"{name}_{k}" for k in numbers))
     matrices: dict[str, Any] = {one: data[f"{name}_{one}"].values for one in MATRICES}

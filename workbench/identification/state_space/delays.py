@@ -1,4 +1,4 @@
-"""Delays of inputs, as they are given or as a record shows them."""
+"""Delays of inputs, as given by the user or as estimated from a record."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from workbench.identification.state_space.gaps import bridged
 from workbench.input_checks import need_whole
 
 LONGEST_DELAY = 100
-"""Samples in which the autoregressions look for a delay; in short records they are less.
+"""Longest delay [samples] that the autoregressions consider; in short records it is shorter.
 
-A longer delay is first found to within this by the record's impulse responses."""
+For a longer delay, the record's impulse responses first locate it to within this."""
 FIRST_SAMPLES = 100_000
-"""Samples from the first one on in which delays are looked for."""
+"""Number of leading samples in which delays are searched."""
 REGRESSORS = 4
-"""Lags of each input and output of the autoregressions that are compared."""
+"""Number of lags of each input and output in the autoregressions that are compared."""
 TIE = 1e-6
-"""Difference of log determinants that is rounding."""
+"""Difference of log determinants that counts as rounding."""
 CHANCE = 0.9
-"""Probability that a delay which is right does not fit worse, by chance, than this allows."""
+"""Probability with which the correct delay fits no worse, by chance, than this allows."""
 LEAST_SHARE = 1e-12
-"""Share of the variance of the outputs below which errors are rounding."""
+"""Errors below this share of the outputs' variance count as rounding."""
 ROUNDS = 3
-"""Rounds in which each input's delay is sought anew."""
+"""Number of rounds in which each input's delay is searched again."""
 
 
 def checked_delays(delay: Any, record: Experiments) -> tuple[int, ...]:
-    """Delays (nu,) [samples] as given; raises `InputError` for what are none.
+    """Delays (nu,) [samples] as given; raises `InputError` for invalid ones.
 
-    "estimate" passes as no delay.
+    "estimate" counts as no delay here.
     """
     nu = record.u.shape[1]
     if isinstance(delay, str):
@@ -63,11 +63,12 @@ def checked_delays(delay: Any, record: Experiments) -> tuple[int, ...]:
 
 
 def estimated_delays(record: Experiments) -> tuple[int, ...]:
-    """Delays (nu,) [samples] by which autoregressions with inputs fit best; the longest of those.
+    """The longest delays (nu,) [samples] with which autoregressions with inputs fit best.
 
-    Delays count as equal that fit no worse than chance explains. The number of regressors is the
-    same for all delays. The delays of several inputs are sought one after the other. Delays longer
-    than `LONGEST_DELAY` are sought from a little before the answer is seen.
+    Delays whose fit is not worse than chance explains count as equally good. The number of
+    regressors is the same for all delays. The delays of several inputs are searched one after
+    another. For delays longer than `LONGEST_DELAY` the search starts a little before the response
+    appears.
 
     Source: L. Ljung, System Identification, 2nd ed., 1999, section 17.3.
     """
@@ -80,7 +81,7 @@ def estimated_delays(record: Experiments) -> tuple[int, ...]:
 
 
 def _sure_delays(record: Experiments) -> tuple[int, ...]:
-    """Samples (nu,) for which no output answers an input for sure, where that is long; else 0."""
+    """Samples (nu,) during which no output responds to an input, if long; else 0."""
     seen = RecordData(
         record.u, record.y, None, record.starts, record.sample_time, record.inputs, record.outputs
     )

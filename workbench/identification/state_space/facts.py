@@ -1,4 +1,4 @@
-"""What is told of a state-space fit beside its checks."""
+"""Facts about a state-space fit that its certificate states in addition to its checks."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from workbench.identification.state_space.identified import MODELS, IdentifiedMo
 from workbench.identification.state_space.question import RecordedQuestion
 
 MOST_STATES_OF_DEVIATIONS = 24
-"""Most states of a model whose standard deviations are computed: the cost grows as their cube."""
+"""Most states of a model for which standard deviations are computed: the cost grows with their
+cube.
+"""
 POLE_GIVEN = 1e-6
-"""Distance from a known pole within which a pole of a model is that one."""
+"""A model's pole within this distance of a known pole counts as that pole."""
 
 
 def facts_of(
     program: RecordedQuestion, answer: IdentifiedModels, tasks: Sequence[str]
 ) -> list[str]:
-    """Sentences on the record and on how the models were chosen.
+    """Sentences about the record and about the choice of the models.
 
-    ``tasks`` are what predictor and simulator are chosen for.
+    ``tasks`` are the purposes for which predictor and simulator are chosen.
     """
     record, words = program.record, list(program.report.sentences)
     if len(record.starts) > 1:
@@ -66,7 +68,7 @@ def facts_of(
 
 
 def deviations_told(program: RecordedQuestion, answer: IdentifiedModels) -> list[str]:
-    """How well the record determines both models, if their prediction errors are white."""
+    """Sentences on how well the record determines both models, if their errors are white."""
     return [word for name in MODELS for word in _uncertainty(program, getattr(answer, name), name)]
 
 
@@ -75,7 +77,7 @@ def simulator_deviations(
 ) -> RealArray | None:
     """Standard deviations (F, ny, nu) of the simulator's magnitudes, if its errors are white.
 
-    None for an average of models, and for one of many states. ``frequency`` [cycles/sample].
+    None for an average of models, and for a model with many states. ``frequency`` [cycles/sample].
     """
     model = answer.simulator
     if model.members:
@@ -95,7 +97,7 @@ def _of_impulses(program: RecordedQuestion, frequency: ArrayLike) -> ComplexArra
 
 
 def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) -> list[str]:
-    """How well the record determines a model: its slowest pole and its static gains."""
+    """A sentence on how well the record determines a model's slowest pole and static gains."""
     if model.members:
         return [f"{name}: no standard deviations of an average of models are computed"]
     if has_finite_response(model):
@@ -121,7 +123,7 @@ def _uncertainty(program: RecordedQuestion, model: InnovationsModel, name: str) 
 def _gain_told(
     program: RecordedQuestion, name: str, gains: RealArray, deviations: RealArray
 ) -> str:
-    """The static gain that is known worst."""
+    """A sentence on the least certain static gain."""
     worst = np.unravel_index(int(np.argmax(deviations)), gains.shape)
     return (
         f"{name}: static gain from {program.record.inputs[int(worst[1])]} to "

@@ -13,11 +13,13 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.state_space.validation import CORRELATION_BOUND
 
 BAND_POINTS = 300
-"""Frequencies at which the band of a response is computed, about."""
+"""Approximate number of frequencies at which the band of a response is computed."""
 BAND = 1.959964
 """Half-width of a 95 % interval of a normal distribution [standard deviations]."""
 LEAST_BAND = 1e-2
-"""Lower end of a band that would reach 0, as a share of the magnitude: an end to be seen."""
+"""Lower end, as a fraction of the magnitude, of a band that would reach 0, so that its end is
+visible.
+"""
 
 
 def held_out_figure(data: Dataset, title: str, units: Sequence[str]) -> Figure:
@@ -54,9 +56,9 @@ def two_responses_figure(
 ) -> Figure:
     """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius.
 
-    The simulator has its 95 % band, where ``deviations`` at frequencies (F,) are known.
+    The simulator has its 95 % band if ``deviations`` at frequencies (F,) are known.
 
-    Records without a nonparametric response show the simulator's alone.
+    For records without a nonparametric response, only the simulator's is shown.
     """
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)

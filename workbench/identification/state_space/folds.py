@@ -1,4 +1,4 @@
-"""What a record is estimated, validated and judged on, and how models are scored there."""
+"""Parts of a record for estimation, validation and judgement, and the scoring of models."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from workbench.identification.experiments.several import Experiments
 from workbench.identification.state_space.validation import nrmse_fit
 
 VALIDATION_SHARE = 1 / 3
-"""Share of the estimation part on which an order is validated, once at its end, once at its start.
+"""Share of the estimation part on which an order is validated: once its end, once its start.
 
-So both folds leave one unbroken record for the estimation.
+So in both folds the rest is one unbroken record for estimation.
 """
 
 Run = Callable[[RealArray, RealArray, int], RealArray]
@@ -21,10 +21,11 @@ Run = Callable[[RealArray, RealArray, int], RealArray]
 
 
 def validation_folds(record: Experiments) -> list[tuple[Experiments, Experiments]]:
-    """Pairs of a part to estimate on and a part to validate on.
+    """Pairs of a part for estimation and a part for validation.
 
-    A part in which an input that moves elsewhere stays still teaches nothing of it, and one where
-    all inputs stay still shows nothing of a plant: such folds are left out. A step leaves none.
+    A fold is dropped if an input that moves elsewhere is constant in its estimation part, which
+    then says nothing about it, or if all inputs are constant in its validation part, which then
+    says nothing about a plant. A record with a single step has no folds.
     """
     cut = round(len(record) * VALIDATION_SHARE)
     parts = (
@@ -50,7 +51,7 @@ def _alive(record: Experiments) -> bool:
 def scored_fit(run: Run, record: Experiments, washout: int) -> RealArray:
     """Fit [%] of each output (ny,) over experiments, without the washout of each.
 
-    Experiments that are not longer than their washout do not count.
+    Experiments not longer than their washout do not count.
     """
     measured, modelled = scored_samples(run, record, washout)
     return nrmse_fit(measured, modelled)
@@ -69,7 +70,7 @@ def _stacked(parts: Iterable[RealArray]) -> RealArray:
 
 
 def final_prediction_factor(parameters: int, samples: int) -> float:
-    """Akaike's factor from the size of errors on a record to that on another one of its kind.
+    """Akaike's ratio of the expected errors on a new record to those on the fitted one.
 
     Source: L. Ljung, System Identification, 2nd ed., 1999, section 16.4.
     """

@@ -1,8 +1,9 @@
-"""Missing outputs, predicted so that regressions on lagged samples have rows.
+"""Missing outputs, filled by prediction so that regressions on lagged samples have enough rows.
 
-A row of such a regression needs every sample of its past. Single missing samples all over a record
-leave hardly one: then they are predicted, by a subspace model of the record as it was filled
-before, again and again. Models that start there are refined on what was measured alone.
+A row of such a regression needs every sample of its past. Isolated missing samples all over a
+record leave hardly any row. Then the missing samples are predicted by a subspace model of the
+record as filled before, repeatedly. Models that start from there are refined on measured samples
+only.
 
 Source: R. Shumway, D. Stoffer, "An approach to time series smoothing and forecasting using the EM
 algorithm", Journal of Time Series Analysis 3(4), 1982 (the alternation).
@@ -20,22 +21,24 @@ from workbench.identification.state_space.selection import order_fits
 from workbench.identification.state_space.subspace import SubspaceModels
 
 COMPLETE_SHARE = 0.5
-"""Share of windows without a missing sample from which on they are rows enough."""
+"""Share of complete windows from which the measured rows are sufficient."""
 WINDOW = 15
-"""Samples of such a window."""
+"""Length of such a window [samples]."""
 STATES, PAST = 8, 10
-"""Most states of the models that predict what is missing, and usual samples of their past."""
+"""Most states of the models that predict missing samples, and the usual length of their past
+[samples].
+"""
 ROUNDS = 20
-"""Times that missing samples are predicted anew."""
+"""Number of times that missing samples are predicted again."""
 WASHOUT = 50
-"""Samples from which the initial state of a prediction is estimated."""
+"""Number of samples from which the initial state of a prediction is estimated."""
 
 
 def bridged(record: Experiments, direct: bool = True, past: int = PAST) -> Experiments:
-    """The experiments, with missing outputs predicted where they leave few complete windows.
+    """The experiments, with missing outputs predicted if too few windows are complete.
 
-    Of all rounds that one is kept whose model predicts the measured samples best. The models are
-    made of so many ``past`` samples, which must be more than inputs are late.
+    The round whose model predicts the measured samples best is kept. The models use ``past``
+    samples of the past, which must exceed the delays of the inputs.
     """
     if not record.missing or _complete_share(record) >= COMPLETE_SHARE:
         return record
@@ -61,7 +64,7 @@ def bridged(record: Experiments, direct: bool = True, past: int = PAST) -> Exper
 
 
 def _complete_share(record: Experiments) -> float:
-    """Share of the windows of experiments in which no output is missing."""
+    """Share of windows in the experiments without a missing output."""
     whole = total = 0
     for _, y in record.pieces():
         count = len(y) - WINDOW + 1
@@ -73,7 +76,7 @@ def _complete_share(record: Experiments) -> float:
 
 
 def _interpolated(record: Experiments) -> RealArray:
-    """Outputs (N, ny) with straight lines across what is missing; 0 where nothing was measured."""
+    """Outputs (N, ny) with gaps interpolated linearly; 0 if nothing was measured."""
     found = []
     for _, y in record.pieces():
         at, columns = np.arange(len(y)), []

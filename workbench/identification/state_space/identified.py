@@ -1,4 +1,4 @@
-"""The answer of a state-space fit: a model for each use, and how they were chosen."""
+"""The answer of a state-space fit: a model for each use, and the scores that chose them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.identification.state_space.candidates import Candidates
 USES = ("one_step", "free_run")
 """Uses of the predictor and of the simulator; each is also the name of a method of the model."""
 MODELS = ("predictor", "simulator")
-"""Model for each of the uses."""
+"""Name of the model for each use."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

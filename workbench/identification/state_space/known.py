@@ -1,4 +1,4 @@
-"""Known poles and static gains of a plant, as they are given, and as an answer shows them."""
+"""Known poles and static gains of a plant: checks of the input, and checks of an answer."""
 
 from __future__ import annotations
 
@@ -18,11 +18,16 @@ from workbench.input_checks import as_array
 PAIR_ROUNDING = 1e-9
 """Distance of a pole from the conjugate of another, or from 1, that counts as rounding."""
 KNOWN_ROUNDING = 1e-6
-"""Largest error of a known pole, and of a known gain relative to it or to y over u."""
+"""Largest error of a known pole, and of a known gain relative to itself or to the ratio
+of y to u.
+"""
 
 
 def checked_knowledge(poles: Any, gain: Any, nu: int, ny: int) -> Knowledge | None:
-    """Known poles and gains as given, None where nothing is; raises `InputError` for bad ones."""
+    """Known poles and gains as given.
+
+    None if nothing is known; raises `InputError` for bad ones.
+    """
     found = _checked_poles(poles)
     if gain is None:
         return Knowledge(found) if found else None
@@ -49,7 +54,7 @@ def checked_knowledge(poles: Any, gain: Any, nu: int, ny: int) -> Knowledge | No
 
 
 def _checked_poles(poles: Any) -> tuple[complex, ...]:
-    """Poles, of which complex ones are exactly the conjugates of others."""
+    """Poles, with complex ones made exactly conjugate to each other."""
     try:
         values = np.asarray(poles, dtype=complex)
     except (TypeError, ValueError):
@@ -99,9 +104,9 @@ def refuse_poles_outside(poles: tuple[complex, ...], allowed: str) -> None:
 def known_checks(
     known: Knowledge, model: InnovationsModel, name: str, size: RealArray
 ) -> Iterator[Check]:
-    """Checks of a model against what is known, from its matrices alone.
+    """Checks of a model against the known poles and gains, from its matrices alone.
 
-    ``size`` (ny, nu) are spreads of outputs over those of inputs, for gains that are near zero.
+    ``size`` (ny, nu) are ratios of output spread to input spread, for gains near zero.
     """
     if known.poles:
         errors = [_pole_error(model.A, pole, times) for pole, times in known.groups()]
@@ -120,7 +125,7 @@ def known_checks(
 
 
 def gain_check(name: str, found: RealArray, known: RealArray, size: RealArray) -> Check:
-    """Check of static gains (ny, nu) where they are known, at their sizes (ny, nu)."""
+    """Check of the known static gains (ny, nu), relative to their sizes (ny, nu)."""
     scale = np.maximum(np.abs(known), size)
     apart = np.where(np.isnan(known), 0.0, np.abs(found - known) / scale)
     o, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
@@ -135,7 +140,7 @@ def gain_check(name: str, found: RealArray, known: RealArray, size: RealArray) -
 
 
 def _pole_error(A: RealArray, pole: complex, times: int) -> float:
-    """How far A is from having a pole so many times."""
+    """Distance of A from a matrix that has a pole with this multiplicity."""
     if len(A) < times:
         return np.inf
     A = matrix_balance(A, permute=False)[0]

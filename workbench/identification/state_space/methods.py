@@ -1,4 +1,4 @@
-"""Methods for state-space models: subspace identification, and prediction errors minimised."""
+"""Methods for state-space models: subspace identification, and minimised prediction errors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SIMULATION_WEIGHTS = (0.0, 1.0)
 The predictor is the maximum-likelihood estimate; the simulator weights both kinds of errors.
 """
 FitterOfOrder = Callable[[int], Fitter]
-"""Function of an order that gives a function to fit models of that order."""
+"""Function of an order; it returns a function that fits models of that order."""
 
 
 def identify(
@@ -57,7 +57,7 @@ def identify(
     }
     scores = np.array([[fits[way, order][use] for order in orders] for use, way in enumerate(ways)])
     means = scores.mean(axis=-1)
-    if program.poles == "any":  # the free run of an unstable plant tells nothing
+    if program.poles == "any":  # the free run of an unstable plant says nothing
         means = means[[0, 0]]
     fitted: dict[tuple[FitterOfOrder, int], InnovationsModel | None] = {}
     predictor, simulator = (
@@ -74,10 +74,10 @@ def _best(
     means: RealArray,
     fitted: dict[tuple[FitterOfOrder, int], InnovationsModel | None],
 ) -> InnovationsModel | None:
-    """Model of the whole estimation part, of the order that validated best.
+    """Model of the whole estimation part, with the order that validated best.
 
-    If there is none, the next best order is taken; ``means`` are the orders' mean fits. Models that
-    the other use has ``fitted`` are not fitted again.
+    If there is none, the next best order is used; ``means`` are the orders' mean fits. Models
+    already ``fitted`` for the other use are reused.
     """
     for place in np.argsort(-means, kind="stable"):
         if np.isfinite(means[place]):
@@ -98,7 +98,7 @@ def claim(answer: IdentifiedModels | None) -> Claim:
 
 
 class SubspaceStarts:
-    """Subspace models of parts of a record, one for each past, each computed once."""
+    """Subspace models of parts of a record, one for each past; each is computed once."""
 
     def __init__(self, program: StateSpaceFit) -> None:
         self._program = program
@@ -107,14 +107,14 @@ class SubspaceStarts:
         self._bridged: dict[int, Experiments] = {}
 
     def of(self, record: Experiments, order: int) -> list[InnovationsModel]:
-        """Models of an order, of a part that the program holds; none if it is too short."""
+        """Models of an order for a part that the program keeps; none if it is too short."""
         key = (id(record), order)
         if key not in self._found:
             self._found[key] = self._computed(record, order)
         return self._found[key]
 
     def _whole(self, record: Experiments) -> Experiments:
-        """The record with its inputs delayed, and its gaps bridged where they leave few rows."""
+        """The record with its inputs delayed, and with gaps filled if they leave few rows."""
         if id(record) not in self._bridged:
             late = record.delayed(self._program.delays)
             self._bridged[id(record)] = bridged(late, self._program.direct)
@@ -168,11 +168,11 @@ def refined_fits(
     tried: int = 1,
     least_gain: float = MIN_LIKELIHOOD_GAIN,
 ) -> FitterOfOrder:
-    """Fitting functions that refine the subspace models at which the criterion is least.
+    """Fitting functions that refine those subspace models with the least criterion.
 
-    So many are ``tried``, the best is kept, and iterations end where one gains less than
-    ``least_gain`` in log likelihood. Parts that are fitted to choose an order have one start, and
-    the usual end.
+    ``tried`` models are refined and the best is kept; the iterations end when one gains less than
+    ``least_gain`` in log likelihood. For parts that are fitted to choose an order, one start and
+    the usual limit are used.
     """
 
     def way(order: int) -> Fitter:

@@ -1,10 +1,10 @@
 """MOESP, N4SID and CVA: state-space models from projections of the whole record.
 
 Future outputs are projected on past inputs and outputs, along future inputs. The column space of
-the projection is that of the observability matrix, whose shift gives A and C; B and D are those
-whose simulation fits the record best; the gain of the innovations solves a Riccati equation of the
-noise covariance that the states of the projection leave. The three differ in the weights of the
-projection. The inputs must not depend on past noise: records of closed loops are for method
+the projection is that of the observability matrix, whose shift gives A and C; B and D give the
+simulation that fits the record best. The innovations gain solves a Riccati equation with the
+covariance of the residuals of the projection's states. The three methods differ in the weights of
+the projection. The inputs must not depend on past noise: for closed-loop records use method
 "subspace".
 
 Sources: M. Verhaegen, "Identification of the deterministic part of MIMO state space models given in
@@ -37,7 +37,7 @@ from workbench.identification.state_space.selection import best_fitting
 from workbench.program import Claim, method
 
 HALF_WINDOWS = (3, 5, 8, 12, 18, 25)
-"""Numbers of samples of past, and of future, from which the best model is chosen."""
+"""Numbers of samples of past, and of future, that are tried; the best model is kept."""
 SMALLEST_FUTURE = 1e-8
 """Smallest singular value of future outputs, relative to the largest, that CVA divides by."""
 
@@ -74,7 +74,8 @@ def projection_fits(program: StateSpaceFit, weights: ProjectionWeights) -> Fitte
 
     def way(order: int) -> Fitter:
         def fit(record: Experiments) -> InnovationsModel | None:
-            if id(record) not in wholes:  # the program holds its parts, so that ids stay their own
+            # the program keeps its parts, so that no other object gets their ids
+            if id(record) not in wholes:
                 wholes[id(record)] = bridged(record.delayed(program.delays), program.direct)
             return best_projection(
                 record, order, weights,
@@ -102,7 +103,7 @@ def best_projection(
 
     Its predictor is stable, and its poles lie within the largest radius. The best model fits its
     own record best. The result is None if the record is too short for the order. ``whole`` is the
-    record with its inputs delayed and its gaps bridged, where that is at hand.
+    record with its inputs delayed and its gaps filled, if that has been computed.
     """
     nu, ny = record.u.shape[1], record.y.shape[1]
     late = bridged(record.delayed(delay), direct) if whole is None else whole
@@ -130,18 +131,18 @@ def projection_model(
 ) -> InnovationsModel | None:
     """Innovations model of experiments by projections; None if no gain K exists.
 
-    It is None too where its simulation overflows, or too few windows have no missing sample.
+    It is also None if its simulation overflows, or if too few windows are complete.
 
     Parameters
     ----------
     order
         Number of states, at most (half - 1) ny.
     half
-        Number of past samples, and of future ones, of a window.
+        Number of past samples in a window, and of future samples.
     weights
         "moesp", "n4sid" or "cva".
     direct
-        Whether inputs may act at once.
+        Whether inputs may act within the sample.
     delay
         Delays [samples] of the inputs (nu,); empty for none.
     """
@@ -181,7 +182,7 @@ def _scaled(record: Experiments, scaling: Scaling) -> Iterator[tuple[RealArray, 
 
 
 class _Windows:
-    """Inputs and outputs of windows of 2 half samples, as rows of a triangular factor, no means."""
+    """Inputs and outputs in windows of 2 half samples, as rows of a triangular factor, no means."""
 
     def __init__(self, factor: RealArray, half: int, nu: int, ny: int) -> None:
         m, length = nu + ny, 2 * half
@@ -195,7 +196,7 @@ class _Windows:
         self.future = self.outputs[half * ny :]
 
     def told(self, now: int) -> RealArray:
-        """Outputs from sample ``now`` of a window on, as far as the past before it tells them."""
+        """Outputs from sample ``now`` of a window on, as predicted by the past before it."""
         past = np.vstack([self.inputs[: now * self._nu], self.outputs[: now * self._ny]])
         known = np.vstack([past, self.inputs[now * self._nu :]])
         return _shares(self.outputs[now * self._ny :], known)[:, : len(past)] @ past

@@ -1,4 +1,4 @@
-"""Orders of models: those that are tried, and those that a record determines."""
+"""Orders of models: those to try, and those that a record can determine."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from workbench.identification.state_space.selection import fitting_pasts, larges
 from workbench.input_checks import need_whole
 
 USUAL_ORDERS = (1, 2, 3, 4, 6, 8)
-"""Orders that are tried where none are given, as far as the record determines them."""
+"""Orders that are tried by default, as far as the record determines them."""
 SAMPLES_FOR_EACH = 2
-"""Fewest output samples from which each parameter of a model is estimated."""
+"""Fewest output samples for each parameter of a model."""
 
 
 @dataclass(frozen=True)
 class OrderLimits:
-    """What orders so many samples of nu inputs and ny outputs determine.
+    """The orders that a number of samples of nu inputs and ny outputs can determine.
 
     A model has no fewer states than ``known_poles``.
     """
@@ -30,9 +30,9 @@ class OrderLimits:
     known_poles: int = 0
 
     def settled(self, orders: Any) -> tuple[int, ...]:
-        """The orders that are tried, rising: those given, or usual ones for None.
+        """The orders to try, rising: the given ones, or the usual ones for None.
 
-        Raises InputError for what are no orders, and for orders that are not determined.
+        Raises InputError for invalid orders, and for orders that the samples do not determine.
         """
         if orders is None:
             fewest = max(1, self.known_poles)

@@ -1,7 +1,7 @@
-"""Models from physics whose parameters are estimated from a record: grey boxes among black ones.
+"""Models from physics whose parameters are estimated from a record: grey-box models.
 
-The parameters are those whose simulation errs least on the record. A physical model has no model of
-its noise: it predicts what it simulates, as far as its simulation is stable.
+The parameters minimise the simulation error on the record. A physical model has no model of its
+noise, so its predictions are its simulations, if these are stable.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from workbench.systems.sampling import hold
 MOST_STEPS = 100
 """Largest number of steps of the search."""
 FAR = 1e6
-"""Errors over the spread of the output that stand for a simulation that overflows."""
+"""Error, relative to the output's spread, that is assigned to a simulation that overflows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +43,11 @@ class PhysicalModel:
     Raises
     ------
     InputError
-        There is no parameter, or the model at the start is no linear system.
+        There is no parameter, or the model at the start is not a linear system.
 
     Examples
     --------
-    A motor with unknown gain and time constant, among all other kinds of models:
+    A motor with unknown gain and time constant, as a candidate among all other kinds of models:
 
     >>> import control
     >>> import numpy as np
@@ -77,7 +77,7 @@ class PhysicalModel:
         self.sampled({name: one.start for name, one in self.parameters.items()}, 1.0)
 
     def sampled(self, values: Mapping[str, float], sample_time: float) -> tuple[RealArray, ...]:
-        """Matrices A, B, C, D at values of the parameters, between held inputs."""
+        """Matrices A, B, C, D for parameter values, sampled with inputs held between samples."""
         import control
 
         given = self.model(values)
@@ -103,9 +103,9 @@ class PhysicalModel:
         return len(A)
 
     def estimated(self, record: Experiments, delay: tuple[int, ...] = ()) -> dict[str, float]:
-        """Values of the parameters whose simulation errs least on experiments.
+        """Parameter values that minimise the simulation error on experiments.
 
-        ``delay`` [samples]: how much later the inputs act.
+        ``delay`` [samples]: the delay of each input.
         """
         names = list(self.parameters)
         limits = [(one.lower, one.upper) for one in self.parameters.values()]
@@ -114,7 +114,7 @@ class PhysicalModel:
 
         def errors(theta: RealArray) -> RealArray:
             values = dict(zip(names, theta * scale, strict=True))
-            model = _still(self.sampled(values, record.sample_time), record, delay)
+            model = _without_gain(self.sampled(values, record.sample_time), record, delay)
             with np.errstate(all="ignore"):
                 found = _simulation_errors(model, record)
                 found = (found - np.nanmean(found, axis=0)) / spread
@@ -137,10 +137,11 @@ class PhysicalModel:
     ) -> InnovationsModel | None:
         """The model with the parameters estimated from experiments.
 
-        None where inputs act at once though they may not, or a pole is beyond the largest radius.
+        None if inputs act at once although that is excluded, or if a pole is beyond the largest
+        radius.
         """
         values = self.estimated(record, delay)
-        model = _still(self.sampled(values, record.sample_time), record, delay)
+        model = _without_gain(self.sampled(values, record.sample_time), record, delay)
         outside = model.radius > largest_radius * (1 + 1e-12)
         if outside or (model.D.any() and not direct):
             return None
@@ -152,10 +153,10 @@ class PhysicalModel:
         return allowed(replace(model, y_offset=level), record, direct, largest_radius)
 
 
-def _still(
+def _without_gain(
     matrices: tuple[RealArray, ...], record: Experiments, delay: tuple[int, ...]
 ) -> InnovationsModel:
-    """An innovations model without a gain, about the means of the record."""
+    """An innovations model without a gain, with the record's means as offsets."""
     A, B, C, D = (np.asarray(one, dtype=float) for one in matrices)
     means = record.u.mean(axis=0), np.nanmean(record.y, axis=0)
     return InnovationsModel(
@@ -166,6 +167,6 @@ def _still(
 
 
 def _simulation_errors(model: InnovationsModel, record: Experiments) -> RealArray:
-    """Errors (N, ny) of free runs, each from the initial state that suits its first samples."""
+    """Errors (N, ny) of free runs, each from the initial state that fits its first samples."""
     runs = [y - model.free_run(u, y, len(y)) for u, y in record.pieces()]
     return np.vstack(runs)

@@ -1,4 +1,4 @@
-"""State-space models of a record, one to predict and one to simulate it.
+"""State-space models of a record: one for prediction and one for simulation.
 
 Prediction and simulation are two uses of a model. If a record is not quite linear, no model of low
 order is best at both: one-step prediction can treat slow errors of the plant model as noise, a
@@ -43,21 +43,21 @@ from workbench.tables import markdown
 AS_TOLD = "These fits are as the method told them: other orders are not stored, and not checked."
 """What stands below tables of fits that chose an order."""
 CONVOLUTION_ROUNDING = 1e-6
-"""Largest difference of the free-run error by convolution and by simulation."""
+"""Largest difference between the free-run error by convolution and by simulation."""
 RUN_ROUNDING = 1e-13
-"""Difference of two runs, relative to the largest output, that is rounding.
+"""Difference between two runs, relative to the largest output, that counts as rounding.
 
-Where an output has settled it may be all that is left of their errors.
+Once an output has settled, this rounding may be all that remains of the errors.
 """
 CONVOLVED = 20_000
-"""Held-out samples that are simulated by convolution at most, of each experiment."""
+"""Most held-out samples of each experiment that are simulated by convolution."""
 CHANCE = 3.0
-"""Standard errors by which noise alone may exceed its own size where no input moves."""
+"""Standard errors by which noise alone may exceed its own size if no input moves."""
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit(RecordedQuestion, Program):
-    """Linear models of a record in innovations form: one to predict it, one to simulate it.
+    """Linear models of a record in innovations form: one for prediction, one for simulation.
 
     The predictor has the order of the best one-step fit in validation, the simulator that of the
     best free-run fit. The prediction-error method weights free-run errors only for the simulator.
@@ -67,16 +67,16 @@ class StateSpaceFit(RecordedQuestion, Program):
     remaining samples are used once, to judge the answer. Wherever a model is judged, its initial
     state is estimated from the first `washout` samples, which do not count in the score.
 
-    Where no part of the estimation samples can be held back, since an input moves but once, orders
+    If no part of the estimation samples can be held back, since an input moves only once, orders
     are chosen by Akaike's final prediction error. An input that never moves is taken as a step from
     rest at the first sample.
 
     Parameters
     ----------
     u, y
-        Inputs and outputs: whatever `as_experiments` recognises, such as arrays (N, channels) or
-        (channels, N), labelled arrays, tables, and lists with one of them for each experiment. NaN
-        marks a missing sample.
+        Inputs and outputs in any form that `as_experiments` accepts, such as arrays (N, channels)
+        or (channels, N), labelled arrays, tables, and lists with one of these for each experiment.
+        NaN marks a missing sample.
     estimation
         Number of samples that methods may use; None: two thirds of them.
     orders
@@ -88,44 +88,45 @@ class StateSpaceFit(RecordedQuestion, Program):
     sample_time
         Sampling time of the record [s]; None: that of its labels, or 1.
     samples
-        Where samples lie in plain arrays, if their shapes do not tell: "rows" or "columns".
+        Axis of the samples in plain arrays, if their shapes do not show it: "rows" or "columns".
     direct
-        Whether inputs may act at once, through D. Of a loop without a delay they must not.
+        Whether inputs may act within the sample, through D. In a loop without a delay they must
+        not.
     delay
-        Delay [samples] of the inputs, one number or one for each; "estimate" finds them: up to 100,
-        or N / (4 (nu + ny)) - 4 of N samples for estimation where that is less; and longer ones
-        up to an eighth of those samples, where the answer is seen clearly.
+        Delay [samples] of the inputs, one number or one for each; "estimate" searches delays up to
+        100, or up to N / (4 (nu + ny)) - 4 for N estimation samples if that is less; and longer
+        delays, up to an eighth of those samples, if the response is clear.
     poles
-        "stable": inside the unit circle. "marginal": not so far outside that a mode grows more
-        than e-fold over the estimation part, as integrators and undamped modes need. "any": of an
-        unstable plant too, whose record comes from a closed loop; its free run is not judged.
+        "stable": inside the unit circle. "marginal": not so far outside that a mode grows more than
+        e-fold over the estimation part, as integrators and undamped modes need. "any": also for an
+        unstable plant, whose record comes from a closed loop; its free run is not judged.
     known_poles
-        Poles of the plant that are known, in discrete time: values of z, complex ones with their
-        conjugates, each as often as it is known. An integrator is the pole 1; a pole s [rad/s] in
+        Known poles of the plant in discrete time: values of z, complex ones with their conjugates,
+        each repeated by its multiplicity. An integrator is the pole 1; a pole s [rad/s] in
         continuous time is exp(s sample_time). Both models have them exactly. An unstable one needs
         ``poles="any"``.
     static_gain
         Known static gains (ny, nu), NaN where unknown; a number for one input and one output. Both
         models have them exactly.
     bandwidth
-        Bandwidth [Hz] of a loop that is to be designed on the simulator, or None. Its order and
-        kind are then chosen by the errors of free runs as such a loop feels them: weighted by
-        S T = (s / omega_b) / (1 + s / omega_b)^2, which is largest at the bandwidth.
+        Bandwidth [Hz] of a loop to be designed with the simulator, or None. The simulator's order
+        and kind are then chosen by weighted free-run errors, with the weight S T = (s / omega_b) /
+        (1 + s / omega_b)^2 of such a loop, which is largest at the bandwidth.
     physical
         Models from physics by name, each a `PhysicalModel`: further candidates of the methods
-        "best" and "averaged". They predict what they simulate.
+        "best" and "averaged". Their predictions are their simulations.
     assume
-        Assumptions on the record that you vouch for against its report, such as "open loop"; the
-        certificate says so. See `record_report`.
+        Assumptions about the record that you vouch for although its report rejects them, such as
+        "open loop"; the certificate says so. See `record_report`.
 
     Raises
     ------
     InputError
-        No record was given, or it is broken, or a finding of its report forbids to estimate from it
-        (`record_report`); or it is too short for the washout or the orders; or
-        the bandwidth is not below half the sampling frequency; or known poles are unpaired, more
-        than an order, or where ``poles`` forbids them; or gains have another shape, or are given
-        with a known pole at 1.
+        The data are not a record, or are faulty, or a finding of the record's report forbids its
+        use (`record_report`). The record is too short for the washout or the orders. The bandwidth
+        is not below half the sampling frequency. Known poles are unpaired, more than an order, or
+        excluded by ``poles``. Gains have a wrong shape, or are given together with a known pole at
+        1.
 
     Examples
     --------
@@ -168,7 +169,7 @@ class StateSpaceFit(RecordedQuestion, Program):
                 raise InputError(
                     f"physical[{name!r}] must be a PhysicalModel, not {type(model).__name__}"
                 )
-            model.states(self.record)  # refuses one of other channels than the record's
+            model.states(self.record)  # refuses a model with other channels than the record's
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
         found = super().fits_to_choose_by(model, record)
@@ -178,7 +179,7 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     @property
     def tasks(self) -> tuple[str, str]:
-        """What predictor and simulator are chosen for, in words."""
+        """The purposes for which predictor and simulator are chosen, in words."""
         if self.bandwidth is None:
             return "predict", "simulate"
         return "predict", f"design a loop of {self.bandwidth:g} Hz"
@@ -187,7 +188,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     def problem_size(self) -> float:
         """Number of output samples that methods may use.
 
-        There is no objective: the answer is two models, each made by a criterion of its own.
+        There is no objective: the answer is two models, each with its own criterion.
         """
         return float(self.estimated * self.record.y.shape[1])
 
@@ -195,12 +196,13 @@ class StateSpaceFit(RecordedQuestion, Program):
 
     @property
     def held_out(self) -> str:
-        """What a score quantifies over."""
+        """Quantifier of the scores."""
         return f"for the last {len(self.rest)} samples of this record"
 
     def checks(self, answer: IdentifiedModels, tolerance: float) -> list[Check]:
         missed = 1 - self._fits(answer, self.rest) / 100
-        # Where no input moves, measured outputs are noise, and a right model errs as their mean.
+        # If no input moves, measured outputs are noise, and a correct model errs as much as their
+        # mean.
         still = len(self.rest.still_inputs()) == self.record.u.shape[1]
         limit = 1.0 + (CHANCE / np.sqrt(2 * len(self.rest)) if still else 0.0)
         judged = dict(zip(USES, missed, strict=True))
@@ -268,7 +270,7 @@ class StateSpaceFit(RecordedQuestion, Program):
         ]
 
     def _apart(self, m: InnovationsModel, u: RealArray, y: RealArray) -> float:
-        """Difference of the relative errors of a simulation, by convolution and by recursion."""
+        """Difference between a simulation's relative errors by convolution and by recursion."""
         washout, runs = self.washed, []
         for one in m.members or (m,):
             drive, measured = one.acting(u) - one.u_offset, y - one.y_offset
@@ -286,7 +288,7 @@ class StateSpaceFit(RecordedQuestion, Program):
     def deviations(self, answer: IdentifiedModels, frequency: RealArray) -> RealArray | None:
         """Standard deviations (F, ny, nu) of the simulator's magnitudes at frequencies (F,).
 
-        None where none are known. They hold where the errors of its predictions are white.
+        None if none are known. They are valid if the prediction errors are white.
         """
         return simulator_deviations(self, answer, frequency)
 

@@ -1,6 +1,6 @@
-"""What a state-space fit is asked: the record, its parts, and what models may be.
+"""The question of a state-space fit: the record, its parts, and the admissible models.
 
-Arguments are checked and settled here, before anything is computed.
+Arguments are checked and completed here, before anything is computed.
 """
 
 from __future__ import annotations
@@ -45,26 +45,26 @@ from workbench.input_checks import need_count
 RESIDUAL_LAGS = 25
 """Largest number of lags in the tests of residuals."""
 FEWEST_SCORED = 4
-"""Fewest samples, beyond a washout, on which a model is judged."""
+"""Fewest samples, after a washout, on which a model is judged."""
 REST_SAMPLES = 50
-"""Samples at rest that are put before a record whose inputs never move."""
+"""Number of samples at rest that are put before a record whose inputs never move."""
 USUAL_WASHOUT = 50
-"""Longest washout [samples] where none is given."""
+"""Longest washout [samples] by default."""
 MOST_VALIDATED = 200_000
-"""Most samples, from the first one on, that are divided into folds to choose an order."""
+"""Most samples, counted from the first, that are divided into folds to choose an order."""
 MOST_LINES = 50_000
-"""Most lines at which the nonparametric response is computed, evenly spread over all."""
+"""Most lines at which the nonparametric response is computed, evenly spread."""
 ESTIMATION_SHARE = 2 / 3
-"""Share of the record that methods may use where nothing is given."""
+"""Default share of the record that methods may use."""
 
 Fitter = Callable[[Experiments], InnovationsModel | None]
-"""Function of experiments that gives a model, or None."""
+"""Function of experiments that returns a model, or None."""
 Poles = Literal["stable", "marginal", "any"]
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedQuestion:
-    """A record whose first part may be used to estimate and to choose, and whose rest judges.
+    """A record with a first part for estimation and choice, and a remaining part for judgement.
 
     The parameters are those of `StateSpaceFit`.
     """
@@ -114,7 +114,7 @@ class RecordedQuestion:
         self.report.need_usable()
 
     def _refuse_unjudged(self) -> None:
-        """Raise `InputError` where hardly a sample of an output is left to estimate or to judge."""
+        """Raise `InputError` if hardly any sample of an output is left to estimate or to judge."""
         for part, first in ((self.used, 0), (self.rest, self.washed)):
             for i, name in enumerate(self.record.outputs):
                 known = sum(int(np.isfinite(y[first:, i]).sum()) for _, y in part.pieces())
@@ -128,7 +128,7 @@ class RecordedQuestion:
 
     @property
     def _limits(self) -> OrderLimits:
-        """What the shortest part of the record that is estimated from determines."""
+        """The orders that the shortest estimation part can determine."""
         nu, ny = self.record.u.shape[1], self.record.y.shape[1]
         samples = self.estimated - round(self.estimated * VALIDATION_SHARE)
         known = 0 if self.known is None else len(self.known.poles)
@@ -142,12 +142,12 @@ class RecordedQuestion:
 
     @cached_property
     def record(self) -> Experiments:
-        """All experiments, one after the other."""
+        """All experiments, concatenated."""
         return as_experiments(self.u, self.y, self.sample_time, self.samples, assume=self.assume)
 
     @cached_property
     def report(self) -> RecordReport:
-        """What was tested of the record, for models of the largest order asked for."""
+        """Tests and findings of the record, for models of the largest order asked for."""
         return self.record.reported(direct=self.direct, order=max(self.orders or (1,)))
 
     @property
@@ -162,25 +162,27 @@ class RecordedQuestion:
 
     @cached_property
     def used(self) -> Experiments:
-        """The samples that methods may use; where no input moves in them, a step from rest."""
+        """The samples that methods may use; if no input moves in them, preceded by rest."""
         part = self.record.part(0, self.estimated)
         still = len(part.still_inputs()) == part.u.shape[1]
         return part.from_rest(REST_SAMPLES) if still else part
 
     @cached_property
     def rest(self) -> Experiments:
-        """The samples that judge the answer."""
+        """The samples on which the answer is judged."""
         return self.record.part(self.estimated, len(self.record))
 
     @cached_property
     def folds(self) -> list[tuple[Experiments, Experiments]]:
-        """Parts to estimate on and to validate on, within the samples that methods may use."""
+        """Parts for estimation and for validation, within the samples that methods may use."""
         return self.folds_within(MOST_VALIDATED)
 
     def folds_within(self, samples: int) -> list[tuple[Experiments, Experiments]]:
-        """Folds of the first so many samples that methods may use; of all, where those give fewer.
+        """Folds of the first ``samples`` samples that methods may use.
 
-        What so many samples do not tell apart makes no difference.
+        Of all, if those give fewer folds.
+
+        Differences between candidates that this many samples do not show are too small to matter.
         """
         whole = validation_folds(self.used)
         if len(self.used) <= samples:
@@ -190,7 +192,7 @@ class RecordedQuestion:
 
     @cached_property
     def delays(self) -> tuple[int, ...]:
-        """Delay [samples] of each input; empty where none is delayed."""
+        """Delay [samples] of each input; empty if no input is delayed."""
         if isinstance(self.delay, str):
             found = estimated_delays(self.used)
         else:
@@ -199,14 +201,14 @@ class RecordedQuestion:
 
     @cached_property
     def known(self) -> Knowledge | None:
-        """Known poles and gains; None where nothing is known."""
+        """Known poles and gains; None if nothing is known."""
         return checked_knowledge(
             self.known_poles, self.static_gain, self.record.u.shape[1], self.record.y.shape[1],
         )  # fmt: skip
 
     @cached_property
     def gain_sizes(self) -> RealArray:
-        """Spreads of outputs over those of inputs (ny, nu) in the estimation part."""
+        """Ratios of output spread to input spread (ny, nu) in the estimation part."""
         scaling = Scaling.of(self.used)
         return np.asarray(scaling.y_spread[:, None] / scaling.u_spread)
 
@@ -224,8 +226,8 @@ class RecordedQuestion:
     def validate(self, fit: Fitter) -> RealArray:
         """Mean validation fits (uses, ny) [%] of a fitting function, over the folds.
 
-        They are minus infinity if it finds no model. Without folds they are what Akaike's final
-        prediction error expects of a record like the one that was fitted.
+        They are minus infinity if it finds no model. Without folds they are the fits that Akaike's
+        final prediction error expects on a new record.
         """
         outputs = self.record.y.shape[1]
         total = np.zeros((len(USES), outputs))
@@ -243,7 +245,7 @@ class RecordedQuestion:
         return 100 - factor * (100 - self.fits_to_choose_by(model, self.used))
 
     def fits_to_choose_by(self, model: InnovationsModel, record: Experiments) -> RealArray:
-        """Fits (uses, ny) [%] of a model in validation, by which orders are chosen."""
+        """Validation fits (uses, ny) [%] of a model, by which orders are chosen."""
         return self._fits_of(model, model, record)
 
     def fits(
@@ -265,7 +267,7 @@ class RecordedQuestion:
     def nonparametric(self) -> LocalPolynomial | None:
         """Nonparametric response of the estimation part.
 
-        None where it has gaps, several experiments, too few samples, or an input that never moves.
+        None if it has gaps, several experiments, too few samples, or an input that never moves.
         """
         if len(self.used.starts) > 1 or self.used.missing:
             return None

@@ -1,4 +1,4 @@
-"""Which orders a record allows, and which of several models fits it best."""
+"""The orders that a record allows, and the choice of the model that fits it best."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from workbench.identification.innovations.model import InnovationsModel
 from workbench.identification.innovations.scaling import Scaling
 
 HORIZONS = (10, 15, 20, 30, 40)
-"""Lengths [samples] of the past from which `best_subspace` chooses."""
+"""Lengths [samples] of the past that `best_subspace` tries."""
 SHORT_HORIZONS = (2, 3, 4, 6)
 """Lengths [samples] of the past for records that are too short for the others."""
 
 
 def fitting_pasts(order: int, samples: int, nu: int, ny: int) -> tuple[int, ...]:
-    """The pasts that a record of so many samples allows for an order."""
+    """The lengths of the past that a record of this length allows for an order."""
     for pasts in (HORIZONS, SHORT_HORIZONS):
         found = tuple(past for past in pasts if order_fits(order, past, samples, nu, ny))
         if found:
@@ -31,7 +31,7 @@ def fitting_pasts(order: int, samples: int, nu: int, ny: int) -> tuple[int, ...]
 
 
 def largest_order(samples: int, nu: int, ny: int) -> int:
-    """Largest order that a record of so many samples allows; 0 where it is too short for any."""
+    """Largest order that a record of this length allows; 0 if it is too short for any."""
     fitting = [p for p in (*HORIZONS, *SHORT_HORIZONS) if order_fits(1, p, samples, nu, ny)]
     return max(fitting, default=0) * ny
 
@@ -60,10 +60,10 @@ def best_fitting(
     largest_radius: float = 1.0,
     known: Knowledge | None = None,
 ) -> InnovationsModel | None:
-    """The model that fits experiments best, None where there is none.
+    """The model that fits experiments best; None if there is none.
 
-    Poles outside the largest radius are reflected at it, and what inputs do is then estimated anew.
-    What is known of poles and gains is imposed.
+    Poles outside the largest radius are reflected into it, and B and D are then estimated again.
+    Known poles and gains are imposed.
     """
     usable = (
         each
@@ -77,7 +77,7 @@ def best_fitting(
 def least_of(
     models: Iterable[InnovationsModel | None], misfit: Callable[[InnovationsModel], float]
 ) -> InnovationsModel | None:
-    """The model whose misfit is least, and finite; None where there is none."""
+    """The model with the least finite misfit; None if there is none."""
     best, least = None, np.inf
     for model in models:
         if model is not None and (size := misfit(model)) < least:
@@ -92,7 +92,7 @@ def allowed_models(
     largest_radius: float,
     known: Knowledge | None,
 ) -> Iterator[InnovationsModel]:
-    """The model as `allowed`, or those near it that have the known poles and gains."""
+    """The model as by `allowed`, or models near it that have the known poles and gains."""
     if known is None:
         found = allowed(model, record, direct, largest_radius)
         if found is not None:
@@ -144,7 +144,7 @@ def _predicts(model: InnovationsModel) -> bool:
 
 
 def misfit(model: InnovationsModel, record: Experiments) -> float:
-    """Sum of the relative errors of one-step predictions and, where they do not grow, free runs."""
+    """Sum of the relative errors of one-step predictions and, if stable, of free runs."""
     spread = np.nanstd(record.y, axis=0)
     simulated = model.radius <= 1 + 1 / len(record)
     runs = (model.one_step, model.free_run) if simulated else (model.one_step,)

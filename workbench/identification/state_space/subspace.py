@@ -4,8 +4,8 @@ A long vector autoregression with inputs gives the Markov parameters of the one-
 product of their Hankel matrix with the past of the record is factored into observability matrix and
 states. Inputs may depend on past noise, so closed-loop records are allowed.
 
-Every step is a regression on lagged samples and works on their triangular factor alone, so that
-the length of the record costs one pass, and all orders share it.
+Every step is a regression on lagged samples and uses only their triangular factor. So the record is
+read once, and all orders share the factor.
 
 Source: A. Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
 identification", Automatica 43(6), 2007.
@@ -35,9 +35,9 @@ from workbench.identification.innovations.scaling import Scaling
 from workbench.identification.state_space.selection import best_fitting, fitting_pasts, refuse_order
 
 RANK_ROUNDING = 1e-10
-"""Smallest singular value of the states, relative to the largest, that is no rounding."""
+"""A singular value of the states below this, relative to the largest, counts as rounding."""
 NO_NOISE = 1e-9
-"""Size of innovations, relative to the outputs, below which they are rounding."""
+"""Innovations below this size, relative to the outputs, count as rounding."""
 
 
 def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsModel:
@@ -46,14 +46,14 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
     Parameters
     ----------
     order
-        Number of states, 1 to past * ny. The model has fewer where the record shows fewer.
+        Number of states, 1 to past * ny. The model has fewer if the record shows fewer.
     past
         Number of past samples that the predictor uses; powers of A - K C should decay within them.
 
     Raises
     ------
     InputError
-        The same as for `checked_record`; the order or the past is too large for the record.
+        The same as for `checked_record`; or order or past is too large for the record.
     """
     u, y = checked_record(u, y)
     nu, ny = u.shape[1], y.shape[1]
@@ -64,7 +64,7 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
 class SubspaceModels:
     """Models of all orders and several pasts from one pass over the experiments.
 
-    ``direct`` lets inputs act at once (D may differ from zero).
+    ``direct`` allows inputs to act within the sample (D may differ from zero).
     """
 
     def __init__(self, record: Experiments, pasts: Sequence[int], direct: bool = True) -> None:
@@ -91,7 +91,7 @@ class SubspaceModels:
         return self._states[past]
 
     def model(self, order: int, past: int) -> InnovationsModel:
-        """The model of an order, or of the lower one that the record shows."""
+        """The model of an order, or of a lower one if the record does not show more states."""
         maps = self._weighted(past)[0][: min(order, self.rank(past))]
         model = _regressed(self._factors[past], maps, self.record.u.shape[1], self._direct)
         return self._scaling.restored(model, self.record)
@@ -100,7 +100,7 @@ class SubspaceModels:
 def _state_maps(lagged: LaggedTriangle, nu: int) -> tuple[RealArray, RealArray]:
     """Linear maps from the history to the states, best first, and their singular values.
 
-    Block row i of observability times reachability holds the Markov parameters, shifted by i.
+    Block row i of observability times reachability contains the Markov parameters, shifted by i.
     """
     r, m, past = lagged.factor, lagged.channels, lagged.past
     ny, history = m - nu, lagged.history
@@ -122,7 +122,7 @@ def _regressed(lagged: LaggedTriangle, maps: RealArray, nu: int, direct: bool) -
     ny, n, history = m - nu, len(maps), lagged.history
     one, now_in, now_out = r[:, :1], r[:, -m : r.shape[1] - ny], r[:, -ny:]
     states = r[:, history] @ maps.T
-    # The history a sample later starts with now, and ends one lag earlier.
+    # One sample later, the history starts with the present sample and ends one lag earlier.
     later = np.hstack([r[:, -m:], r[:, history.start : history.stop - m]])
     seen = np.hstack([one, states, now_in]) if direct else np.hstack([one, states])
     output = least_squares(seen, now_out)
@@ -165,9 +165,9 @@ def best_subspace_of(
     delay: Sequence[int] = (),
     largest_radius: float = 1.0,
 ) -> InnovationsModel | None:
-    """As `best_subspace`, of several experiments.
+    """As `best_subspace`, for several experiments.
 
-    ``direct`` lets inputs act at once; ``delay`` [samples] (nu,), if any, says when they act.
+    ``direct`` allows inputs to act within the sample; ``delay`` [samples] (nu,) holds their delays.
     """
     late = record.delayed(delay)
     pasts = fitting_pasts(order, len(late), late.u.shape[1], late.y.shape[1])

@@ -15,14 +15,16 @@ from workbench.errors import InputError
 CORRELATION_BOUND = float(norm.ppf(0.995))
 """Bound [standard deviations] on 99 % of the estimated correlations of uncorrelated signals."""
 OUTPUT_ROUNDING = 1e-12
-"""Spread of an output, relative to its size, below which it is rounding: it has settled."""
+"""Spread of an output, relative to its size, below which it counts as rounding: the output has
+settled.
+"""
 
 
 def nrmse_fit(measured: RealArray, modelled: RealArray) -> RealArray:
     """Fit 100 (1 - |y - yhat| / |y - mean y|) [%] of each output (ny,), from (N, ny) arrays.
 
-    Samples that are missing (NaN) in y do not count. Errors of an output that has settled, but for
-    rounding, are relative to its size.
+    Missing samples (NaN) in y do not count. For an output that has settled up to rounding, errors
+    are relative to its size.
     """
     known = np.isfinite(measured)
     spread = np.linalg.norm(np.where(known, measured - np.nanmean(measured, axis=0), 0.0), axis=0)

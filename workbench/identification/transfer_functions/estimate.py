@@ -91,10 +91,10 @@ class TransferFunctionEstimate:
     def distance(
         self, frequency: ArrayLike, truth: ArrayLike, confidence: float = 0.99
     ) -> RealArray:
-        """Distance (F,) of a response (F,) from the estimate, over the region's size that way.
+        """Distance (F,) of a response (F,) from the estimate, over the region's radius there.
 
-        The region is the ellipse that holds the true response with a probability of `confidence`
-        at each frequency; a distance of 1 lies on it.
+        The region is the ellipse that contains the true response with probability `confidence` at
+        each frequency; a distance of 1 is on its boundary.
         """
         error = np.asarray(truth) - self.response(frequency)
         parts = np.stack([error.real, error.imag], axis=-1)[..., None]

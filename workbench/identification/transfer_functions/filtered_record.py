@@ -1,4 +1,4 @@
-"""Regressors, instruments and estimates from a record whose signals pass one filter."""
+"""Regressors, instruments and estimates for a record whose signals pass one filter."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from workbench.identification.transfer_functions.filters import DerivativeFilter
 from workbench.identification.transfer_functions.record import SampledRecord
 
 SINGULAR = 1e-13
-"""Reciprocal condition number of the normal equations below which the data tell nothing."""
+"""Reciprocal condition number of the normal equations below which the data do not determine the
+coefficients.
+"""
 COEFFICIENT_ROUNDING = 1e-9
-"""Least standard deviation of a coefficient, over the largest one, all in the filter's units."""
+"""Least standard deviation of a coefficient, relative to the largest one, in the filter's units."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilteredRecord:
     """A record seen through a filter 1 / F, as a linear regression of the model's coefficients.
 
-    Coefficients theta are in the filter's unit of frequency; `units` brings them to powers of s.
+    Coefficients theta are in the filter's unit of frequency; `units` converts them to powers of s.
     """
 
     record: SampledRecord
@@ -63,7 +65,7 @@ class FilteredRecord:
 
     @cached_property
     def units(self) -> RealArray:
-        """Coefficients in powers of s over those in the filter's unit of frequency."""
+        """Ratios of coefficients in powers of s to those in the filter's unit of frequency."""
         m, n = self.degrees
         found: RealArray = self.filter.rate ** np.concatenate(
             [n - np.arange(m, -1, -1.0), np.arange(1.0, n + 1)]
@@ -98,7 +100,7 @@ class FilteredRecord:
         error: RealArray,
         iterations: int,
     ) -> TransferFunctionEstimate:
-        """The estimate that solves sum z (error) = 0, z and phi given as a pair."""
+        """The estimate that solves sum z (error) = 0; z and phi are given as a pair."""
         z, phi = pair
         inverse = np.linalg.inv(z.T @ phi) * self.units[:, None]
         values = theta * self.units
@@ -127,9 +129,9 @@ def _scatter(z: RealArray, error: RealArray) -> RealArray:
 def in_deviations(
     change: RealArray, theta: RealArray, cross: RealArray, z: RealArray, error: RealArray
 ) -> float:
-    """Largest change of coefficients theta, in their standard deviations if errors were white.
+    """Largest change of theta, in the standard deviations that white errors would give.
 
-    Deviations below what rounding leaves of the coefficients do not count.
+    Standard deviations below the rounding of the coefficients are replaced by that.
     """
     inverse = np.linalg.inv(cross)
     variance = np.diag(inverse @ (z.T @ z) @ inverse.T) * np.mean(error**2)
@@ -138,7 +140,7 @@ def in_deviations(
 
 
 def solved(matrix: RealArray, right: RealArray) -> RealArray:
-    """Solution of normal equations, or an `InputError` where the data tell nothing."""
+    """Solution of normal equations; `InputError` if the data do not determine it."""
     scale = np.sqrt(np.abs(np.diag(matrix)))
     unit = matrix / np.outer(scale, scale) if scale.all() else np.zeros_like(matrix)
     if not (np.isfinite(unit).all() and np.linalg.cond(unit) < 1.0 / SINGULAR):

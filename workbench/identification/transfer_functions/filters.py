@@ -1,8 +1,8 @@
 """Filtered derivatives s^i / A(s) of sampled signals, by exact simulation of the filter.
 
-An identification in continuous time cannot differentiate noisy samples. All signals pass the same
-filter 1 / A(s) instead, whose states are the derivatives of its output. Between samples a signal is
-taken as constant ("zero-order") or as a straight line ("first-order").
+Identification in continuous time cannot differentiate noisy samples. Instead all signals pass the
+same filter 1 / A(s), whose states are the derivatives of its output. Between samples a signal is
+assumed to be constant ("zero-order") or a straight line ("first-order").
 
 Time is measured in units of 1 / rate, rate = |a_0|^(1/n), so that all derivatives have about the
 same size: p = s / rate.

@@ -23,19 +23,20 @@ class SampledRecord:
     sample_rate
         Sampling frequency [Hz].
     hold
-        How the input moves between its samples; the output is taken as straight lines. Where both
-        pass filters against aliasing, "first-order" suits both.
+        How the input moves between its samples; the output is always interpolated linearly. If both
+        pass anti-aliasing filters, "first-order" suits both.
     noise_free_input
-        Input (N,) without the noise that feedback brings into it, for the instruments, such as the
-        part of u that an excitation of the loop explains. None: u, which is right in open loop.
+        Input (N,) without the noise that feedback adds to it, used for the instruments; for
+        instance the part of u that an excitation of the loop explains. None: u itself, which is
+        right in open loop.
     assume
-        Assumptions on the record that you vouch for against its `record_report`.
+        Assumptions about the record that you vouch for although its `record_report` rejects them.
 
     Raises
     ------
     InputError
         Records of different lengths, values that are not finite, a channel that never changes, or a
-        finding that forbids to use the record.
+        finding that forbids the use of the record.
 
     Examples
     --------
@@ -75,5 +76,5 @@ class SampledRecord:
 
     @property
     def clean_input(self) -> RealArray:
-        """The input without noise where it is known; else the measured one."""
+        """The input without noise if it is known, otherwise the measured one."""
         return self.u if self.noise_free_input is None else self.noise_free_input

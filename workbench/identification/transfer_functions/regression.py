@@ -5,16 +5,16 @@ stable 1 / F(s) it is a linear regression,
 
     s^n / F y = phi' theta + error,   phi = (s^m / F u ... 1 / F u, -s^(n-1) / F y ... -1 / F y).
 
-The regressors contain the output's noise, so that least squares are biased: their error does not
-vanish with more data. Instruments z, which are the same regressors of a noise-free output, are not
+The regressors contain the output's noise, so least squares is biased: their error does not vanish
+with more data. Instruments z, which are the same regressors of a noise-free output, are not
 correlated with the noise, and the solution of sum z (error) = 0 is consistent whatever the colour
 of the noise. The refined method computes them with the model of the last iteration and filters by
 its denominator; in white noise it is then as accurate as any unbiased estimate can be (P. C. Young
 and A. Jakeman, Int. J. Control 31, 1980; H. Garnier and L. Wang (eds.), Identification of
 Continuous-time Models from Sampled Data, 2008, chapter 4). Output errors y - B / A u have the
 gradient z: Gauss-Newton steps minimise their power, which is the prediction-error method of this
-model structure, and maximum likelihood in white normal noise (L. Ljung, System Identification,
-2nd ed., 1999, chapter 7).
+model structure, and maximum likelihood in white normal noise (L. Ljung, System Identification, 2nd
+ed., 1999, chapter 7).
 
 The covariances hold for noise of any colour: the spectrum of the errors is estimated and smoothed.
 """
@@ -35,10 +35,10 @@ from workbench.identification.transfer_functions.filters import mirrored
 from workbench.identification.transfer_functions.record import SampledRecord
 
 CHANGE_TOLERANCE = 1e-4
-"""Change of the coefficients, in standard deviations, at which iterations end."""
+"""The iterations end when the coefficients change by less than this, in standard deviations."""
 MOST_ITERATIONS = 100
 LEAST_SHARE = 1e-6
-"""Share of a Gauss-Newton step below which no further step is tried."""
+"""Smallest fraction of a Gauss-Newton step that is tried."""
 
 
 def filtered_least_squares(
@@ -46,8 +46,8 @@ def filtered_least_squares(
 ) -> TransferFunctionEstimate:
     """Least squares of the equation error, all signals filtered by 1 / F(s).
 
-    It is biased by noise of the output, the more the wider the filter is; its covariance does not
-    tell so. It serves to start the other methods.
+    Output noise biases it, the more the wider the filter is, and its covariance does not include
+    the bias. It provides starts for the other methods.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def filtered_least_squares(
     Raises
     ------
     InputError
-        Other degrees, an unstable filter, or a record that does not tell the coefficients.
+        Other degrees, an unstable filter, or a record that does not determine the coefficients.
 
     Examples
     --------
@@ -88,15 +88,15 @@ def refined_instruments(
     Parameters
     ----------
     start
-        A first model, as of `filtered_least_squares`; it gives the degrees too. Unstable poles are
-        mirrored.
+        A first model, as from `filtered_least_squares`; it also gives the degrees. Unstable poles
+        are mirrored.
 
     Raises
     ------
     InputError
-        A record that does not tell the coefficients.
+        The record does not determine the coefficients.
     SolverError
-        The iterations do not settle: start from a better model, or lower the degrees.
+        The iterations do not converge: start from a better model, or lower the degrees.
 
     Examples
     --------
@@ -145,12 +145,12 @@ def output_error(
     Parameters
     ----------
     start
-        A first model, as for `refined_instruments`. The minimum found is the one near it.
+        A first model, as for `refined_instruments`. The minimum near it is found.
 
     Raises
     ------
     InputError
-        A record that does not tell the coefficients.
+        The record does not determine the coefficients.
     SolverError
         The steps do not end at a minimum.
 
@@ -185,7 +185,7 @@ def output_error(
                 if np.sum((record.y - new_output) ** 2) < error @ error:
                     break
             share /= 2
-            settled = share < LEAST_SHARE  # rounding hides what progress is left
+            settled = share < LEAST_SHARE  # further progress is hidden by rounding
         if settled:
             return model.estimate(values / model.units, (z, z), error, done)
         values, model, z, output = trial, after, new_z, new_output

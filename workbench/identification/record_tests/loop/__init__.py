@@ -1,1 +1,1 @@
-"""Is the loop of a record open: does the past of the outputs tell what the inputs do?"""
+"""Test whether the loop is open: whether the past of the outputs predicts the inputs."""

@@ -1,4 +1,4 @@
-"""Is the loop open: does what drives the plant come from outside, or is it made of the outputs?"""
+"""Test whether the loop is open: whether the inputs come from outside or from the outputs."""
 
 from __future__ import annotations
 
@@ -26,32 +26,44 @@ from workbench.identification.record_tests.periods import (
 from workbench.identification.record_tests.record import RecordData
 
 CHANCE, TINY_CHANCE = 5e-4, 1e-6
-"""Probability of a false alarm of a record by chance, and one that leaves no doubt."""
+"""Probability of a false alarm for a record, and the probability below which there is no doubt."""
 LEAST_EXPLAINED, TINY_EXPLAINED = 0.02, 0.002
-"""Shares of an input's surprise that the outputs must predict in other parts of the record, at each
-of these probabilities: tiny shares come from plants that a few hundred lags do not describe."""
+"""Least shares of an input's surprise that the outputs must predict in other parts of the record,
+at each of these probabilities. A plant that a few hundred lags do not describe causes tiny shares
+without feedback.
+"""
 MOSTLY_EXPLAINED, EXPLAINED_ALONE = 0.5, 0.8
-"""Share of the surprise from which on its colour does not matter, and from which on chance does
-not: a few large surprises cannot make chance small, though the outputs tell each of them."""
+"""Share of the surprise above which its colour does not matter, and share above which the
+probability does not: with a few large surprises the probability cannot be small, even if the
+outputs predict each of them.
+"""
 BESIDE_STEPS = 0.25
-"""Share of the small surprises that the outputs predict, but not of the large ones: set-points."""
+"""A share of the small surprises that the outputs predict, but not of the large ones, indicates
+feedback with set-point changes.
+"""
 REPEATED = 1e-6
-"""Range of what differs from period to period, over an input's deviation, that is rounding."""
+"""Range of the differences between periods, relative to an input's deviation, that counts as
+rounding.
+"""
 SAYS_NOTHING = 0.5
-"""Largest share of an input that may come from the outputs, from which on nothing is known."""
+"""If the bound on the share of an input that may come from the outputs exceeds this, nothing is
+known.
+"""
 Periods = list[list[int | None]]
 """Period [samples] of each input in each experiment."""
 
 
 UNDISTURBED = 1e-6
-"""Deviation of what is new in the outputs, over their size, below which nothing disturbs them."""
+"""If the deviation of the outputs' new part, relative to their size, is below this, nothing
+disturbs them.
+"""
 HARMLESS_EXPLAINED, HARMLESS_SHARE = 0.01, 0.05
-"""Shares of an input that outputs tell, of its surprise and of its variance, that do no harm."""
+"""Harmless shares of an input that the outputs predict: of its surprise, and of its variance."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is known of one input: why nothing is, or its largest share, or a finding."""
+    """The verdict on one input: why nothing is known, or the largest share, or a finding."""
 
     share: float = 0.0
     untestable: str = ""
@@ -60,22 +72,23 @@ class Verdict:
 
 
 def open_loop(record: RecordData) -> Tested:
-    """Test whether the inputs come from outside; with an excitation, whether it does.
+    """Test whether the inputs come from outside; or, with an excitation, whether that does.
 
-    Where an input repeats itself to rounding, no noise of the outputs is in it. Where it repeats
-    itself nearly, what differs between its periods is tested in its place. An input is tested by
-    what the past of the outputs tells of it beyond its own past, y of the same sample where
-    `direct` is False (module `granger`).
+    An input that repeats exactly, up to rounding, contains no noise of the outputs. If it repeats
+    nearly, the differences between its periods are tested instead. The test asks whether the past
+    of the outputs predicts the input better than its own past alone (module `granger`); if `direct`
+    is False, y of the same sample counts as past.
 
-    The share that is told is an upper bound, at 95 % confidence, of the part of an input's variance
-    that a linear feedback makes of what is new in the outputs, if it forgets within an eighth of
-    the shortest experiment, and within 4,096 samples. What an input owes to the output of the very
-    same sample does not count if `direct` is True: then it cannot be told from the plant's answer.
+    The reported share is an upper bound, at 95 % confidence, on the part of an input's variance
+    that linear feedback makes of the outputs' new part, if the feedback forgets within an eighth of
+    the shortest experiment, and within 4,096 samples. If `direct` is True, an input's dependence on
+    the output of the very same sample is not included: it cannot be distinguished from the plant's
+    response.
 
-    On simulated loops with noise the bound holds in 99 of 100; where the disturbance is a few steps
-    of load, which tell too little, in 83.
+    On simulated loops with noise the bound holds in 99 of 100; in 83 of 100 if the disturbance is a
+    few steps of load, which carry too little information.
 
-    With an excitation r the loop may be closed: then r is tested, which must not depend on y.
+    With an excitation r the loop may be closed: then r is tested, and must not depend on y.
 
     Parameters
     ----------
@@ -85,9 +98,9 @@ def open_loop(record: RecordData) -> Tested:
     Returns
     -------
     Tested
-        With a finding "feedback" that forbids the use of the record, or "static" (it does not),
-        where an input is an exact function of the outputs at the same sample: the plant is static,
-        or what looks like it is -1/K of a static controller K.
+        The result. It may have the finding "feedback", which forbids the use of the record, or
+        "static", which does not: an input is an exact function of the outputs at the same sample,
+        so the plant is static, or the apparent plant is -1/K for a static controller K.
 
     Examples
     --------
@@ -137,14 +150,14 @@ def open_loop(record: RecordData) -> Tested:
 
 
 def _scaled(signal: RealArray) -> RealArray:
-    """A signal (N, channels) about zero and of size 1, so that no square over- or underflows."""
+    """A signal (N, channels) with zero mean and size 1, so that no square over- or underflows."""
     signal = signal / np.nanmax(np.abs(signal), axis=0)
     signal = signal - np.nanmean(signal, axis=0)
     return signal / np.nanmax(np.abs(signal), axis=0)
 
 
 def _verdicts(record: RecordData) -> list[Verdict]:
-    """What is known of each input."""
+    """The verdict on each input."""
     known: dict[int, Verdict] = {}
     periods = [[period(u) for u in record.u[piece].T] for piece in record.pieces()]
     for i, repeats in enumerate(_repeated(record, periods)):
@@ -162,7 +175,7 @@ def _verdicts(record: RecordData) -> list[Verdict]:
 
 
 def _between_periods(record: RecordData, periods: Periods) -> RecordData:
-    """What differs between the periods of a record whose inputs repeat, or the record itself."""
+    """Differences between the periods of a record with periodic inputs, or the record itself."""
     inputs, outputs, starts = [], [], [0]
     for piece, own in zip(record.pieces(), periods, strict=True):
         samples = common_period(record.u[piece], own)
@@ -177,7 +190,7 @@ def _between_periods(record: RecordData, periods: Periods) -> RecordData:
 
 
 def _repeated(record: RecordData, periods: Periods) -> list[bool]:
-    """Which inputs repeat themselves to rounding, in each experiment."""
+    """Mask of the inputs that repeat up to rounding, in each experiment."""
     alike = np.ones(record.u.shape[1], bool)
     for piece, own in zip(record.pieces(), periods, strict=True):
         for i, (u, samples) in enumerate(zip(record.u[piece].T, own, strict=True)):
@@ -187,7 +200,7 @@ def _repeated(record: RecordData, periods: Periods) -> list[bool]:
 
 
 def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdict:
-    """What the past of the outputs tells of an input, of whose deviation `part` is tested."""
+    """Verdict on an input, by the past of the outputs; a `part` of its deviation is tested."""
     if rest is None:
         many = "and more for many channels"
         why = f"at least {FEWEST_SAMPLES} samples without a break are needed, {many}"
@@ -198,7 +211,7 @@ def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdic
     alike, weighted = input_predictions(rest, column)
     explained = _explained(alike, weighted, CHANCE / rest.u.shape[1])
     if rest.new.std(axis=0).max() < UNDISTURBED:
-        explained = None  # outputs that inputs make alone bring nothing back
+        explained = None  # outputs that the inputs alone cause feed nothing back
     if explained is not None and (explained > HARMLESS_EXPLAINED or share > HARMLESS_SHARE):
         return Verdict(finding=closed_loop(name, explained, share))
     if alike.doubt and weighted.doubt:
@@ -210,7 +223,7 @@ def _verdict(rest: Memory | None, column: int, name: str, part: float) -> Verdic
 
 
 def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float | None:
-    """Share of an input's surprise that the outputs tell, if that can only be feedback."""
+    """Share of an input's surprise that the outputs predict, if only feedback explains it."""
     for found in (alike, weighted):
         least = TINY_EXPLAINED if found.chance < TINY_CHANCE else LEAST_EXPLAINED
         significant = found.chance < chance and not found.noisy
@@ -224,7 +237,7 @@ def _explained(alike: Prediction, weighted: Prediction, chance: float) -> float 
 
 
 def _summed_up(assumption: str, names: tuple[str, ...], verdicts: list[Verdict]) -> Tested:
-    """One statement on all inputs."""
+    """One statement about all inputs."""
     findings = tuple(one.finding for one in verdicts if one.finding is not None)
     said = [finding.message for finding in findings]
     said += dict.fromkeys(one.untestable for one in verdicts if one.untestable)

@@ -1,4 +1,4 @@
-"""What is said where an input is made of the outputs."""
+"""Findings about inputs that depend on the outputs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OTHER_EXCITATION = "give a signal as excitation that does not depend on the outp
 
 
 def closed_loop(name: str, explained: float, share: float) -> Finding:
-    """The outputs tell what an input does next."""
+    """The finding that the outputs predict an input."""
     return Finding(
         kind="feedback",
         message=f"the outputs tell beforehand what '{name}' does: {explained:.0%} of what its own "
@@ -29,7 +29,7 @@ def closed_loop(name: str, explained: float, share: float) -> Finding:
 
 
 def static(name: str, direct: bool) -> Finding:
-    """An input is an exact function of the outputs at the same sample."""
+    """The finding that an input is an exact function of the outputs at the same sample."""
     if direct:
         message = f"'{name}' is an exact function of the outputs: a static plant, or -1/K"
     else:
@@ -46,5 +46,5 @@ def static(name: str, direct: bool) -> Finding:
 
 
 def of_excitation(found: Finding) -> Finding:
-    """The same of an excitation: what is made of the outputs in any way is none."""
+    """The same finding for an excitation: a signal made from the outputs is not an excitation."""
     return replace(found, kind="feedback", remedy=OTHER_EXCITATION, forbids=True)

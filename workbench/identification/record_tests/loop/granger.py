@@ -1,16 +1,18 @@
-"""Does the past of y tell what u does next, beyond what u's own past tells?
+"""Test whether the past of y predicts u better than u's own past alone.
 
-What of u its own past does not tell is its surprise. In an open loop no past of y tells anything of
-it (Granger 1969; Caines and Chan 1975: feedback from y to u). Two things look like feedback and are
-none. A recorded u may be the true one and white noise of its sensor: y, which answers to the true
-one, then tells of it what the noise hides. So the hypothesis is "open loop, u with white noise of
-some variance", and every variance that u's own spectrum allows is tried, with the normal equations
-freed from it (Frisch's scheme; Soderstrom 2007, Errors-in-variables methods in system
-identification, Automatica 43). And a u without surprise (sines, sweeps, few steps) leaves a
-surprise that is but an error of its prediction: it is not white, small, or few samples make it up.
+The surprise of u is the part that its own past does not predict. In an open loop no past of y
+predicts any of it (Granger 1969; Caines and Chan 1975: feedback from y to u). Two things look like
+feedback but are not. First, the recorded u may be the true one plus white sensor noise: y responds
+to the true u, and so predicts the part of it that the noise hides. So the hypothesis is "open loop,
+u with white noise of some variance". Every variance that u's own spectrum allows is tried, with the
+noise removed from the normal equations (Frisch's scheme; Soderstrom 2007, Errors-in-variables
+methods in system identification, Automatica 43). Second, a predictable u (sines, sweeps, few steps)
+has a surprise that is merely its prediction error: it is not white, or it is small, or it comes
+from a few samples.
 
-The statistic is a score: the products of surprise and past y, each by itself, over the sum of their
-squares (White 1980), so that neither a few large steps nor changing noise count for much.
+The statistic is a score: the sum over samples of the products of surprise and past y, normalised by
+the matrix of the summed squares of these products (White 1980). So neither a few large steps nor
+changing noise have much weight.
 """
 
 from __future__ import annotations
@@ -24,53 +26,62 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.loop.memories import ROUNDING, Memory
 
 NOISE_SHARE = 0.01
-"""Largest share of a recorded u's variance that noise of its sensor may have."""
+"""Largest share of a recorded u's variance that can be sensor noise."""
 NOISE_STEPS = np.array([0.0, 0.3, 0.6, 0.8, 0.9, 0.95])
-"""Variances of that noise that are tried, over the largest that the spectrum of u allows."""
+"""Variances of that noise that are tried, relative to the largest that u's spectrum allows."""
 OUTLYING = 1.5
-"""Robust standard deviations from which on a surprise is weighed down (Huber 1964)."""
+"""Surprises larger than this many robust standard deviations get less weight (Huber 1964)."""
 REWEIGHTED, REWEIGHTED_ROWS = 5, 20_000
-"""Passes of the weighing, and samples that it looks at."""
+"""Number of reweighting passes, and number of samples that they use."""
 WHITE_LAGS = 32
 """Lags at which a surprise must be white."""
 LEAST_SIZE, LARGE_SIZE = 1e-3, 0.1
-"""Surprises over u below which they are rounding, and above which u is no smooth signal."""
+"""Size of the surprise relative to u: below the first it is rounding; above the second u is not a
+smooth signal.
+"""
 NEARBY, WINDOW, SWEPT = 8, 128, 0.5
-"""Samples that predict the next one in a window, samples of a window, and the largest share of the
-surprise that is left there of a sweep."""
+"""For sweeps: number of samples that predict the next one in a window, length of the window, and
+largest share of the surprise that may remain there.
+"""
 MOSTLY_NOISE, AMPLIFIED_NOISE = 0.5, 0.3
-"""Shares of a surprise that noise of u's sensor may be, and may make through u's past, above which
-nothing is known of u's own: the noise is known too little to free the equations from it."""
+"""If u's sensor noise can make more than these shares of a surprise, directly or through u's past,
+nothing is known about u itself: the noise is known too poorly to remove it from the equations.
+"""
 FEWEST_EFFECTIVE = 30.0
-"""Samples that must make up a surprise."""
+"""Least effective number of samples that must make up a surprise."""
 COLOURED, COLOURED_LARGE = 4.0, 8.0
-"""Squared autocorrelations over their variance up to which a surprise counts as white; where it is
-large, some colour is that of a clocked excitation, and no error of a prediction."""
+"""A surprise counts as white if its squared autocorrelations, relative to their variance, are below
+the first number. For a large surprise the second applies, since a clocked excitation causes some
+colour that is not a prediction error.
+"""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """How an input is predicted, with all surprises alike or with large ones weighed down.
+    """Prediction of an input, with equal weights or with less weight on large surprises.
 
     Parameters
     ----------
     size
         Standard deviation of the surprise over that of u.
     effective
-        Samples that make up the surprise: (sum a^2)^2 / sum a^4.
+        Effective number of samples in the surprise: (sum a^2)^2 / sum a^4.
     coloured
-        Mean of the squared autocorrelations of the surprise, over their variance: 1 if white.
+        Mean of the squared autocorrelations of the surprise, relative to their variance: 1 if it is
+        white.
     explained
-        Share of the surprise that y's past predicts, between folds of the record.
+        Share of the surprise that y's past predicts, by cross-validation between folds of the
+        record.
     chance
-        Probability of so much prediction in an open loop, for the noise of u that makes it largest.
+        Probability of predicting so much in an open loop, for the sensor noise of u that makes it
+        largest.
     chance_without_noise
-        The same where u is recorded without noise.
+        The same probability if u is recorded without noise.
     swept
-        Whether u is predicted far better by its past nearby than by one rule for all the record.
+        Whether u is predicted far better by its recent past than by one rule for the whole record.
     noise, amplified_noise
-        Largest shares of the surprise that noise of u's sensor may be at the same sample, and may
-        make through the past of u.
+        Largest shares of the surprise that u's sensor noise can make: at the same sample, and
+        through the past of u.
     """
 
     size: float
@@ -85,22 +96,22 @@ class Prediction:
 
     @property
     def rounding(self) -> bool:
-        """Whether u is predicted by its own past to rounding."""
+        """Whether u's own past predicts it up to rounding."""
         return self.size < LEAST_SIZE
 
     @property
     def noisy(self) -> bool:
-        """Whether the surprise may be that of the sensor of u."""
+        """Whether the surprise may be noise of u's sensor."""
         return self.noise > MOSTLY_NOISE or self.amplified_noise > AMPLIFIED_NOISE
 
     @property
     def clocked(self) -> bool:
-        """Whether the surprise is large and coloured, as that of levels that a clock changes."""
+        """Whether the surprise is large and coloured, as for levels that change with a clock."""
         return self.size >= LARGE_SIZE and self.coloured > COLOURED_LARGE
 
     @property
     def doubt(self) -> str:
-        """Why nothing follows from a small chance; empty if it does."""
+        """The reason why a small probability proves nothing; empty if it does."""
         if self.rounding:
             return "is predicted to rounding by its own past"
         if self.effective < FEWEST_EFFECTIVE:
@@ -115,20 +126,20 @@ class Prediction:
 
 
 def input_predictions(rows: Memory, channel: int) -> tuple[Prediction, Prediction]:
-    """By least squares, and by weights that take large surprises down."""
+    """Predictions by least squares, and with less weight on large surprises."""
     u = rows.u[:, channel]
     scale = np.sqrt(np.mean(rows.past_u**2, axis=0)) + np.finfo(float).tiny
     P, own = rows.past_u / scale, rows.noise / scale**2
     nearby = _unpredicted_nearby(u)
     alike = _prediction(P, own, u, rows.past_y, np.ones(len(u)), nearby)
     weighted = _prediction(P, own, u, rows.past_y, _weights(P, u), nearby)
-    # Noise is in every sample: what it may be shows where all samples count alike.
+    # Noise is in every sample, so its possible size is found with equal weights.
     noise, amplified = alike.noise, alike.amplified_noise
     return alike, replace(weighted, noise=noise, amplified_noise=amplified)
 
 
 def _unpredicted_nearby(u: RealArray) -> float:
-    """Energy of what regressions on the last few samples do not predict, each in its own window."""
+    """Energy that regressions on the last few samples leave unpredicted, each in its window."""
     windows = u[: len(u) // WINDOW * WINDOW].reshape(-1, WINDOW)
     lags = np.lib.stride_tricks.sliding_window_view(windows, NEARBY + 1, axis=1)
     columns, target = lags[..., :-1], lags[..., -1:]
@@ -159,14 +170,16 @@ def _weights(P: RealArray, u: RealArray) -> RealArray:
 def _prediction(
     P: RealArray, noise: RealArray, u: RealArray, Z: RealArray, weight: RealArray, nearby: float
 ) -> Prediction:
-    """Surprise a = u - P alpha and z = Z - P Gamma, their normal equations freed from the noise s D
-    of u: E[w (z a - s Gamma' D alpha)] = 0 in an open loop."""
+    """Surprise a = u - P alpha and z = Z - P Gamma, with the noise s D of u removed.
+
+    In an open loop their normal equations give E[w (z a - s Gamma' D alpha)] = 0.
+    """
     G = _gram(P, P, weight) + ROUNDING * np.eye(P.shape[1])
     targets = _gram(P, np.column_stack([u, Z]), weight)
     root = np.sqrt(noise)
     alpha = np.linalg.solve(G, targets[:, 0])
     surprise = u - P @ alpha
-    # The noise is in every row of u and of its past: there is no more of it than either allows.
+    # The noise is in every row of u and of its past, so its variance is at most what either allows.
     amplified, mean_square = alpha @ (noise * alpha), np.average(surprise**2, weights=weight)
     largest = min(
         NOISE_SHARE,
@@ -197,7 +210,7 @@ def _prediction(
 
 
 def _score(terms: RealArray) -> float:
-    """Probability of a mean of terms (N, q) as far from zero, by Hotelling's T^2 about zero."""
+    """Probability of a mean of terms (N, q) at least as far from zero, by Hotelling's T^2."""
     n, q = terms.shape
     terms = terms / (np.sqrt(np.sum(terms**2, axis=0)) + np.finfo(float).tiny)
     total = terms.sum(axis=0)
@@ -218,7 +231,7 @@ def _coloured(a: RealArray) -> float:
 
 
 def _explained(a: RealArray, z: RealArray, folds: int = 4) -> float:
-    """Share of a that z predicts in each fold, with coefficients of the other folds."""
+    """Share of a that z predicts in each fold, with coefficients from the other folds."""
     fold = np.arange(len(a)) * folds // len(a)
     inner = [(z[fold == i].T @ z[fold == i], z[fold == i].T @ a[fold == i]) for i in range(folds)]
     left = 0.0

@@ -1,4 +1,4 @@
-"""Past samples of signals: single lags first, then means over lags that grow twofold."""
+"""Past samples of signals: single lags first, then means over groups that double in length."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from workbench.arrays import BoolArray, IntegerArray, RealArray
 from workbench.identification.record_tests.record import RecordData
 
 MOST_NUMBERS = 120_000
-"""Numbers of a record that are looked at; of a longer one, stretches from its begin to its end."""
+"""Most numbers of a record that are used; from a longer one stretches from beginning to end are
+taken.
+"""
 STRETCHES = 8
-"""Stretches of an experiment that is longer."""
+"""Number of stretches of a longer experiment."""
 
 
 def growing(single: int, longest: int) -> IntegerArray:
@@ -28,7 +30,7 @@ def growing(single: int, longest: int) -> IntegerArray:
 def past(signal: RealArray, firsts: IntegerArray) -> RealArray:
     """Means of a signal (N, channels) over each group of lags (N, groups * channels).
 
-    Before its first sample a signal is taken to have that value.
+    Before its first sample a signal is assumed to have the value of that sample.
     """
     longest = int(firsts[-1]) - 1
     before = np.concatenate([np.repeat(signal[:1], longest, axis=0), signal])
@@ -39,9 +41,9 @@ def past(signal: RealArray, firsts: IntegerArray) -> RealArray:
 
 
 def last_known(signal: RealArray) -> tuple[RealArray, BoolArray]:
-    """A signal (N, channels) whose missing samples hold the last value, and which are missing.
+    """A signal (N, channels) with missing samples replaced by the last value; and their mask.
 
-    Only earlier samples tell what a missing one is, so that nothing is known before its time.
+    Only earlier samples replace a missing one, so that no sample is known before its time.
     """
     missing = np.isnan(signal)
     first = np.argmin(missing, axis=0)
@@ -51,7 +53,7 @@ def last_known(signal: RealArray) -> tuple[RealArray, BoolArray]:
 
 
 def stretches(record: RecordData) -> Sequence[slice]:
-    """Samples of each experiment; of one too long, of stretches from its begin to its end."""
+    """Samples of each experiment; from a long one, stretches from beginning to end."""
     pieces = list(record.pieces())
     share = MOST_NUMBERS / (record.u.size + record.y.size)
     if share >= 1.0:

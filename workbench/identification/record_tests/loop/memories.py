@@ -1,4 +1,4 @@
-"""What inputs and outputs remember, row by row: their own past, and what is new in the outputs."""
+"""Rows for the test of feedback: the past of inputs and outputs, and the outputs' new part."""
 
 from __future__ import annotations
 
@@ -11,15 +11,21 @@ from workbench.identification.record_tests.loop.lags import growing, last_known,
 from workbench.identification.record_tests.record import RecordData
 
 FEWEST_SAMPLES = 200
-"""Samples of the shortest record that is tested, and of the shortest experiment in it over 4."""
+"""Fewest samples of a record that is tested; experiments shorter than a quarter of it
+are not used.
+"""
 LONGEST_LAG = 4096
 """Longest lag [samples]."""
 OF_A_PIECE = 8
-"""Lags are at most this part of the shortest piece, before whose first sample nothing is known."""
+"""Lags are at most this fraction of the shortest piece, since nothing is known before its first
+sample.
+"""
 SINGLE_LAGS, SINGLE_LAGS_OF_Y = 32, 8
-"""Single lags of all signals where their own past predicts them, and of y where it predicts u."""
+"""Number of single lags of all signals when predicting from their own past, and of y when
+predicting u.
+"""
 SAMPLES_OF_A_LAG = 15
-"""Samples for each single lag and channel."""
+"""Fewest samples for each single lag and channel."""
 ROWS_OF_A_COLUMN = 5
 """Fewest rows for each column of the inputs' past: with fewer, chance fits too much."""
 ROUNDING = 1e-10
@@ -37,12 +43,12 @@ class Memory:
     past_u
         Their past (N, p).
     noise
-        Variance that white noise with u's own variance would have in each column of `past_u`.
+        Variance that white noise with u's own variance would cause in each column of `past_u`.
     past_y
         Past of the outputs (N, q), from `first_lag` on.
     new
-        What is new in the outputs (N, ny): given their past, the past of u, and u itself where it
-        may act at once; 0 where a sample is missing.
+        New part of the outputs (N, ny): what their past, the past of u, and u itself if it may act
+        at once, do not predict; 0 for a missing sample.
     first_lag, longest_lag
         Shortest and longest lag [samples] of the outputs.
     """
@@ -57,8 +63,8 @@ class Memory:
 
 
 def memory(record: RecordData) -> Memory | None:
-    """The memory of a record; None where it is too short."""
-    pieces = [p for p in stretches(record) if _tells(record.y[p])]
+    """The memory of a record; None if it is too short."""
+    pieces = [p for p in stretches(record) if _is_long_enough(record.y[p])]
     total = sum(piece.stop - piece.start for piece in pieces)
     if total < FEWEST_SAMPLES:
         return None
@@ -80,17 +86,19 @@ def memory(record: RecordData) -> Memory | None:
         return None
     noise = np.repeat(1 / np.diff(lags), u.shape[1]) * np.tile(u.var(axis=0), len(lags) - 1)
     at_once = [u] if record.direct else []
-    new = _unpredicted(y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1)))
+    new = _regression_residual(
+        y, np.hstack([past_u, own, *at_once]), np.logical_not(missing.any(axis=1))
+    )
     return Memory(u, past_u, noise, past_y, new, int(record.direct), longest)
 
 
-def _tells(y: RealArray) -> bool:
-    """Whether outputs are long enough for a piece, with a sample of each."""
+def _is_long_enough(y: RealArray) -> bool:
+    """Whether the outputs of a piece are long enough, with at least one sample of each."""
     return 4 * len(y) >= FEWEST_SAMPLES and not np.isnan(y).all(axis=0).any()
 
 
-def _unpredicted(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:
-    """What is left of y (N, ny) in a regression on what is told, on the rows that are there."""
+def _regression_residual(y: RealArray, told: RealArray, there: BoolArray) -> RealArray:
+    """Residual of y (N, ny) in a regression on the known signals, on the available rows."""
     scale = np.sqrt(np.mean(told**2, axis=0)) + np.finfo(float).tiny
     columns = told[there] / scale
     gram = columns.T @ columns + ROUNDING * len(columns) * np.eye(columns.shape[1])

@@ -1,4 +1,4 @@
-"""The largest share of an input's variance that comes from what is new in the outputs."""
+"""Upper bound on the share of an input's variance that comes from the outputs' new part."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def correlations(a: RealArray, b: RealArray, first: int, last: int) -> RealArray
 def largest_share(u: RealArray, new: RealArray, first: int, last: int) -> float:
     """Upper bound of the share of u's variance that comes from `new` (N, ny).
 
-    What is new in the outputs (their surprise, given all the past) is white. The share of u that a
-    linear feedback makes of its last samples is the sum of the squared correlations of u with them
-    at the leads `first` to `last`. Estimated correlations r have, in an open loop, the mean 0 and
-    the covariance R / N with R_ij the autocorrelation of u at lag i - j, whatever u is. So the sum
-    of their squares has the mean trace(R) / N, which is taken off, and the standard deviation
-    sqrt(2 trace(R^2) + 4 N r' R r) / N. The bound adds its quantile at `CONFIDENCE`, of a normal
+    The outputs' new part (their surprise, given all the past) is white. The share of u that linear
+    feedback makes of its last samples is the sum of the squared correlations between u and them at
+    the leads `first` to `last`. In an open loop estimated correlations r have mean 0 and covariance
+    R / N, with R_ij the autocorrelation of u at lag i - j, whatever u is. So the sum of their
+    squares has the mean trace(R) / N, which is subtracted, and the standard deviation sqrt(2
+    trace(R^2) + 4 N r' R r) / N. The bound adds its `CONFIDENCE` quantile for a normal
     distribution. It assumes that feedback is linear and forgets within `last` samples.
     """
     n = len(u)
@@ -45,6 +45,6 @@ def largest_share(u: RealArray, new: RealArray, first: int, last: int) -> float:
 
 
 def _uncorrelated(new: RealArray) -> RealArray:
-    """Combinations of channels (N, ny) with unit variance, as many as there are."""
+    """Combinations of channels (N, ny) that are uncorrelated with unit variance."""
     left, size, _ = np.linalg.svd(new, full_matrices=False)
     return left[:, size > 1e-9 * size[0]] * np.sqrt(len(new)) if size[0] > 0 else new[:, :0]

@@ -8,22 +8,26 @@ from workbench.arrays import RealArray
 from workbench.identification.record_tests.record import RecordData
 
 ROUNDING = 1e-6
-"""Rounding of a signal, relative to its standard deviation."""
+"""Rounding error of a signal, relative to its standard deviation."""
 FEWEST_LEVELS = 64
-"""Levels of a signal from which on their distance is the step of a converter."""
+"""With at least this many levels, the distance between the levels of a signal is the step of a
+converter.
+"""
 OF_A_BEND = 0.1
-"""Largest misfit relative to what a move differs from the one before: less is no coincidence, while
-moves that go on (ramps) or are none fit what a plant makes of them, too."""
+"""Largest misfit, relative to the difference between a move and the one before. A smaller misfit is
+no coincidence. Constant or absent moves (ramps) are excluded so, since they fit the plant's
+response too.
+"""
 MOST = 0.75
-"""Share of the samples that must fit: elsewhere set-points change, or experiments end."""
+"""Share of the samples that must fit: at others set-points change, or experiments end."""
 MOST_MOVES = 20_000
-"""Moves that are looked at, from the begin of a record to its end."""
+"""Most moves that are examined, over the whole record."""
 PASSES = 20
-"""Passes of the regression with least absolute misfit."""
+"""Number of passes of the regression with least absolute misfit."""
 
 
 def static_input(record: RecordData, channel: int) -> bool:
-    """Whether moves of an input are, to rounding, combinations of moves of the outputs.
+    """Whether moves of an input are combinations of moves of the outputs, up to rounding.
 
     Between changes of a set-point r, u = K (r - y) moves as -K y does.
     """
@@ -49,6 +53,6 @@ def static_input(record: RecordData, channel: int) -> bool:
 
 
 def _step(signal: RealArray) -> float:
-    """Step of the converter that a signal came through; 0 where it has only a few levels."""
+    """Step of a signal's converter; 0 if the signal has only a few levels."""
     levels = np.unique(signal)
     return float(np.diff(levels).min()) if len(levels) >= FEWEST_LEVELS else 0.0
