@@ -264,5 +264,5 @@ def test_robust_stability_of_an_uncertain_gain():
     assert mu.shape == (1, 2, 2)
     assert mu[0, 0, 0] <= 0.4 <= mu[0, 0, 1] * (1 + 1e-9)
     assert mu[0, 1, 0] > 0.41
-    with pytest.raises(InputError, match="need those named"):
+    with pytest.raises(InputError, match="need the names"):
         SingleLoops(static([3.0], 0), {}, {"tank": G}, 0.5)
