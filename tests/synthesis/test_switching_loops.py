@@ -63,7 +63,7 @@ def test_a_split_controller_responds_alike():
     z = np.exp(0.3j)
     fast = (C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0]
     assert b / (z - a) + fast + D == pytest.approx(complex(K(z)), rel=1e-9)
-    with pytest.raises(InputError, match="not parted"):
+    with pytest.raises(InputError, match="is coupled with"):
         split_slowest(control.ss([[0.9, 0.1], [0.0, 0.5]], [[1], [1]], [[1, 1]], [[0]], PERIOD))
 
 
