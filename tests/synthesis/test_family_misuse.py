@@ -38,7 +38,7 @@ CONSTRUCTED = [
     *((lambda w=w: PID(setpoint_weights=w), "setpoint_weights") for w in (1, None, "yes", (1, 0))),
     (lambda: LeadLag(zeros=4, poles=2), "4 zeros and 2 poles.*proper"),
     (lambda: Modal(2, corners=(1.0, 2.0)), "2 corners for order 2; there must be 1"),
-    (lambda: Decentralised(), "no channels: Decentralised"),
+    (lambda: Decentralised(), "no channels are given; Decentralised"),
     (lambda: Decentralised(PID), "channel 1 is the class PID: write PID()"),
     (lambda: Decentralised(PI(), "PI"), "channel 2 must be a Family, not str"),
     (lambda: Decentralised(PI(), PI(setpoint_weights=True)), "2 inputs"),
