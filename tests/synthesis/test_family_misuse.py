@@ -114,7 +114,7 @@ STARTS = [
     (PID(filter=0.5), control.tf([2.0, 1.0, 1.0], [1.0, 1.0, 0.0]), "no member"),
     (LeadLag(), control.tf([1.0, 0.1, 1.0], [1.0, 1.0, 0.0]), "must be real"),
     (LeadLag(), control.tf([1.0, 1.0], [1.0, 0.5]), "belongs to"),
-    (LeadLag(), GAIN, "a pole at least"),
+    (LeadLag(), GAIN, "at least one pole"),
     (LeadLag(), [0.0], "start has 1 numbers.* has 5 parameters"),
     (Static(), control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]), "1 states, a member .* 0"),
     (Static(), [1.0, 2.0], "start has 2 numbers"),

@@ -86,8 +86,8 @@ class LeadLag(Family):
             or roots.real.max() > 0
         ):
             raise InputError(
-                f"the controller has zeros {zeros} and poles {poles}; there must be at least one "
-                "pole, and all must be real and not right of the imaginary axis"
+                f"the controller has zeros {zeros} and poles {poles}; they must be real and not "
+                "right of the imaginary axis, and there must be at least one pole"
             )
         leak, fast = -poles.real[-1], -poles.real[:-1]
         s = 1j * float(np.exp(np.mean(np.log(np.append(fast, 1.0)))))
@@ -120,7 +120,9 @@ class LeadLag(Family):
         return family, family.parameters(controller)
 
     def sized(self, inputs: int, outputs: int) -> LeadLag:
-        need_size(self, (1, 1), inputs, outputs, "Decentralised(LeadLag(), LeadLag()) is for two")
+        need_size(
+            self, (1, 1), inputs, outputs, "Decentralised(LeadLag(), LeadLag()) has two channels"
+        )
         return self
 
     def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
