@@ -268,8 +268,8 @@ class StateRecords:
             pass
         rank = int(np.linalg.matrix_rank(self.regressors / self.scale[:, None]))
         raise InputError(
-            f"states and inputs together have rank {rank} of {total}, as far as doubles can tell, in "
-            f"{self.samples} samples: the set of plants is unbounded; excite every input, "
+            f"states and inputs together have rank {rank} of {total}, as far as doubles can tell, "
+            f"in {self.samples} samples: the set of plants is unbounded; excite every input, "
             "independently of the states, for more samples"
         )
 
@@ -288,7 +288,7 @@ class StateRecords:
         grown = float(eigh((spent + spent.T) / 2, energy, eigvals_only=True)[-1])
         raise InputError(
             "the noise bound contradicts the records, or allows one plant only: the residuals "
-            f"of the best plant have {grown:.6g} times the energy allowed; the factor must be below 1"
+            f"of the best plant have {grown:.6g} times the energy allowed; it must be below 1 times"
         )
 
 
