@@ -26,7 +26,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import Matrices, matrices_of, pole_sizes, realisation
 
 Reducer = tuple[int, Callable[[int], StateSpace]]
-"""The least order that a method reaches, and a function from an order to the system."""
+"""The least order that a method reaches, and a function: order -> system."""
 DETOUR = 8
 """Largest number of states above the wanted order from which `approximations` starts again."""
 ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
@@ -203,7 +203,7 @@ def reducer(
     found: Conditions | None,
     weights: tuple[StateSpace | None, StateSpace | None] = (None, None),
 ) -> Reducer:
-    """The least order that a method reaches, and a function from an order to the system."""
+    """The least order that a method reaches, and a function: order -> system."""
     if method == "weighted":
         of_states = weighted_by_loop(K, plant, found)
         least = 0

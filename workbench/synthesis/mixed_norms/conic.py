@@ -53,9 +53,7 @@ def _unfit(program: H2HinfSynthesis) -> str | None:
     H2HinfSynthesis, optimal=False, unfit=_unfit, accuracy=AccuracyRange(finest=FINEST_ACCURACY)
 )
 def _conic(program: H2HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
-    """One Lyapunov matrix for both norms; the H2 bound may rise up to a fifth above its least
-    value.
-    """
+    """One Lyapunov matrix for both norms; the H2 bound may exceed its least value by a fifth."""
     options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     given = standard_plant(program.plant)
     plant, rate = _scaled_plant(without_D22(given))

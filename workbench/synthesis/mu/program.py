@@ -282,10 +282,10 @@ class MuSynthesis(Program):
             return self._respond_sampled(method, context)
         zeros = violated(self.plant.controlled()) if self.demands.stable else None
         if zeros is not None:
-            find_method(self, method)  # raises for an unknown one
+            find_method(self, method)  # raises if it is unknown
             return None, Outcome.INFEASIBLE, words(self.plant.controlled(), *zeros)
         if self.only_fixed and (method or self.default_method) != "fixed":
-            find_method(self, method)  # raises for an unknown one
+            find_method(self, method)  # raises if it is unknown
             answer, outcome, said = super().respond("fixed", context)
             return answer, outcome, f"{method} cannot answer this: handed over to fixed: {said}"
         answer, outcome, said = super().respond(method, context)

@@ -61,8 +61,7 @@ class _EnoughError(Exception):
 
 @method(SwitchedStability, "descent", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _descent(program: SwitchedStability, context: Context) -> Claim:
-    """Bisection over the dwell time; quasi-Newton steps on a p-norm of all ratios give factors of
-    P.
+    """Bisection over the dwell time; quasi-Newton steps on a p-norm of all ratios give P.
 
     The problem in the factors is not convex. So the descent may miss a dwell time, but it never
     proves a wrong one.

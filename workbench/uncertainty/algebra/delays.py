@@ -56,7 +56,7 @@ class DelayElement(Element):
 
     @property
     def cover(self) -> StateSpace:
-        """W."""
+        """The weight W."""
         import control
 
         above, below = _polynomials()

@@ -47,9 +47,7 @@ def _given(program: UncertaintyCover) -> str | None:
 @conic_method(CircleCover, cones="second-order", optimal=False, unfit=_given)
 @conic_method(StadiumCover, cones="second-order", optimal=False, unfit=_given)
 def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> Claim:
-    """Numerator of the nominal for small sets by cone programs, with the poles from method
-    "steps".
-    """
+    """Numerator of the nominal for small sets by cone programs, with the poles of "steps"."""
     first = program.first_set(program.points)
     nominal = fitted(nominal_fit(first.center, first, program), context)
     coarse, said = program.thinned(MOST_FREQUENCIES), ""

@@ -42,9 +42,7 @@ norm.
 
 @method(MatrixCover, "steps", optimal=False)
 def _steps(program: MatrixCover, context: Context) -> Claim:
-    """The smallest sets, then W_2 that covers their W_2, then W_1 for the smallest sets with this
-    W_2.
-    """
+    """The smallest sets, then W_2 above theirs, then W_1 for the smallest sets with it."""
     return _improved(program, context, None)
 
 
@@ -58,9 +56,7 @@ def _for_loop(program: MatrixCover) -> str | None:
 
 @method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
 def _joint(program: MatrixCover, context: Context) -> Claim:
-    """Both weights together, with the poles from "steps": semidefinite programs, a local
-    optimum.
-    """
+    """Both weights, with poles from "steps", by semidefinite programs: a local optimum."""
     return _improved(program, context, partial(smaller_weights, program, context=context))
 
 

@@ -48,9 +48,7 @@ direction.
 
 @method(MuSynthesis, "dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
-    """D-K iteration with real scalars taken as complex, and scalings fitted to the bound they
-    prove.
-    """
+    """D-K iteration with real scalars taken as complex; scalings are fitted to their bound."""
     structure = program.closed.complexified()
     repeated = any(block.rows > 1 for block in structure if not isinstance(block, Full))
     return _from_dk(program, context, structure if repeated else None)
@@ -139,7 +137,7 @@ def iterated_with_multipliers(
 ) -> Claim:
     """Iterate K and D steps with multipliers of a structure and return the best controller.
 
-    The first round starts from the best controller so far.
+    The first round starts with the best controller so far.
     """
     try:
         if finish.sure is None:  # these rounds were made before an interruption
@@ -157,7 +155,7 @@ def _rounds(
 ) -> MuController | str:
     """Run the rounds and return why they ended; a controller that reaches the target ends them.
 
-    The first round starts from the best controller so far.
+    The first round starts with the best controller so far.
     """
     K: StateSpace | None = None
     if now.used is None:

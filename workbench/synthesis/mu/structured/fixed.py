@@ -69,9 +69,7 @@ rounds."""
 
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
-    """Nonsmooth optimisation over a family or an order, from the given start or from starts that it
-    finds.
-    """
+    """Nonsmooth optimisation over a family or an order, from a given start or found ones."""
     finish = Finish(program, context, reduces=False)
     try:
         history, said = _search(program, context, finish)

@@ -57,9 +57,7 @@ SETTLED_FALL = 1e-9
 
 @method(H2Synthesis, "fixed", optimal=False, unfit=nothing_asked, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2Synthesis, context: Context) -> Claim:
-    """Quasi-Newton descent over a family or an order, from the given start or from starts that it
-    finds.
-    """
+    """Quasi-Newton descent over a family or an order, from a given start or found ones."""
     every, *_ = claim_of_step(program, riccati_step)
     try:
         begun = energy_starts(program, every, context)

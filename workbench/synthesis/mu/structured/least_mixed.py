@@ -30,9 +30,7 @@ CONIC = "clarabel"
 
 @method(H2HinfSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: H2HinfSynthesis, context: Context) -> Claim:
-    """Descent of the H2 norm within the limit, over a family, an order, or by default the plant's
-    order.
-    """
+    """Descent of the H2 norm within the limit, over a family or an order (else the plant's)."""
     limited = _least_limited_norm(program)
     try:
         starts = _starts(program, limited, context)
