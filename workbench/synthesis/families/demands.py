@@ -23,7 +23,7 @@ class Shippable:
     """Demands on a controller besides stability of the loop: order, own stability, pole sizes
     [rad/s].
 
-    None leaves a demand out. With ``integral`` integrators count as stable. A controller whose
+    None leaves a demand out. With ``integral``, integrators count as stable. A controller whose
     largest gain (the largest singular value over all frequencies) is limited must be stable. Raises
     InputError for an order, a size or a gain that is not valid.
     """
